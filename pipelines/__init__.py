@@ -1,0 +1,1 @@
+"""Settings, files, progress and the command line; everything that computes is in ``selection``."""

@@ -1,0 +1,45 @@
+"""The exceptions people see: bad input (exit code 2) and an analysis that cannot be done (exit code 1)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class DampingError(Exception):
+    """Base of every error that is reported to the user as one line."""
+
+
+class InputError(DampingError):
+    """Bad usage or bad input: says what is wrong, where, and what was expected.
+
+    The text reads ``FILE, line N, column C: MESSAGE; expected EXPECTED`` with the parts that are known.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | Path | None = None,
+        line: int | None = None,
+        column: str | None = None,
+        expected: str | None = None,
+    ) -> None:
+        self.message, self.line, self.column, self.expected = message, line, column, expected
+        self.file = None if file is None else str(file)
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        place = [self.file] if self.file is not None else []
+        if self.line is not None:
+            place.append(f"line {self.line}")
+        if self.column is not None:
+            place.append(f"column {self.column}")
+        text = f"{', '.join(place)}: {self.message}" if place else self.message
+        if self.expected is not None:
+            text += f"; expected {self.expected}"
+        # one line whatever the input held: control characters and line ends are shown, not sent
+        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+class AnalysisError(DampingError):
+    """The analysis cannot be done on this (valid) data; the message says why."""
