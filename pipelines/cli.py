@@ -1,0 +1,143 @@
+"""The command line ``damping``: options in, one stage function called, exit codes out (0 done, 1 cannot, 2 bad input).
+
+Heavy packages are imported by the command that needs them, so that ``damping --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.exceptions import TyperException
+
+from selection.errors import AnalysisError, InputError
+
+app = typer.Typer(
+    name="damping",
+    help="Which damping law does a vibration test support, how sure are we, how large is the resonance at the design load.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is sampled.")]
+MaxSize = Annotated[int, typer.Option("--max-size", help="Largest input file accepted, bytes.")]
+RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
+ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
+
+MAX_SIZE = 200_000_000
+DEFAULT_SEED = 1970
+
+
+@app.command()
+def study(
+    settings: Annotated[
+        Path | None, typer.Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
+) -> None:
+    """Rank, sample, extrapolate and report: the whole study."""
+    from pipelines.study import run_study
+
+    run_study(settings, out, seed)
+
+
+@app.command()
+def regress(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
+    response: Annotated[str, typer.Option("--response", metavar="COL", help="The dependent column.")],
+    terms: Annotated[list[str], typer.Option("--terms", metavar='"T1, T2"', help="Terms; repeat for several curves.")],
+    select: Annotated[str, typer.Option("--select", help="none, backward, forward, stepwise or best.")] = "none",
+    criterion: Annotated[str, typer.Option("--criterion", help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
+    nonnegative: Annotated[bool, typer.Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
+    t_stop: Annotated[
+        float | None, typer.Option("--t-stop", help="Eliminate while the least |T| is below this.")
+    ] = None,
+    plots: Annotated[
+        Path | None, typer.Option("--plots", metavar="DIR", help="Draw deviations against variables.")
+    ] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """The SHARE multivariate regression program on any table (report, section 5.2)."""
+    from pipelines.regress import regress as run
+
+    run(data, response, terms, select, criterion, nonnegative, t_stop, json_out, plots, max_size)
+
+
+@app.command()
+def rank(
+    record: RecordArgument,
+    mode: ModeOption,
+    json_out: Json = None,
+    seed: Seed = DEFAULT_SEED,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """List every candidate damping law, best first."""
+    from pipelines.rank import rank as run
+
+    run(record, mode, json_out, seed, max_size)
+
+
+@app.command()
+def extrapolate(
+    record: RecordArgument,
+    mode: ModeOption,
+    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Design force; repeat for several.")],
+    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    json_out: Json = None,
+    seed: Seed = DEFAULT_SEED,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Resonant amplitude at forces beyond the test, with bands."""
+    from pipelines.extrapolate import extrapolate as run
+
+    run(record, mode, force, level, json_out, seed, max_size)
+
+
+@app.command()
+def sweep(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
+    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Force level; repeat for several.")],
+    frequency: Annotated[str, typer.Option("--frequency", metavar="LO:HI:N", help="Frequencies, Hz.")],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    direction: Annotated[str, typer.Option("--direction", help="up or down.")] = "up",
+    method: Annotated[str, typer.Option("--method", help="ritz (averaged) or time (integrated).")] = "ritz",
+) -> None:
+    """Steady-state sweeps of a model, as a record."""
+    from pipelines.sweep import sweep as run
+
+    run(model, force, frequency, out, direction, method)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
+    try:
+        code = app(args=arguments, standalone_mode=False)
+    except InputError as error:
+        code = _fail(str(error), 2)
+    except AnalysisError as error:
+        code = _fail(str(error), 1)
+    except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
+        code = _fail(" ".join(error.format_message().split()), 2)
+    except (typer.Abort, KeyboardInterrupt):
+        code = _fail("interrupted; nothing half-written is left behind", 130)
+    except BrokenPipeError:
+        code = 0
+    except MemoryError:
+        code = _fail("not enough memory for this input", 1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"damping: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

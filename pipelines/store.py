@@ -1,0 +1,88 @@
+"""The only writer: every output is written whole or not at all.
+
+A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
+sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from selection.errors import InputError
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write ``content`` to ``path`` atomically; the folder is made when it is missing.
+
+    Raises:
+        InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise InputError(
+            f"cannot be written ({error.strerror})", file=path, expected="a writable place with free space"
+        ) from error
+
+
+def _umask() -> int:
+    """The process's file mode mask (there is no call that reads it without setting it)."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(target: Path | str, value: Any) -> None:
+    """Write ``value`` as JSON to a file, or to standard output when ``target`` is ``-``; NaN becomes ``null``."""
+    text = to_json(value)
+    if str(target) == "-":
+        sys.stdout.write(text)
+    else:
+        write_text(Path(target), text)
+
+
+def to_json(value: Any) -> str:
+    """JSON text of plain data, numpy numbers and arrays included; a value that does not exist is ``null``."""
+    return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
