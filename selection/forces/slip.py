@@ -1,0 +1,61 @@
+"""The slip joint of Fig. 2.4c: an elastic element of stiffness K - K1 in series with dry friction (exact, bilinear)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import ClassVar
+
+import numpy as np
+
+from selection.arrays import Floats
+from selection.forces.contract import Force, ones
+
+
+@dataclass(frozen=True)
+class Slip(Force):
+    """Joint force less ``stiffness`` times q, so that there is no force while the joint sticks (A <= A1).
+
+    ``stiffness`` k = K - K1 is what slip loses (force/length), ``limit`` A1 the amplitude at which slip starts. The
+    mode's frequency is that of the stuck state. The joint follows the displacement with slope k between the forces
+    -k A1 and k A1 and slips at either; its loop is a parallelogram of area 4 k A1 (A - A1), which is the energy per
+    cycle (the printed Eq 2.4.3 is not: erratum E243). Both averages saturate: C tends to 4 k A1/pi.
+    """
+
+    stiffness: Floats
+    limit: Floats
+
+    name: ClassVar[str] = "slip"
+    label: ClassVar[str] = "slip joint (bilinear)"
+    formula: ClassVar[str] = "bilinear joint of stiffness K - K1 that slips at A1"
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = 4 k A1 (A - A1)/(pi A) above A1, zero below."""
+        slipping = np.maximum(A, self.limit)
+        return (4.0 / pi) * self.stiffness * self.limit * (1.0 - self.limit / slipping) * ones(omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = 4 k A1^2/(pi A) above A1, zero below."""
+        slipping = np.maximum(A, self.limit)
+        return (4.0 / pi) * self.stiffness * self.limit**2 / slipping * (self.limit < A) * ones(omega)
+
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; zero below."""
+        psi = self._angle(A)
+        return self.stiffness * A * ((psi - np.sin(psi) * np.cos(psi)) / pi - 1.0) * ones(omega)
+
+    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
+        """dS/d ln A = S - (4/pi) k A1 sin psi."""
+        return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * np.sin(self._angle(A))
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """The joint sticks from each reversal until it has moved 2 A1, then slips with force -+ k A1."""
+        q = A * np.sin(theta)
+        reversal = np.where(np.cos(theta) < 0.0, 1.0, -1.0)  # side of the last reversal: q = +A or -A
+        travelled = np.abs(reversal * A - q)
+        joint = reversal * np.where(self.limit < A, self.limit - np.minimum(travelled, 2.0 * self.limit), reversal * q)
+        return self.stiffness * (joint - q) * ones(omega)
+
+    def _angle(self, A: Floats) -> Floats:
+        """Psi, the part of a half cycle that the joint sticks: pi while it never slips."""
+        return np.arccos(1.0 - 2.0 * self.limit / np.maximum(A, self.limit))
