@@ -1,0 +1,132 @@
+"""TOML tables that know their file: each key is checked for name, type and range, and an error names its line."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from bisect import bisect_left
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from selection.errors import InputError
+from selection.records.schema import nearest
+from selection.records.text import DEFAULT_MAX_SIZE, decode, read_bytes, shortened
+
+#: Largest TOML file that is read, bytes (a mode takes less than one thousand).
+MAX_TOML_SIZE = 1_000_000
+
+_LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a key is looked for
+_PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
+
+
+def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> Table:
+    """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
+    content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)), path)
+    if broken is not None:
+        raise broken
+    content = content.replace("\r\n", "\n")
+    try:
+        return Table(tomllib.loads(content), (), str(path), content)
+    except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
+        raise _syntax_error(str(error), content, path) from None
+    except RecursionError:
+        raise InputError("not TOML: nested too deeply", file=path, expected="tables of a mode") from None
+
+
+def _syntax_error(reason: str, content: str, path: str | Path) -> InputError:
+    place = _PLACE.search(reason)
+    if place is None:
+        return InputError(f"not TOML: {reason}", file=path)
+    line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
+    return InputError(f"not TOML: {reason[: place.start()].strip()}", file=path, line=line, column=place[2])
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a TOML file: its ``values``, the keys that lead to it, and the text it was read from."""
+
+    values: dict[str, Any]
+    path: tuple[str, ...]
+    file: str
+    content: str
+
+    def only(self, *known: str) -> None:
+        """InputError for the first key that is not ``known``, naming the nearest one that is."""
+        for key in self.values:
+            if key not in known:
+                where = f" in [{'.'.join(self.path)}]" if self.path else ""
+                raise self._error(key, f"unknown key{where}", f"{nearest(key, known)} (nearest of {', '.join(known)})")
+
+    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> Table:
+        """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
+        if required and key not in self.values:
+            raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
+        value = self.values.get(key, {})
+        if not isinstance(value, dict):
+            raise self._error(key, f"is {_kind(value)}", expected)
+        return Table(value, (*self.path, key), self.file, self.content)
+
+    def text(self, key: str, *, default: str) -> str:
+        """The text under ``key``, or ``default``."""
+        value = self.values.get(key, default)
+        if not isinstance(value, str):
+            raise self._error(key, f"is {_kind(value)}", "a text in quotes")
+        return value
+
+    def number(
+        self, key: str, *, default: float | None = None, above: float = -math.inf, least: float = -math.inf
+    ) -> float:
+        """The finite number under ``key``, or ``default``; larger than ``above`` and not less than ``least``."""
+        value = self.values.get(key, default)
+        expected = f"a number > {above:g}" if above > -math.inf else f"a number >= {least:g}"
+        expected = "a finite number" if above == least else expected
+        if value is None:
+            raise InputError(
+                f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self._error(key, f"is {_kind(value)}", expected)
+        try:
+            number = float(value)
+        except OverflowError:  # an integer of more than 308 digits
+            number = math.inf
+        if not (math.isfinite(number) and number > above and number >= least):
+            raise self._error(key, f"is {number:g}", expected)
+        return number
+
+    def _error(self, key: str, message: str, expected: str) -> InputError:
+        line = line_of(self.content, (*self.path, key))
+        return InputError(message, file=self.file, line=line, column=shortened(key), expected=expected)
+
+    def _line(self) -> int | None:
+        return line_of(self.content, self.path) if self.path else None
+
+
+def line_of(content: str, path: tuple[str, ...]) -> int | None:
+    """Line of a TOML text on which the key at ``path`` is set: the first that, with all before it, sets the key."""
+    lines = content.split("\n")
+    line = bisect_left(range(len(lines)), True, key=lambda last: _sets(lines, last, path))
+    return line + 1 if line < len(lines) else None
+
+
+def _sets(lines: list[str], last: int, path: tuple[str, ...]) -> bool:
+    """Whether the text up to line ``last``, and on to the end of a value that spans lines, sets the key at ``path``."""
+    for end in range(last + 1, min(len(lines), last + _LONGEST_VALUE) + 1):
+        try:
+            value: Any = tomllib.loads("\n".join(lines[:end]))
+        except ValueError:
+            continue
+        for key in path:
+            if not isinstance(value, dict) or key not in value:
+                return False
+            value = value[key]
+        return True
+    return False
+
+
+def _kind(value: object) -> str:
+    """What a TOML value is, in words."""
+    kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
+    return kinds.get(type(value), "a date or time")

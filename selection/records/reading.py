@@ -1,0 +1,228 @@
+"""Reading CSV tables and records: everything is checked before any work, and the first problem in file order is named.
+
+Nothing that is read is ever evaluated. A cell is a number, or it is text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from selection.arrays import FloatArray, IntArray
+from selection.errors import InputError
+from selection.records.record import Record
+from selection.records.schema import (
+    BLANK_COLUMNS,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    TEXT_COLUMNS,
+    nearest,
+    record_schema,
+)
+from selection.records.text import DEFAULT_MAX_SIZE, Rows, read_bytes, shortened
+
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+_CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
+
+
+def read_table(
+    path: str | Path,
+    *,
+    required: Iterable[str] = (),
+    text_columns: Iterable[str] = (),
+    max_size: int = DEFAULT_MAX_SIZE,
+) -> pd.DataFrame:
+    """The table of a CSV file (UTF-8, commas, one header row), rows in file order, index 0..n-1.
+
+    ``required`` columns must be there and, unless they are among ``text_columns``, hold a finite number in every cell.
+    Any other column becomes floats if all its cells are numbers and is otherwise kept as text; ``text_columns`` are
+    always text.
+
+    Raises InputError, naming file, line and column, for the first problem in file order: a file that is missing, a
+    folder, larger than ``max_size`` bytes, empty, not UTF-8 or without data rows; missing, doubled or nameless
+    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell where a number
+    belongs.
+    """
+    needed, text = tuple(required), tuple(text_columns)
+    columns = _Columns(required=needed, numbers=[name for name in needed if name not in text], text=text)
+    scan = _scan(path, columns, max_size)
+    scan.raise_first()
+    return scan.frame
+
+
+def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record:
+    """The record of a CSV file, checked.
+
+    Refused beside what ``read_table`` refuses: force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi
+    (degrees), a negative standard uncertainty (zero is allowed: none is stated for that row), an unlabelled sweep, and
+    rows identical in every column. A cell of ``mass`` may be empty: there the mode file's mass holds. Raises
+    InputError.
+    """
+    numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
+    columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
+    scan = _scan(path, columns, max_size)
+    _find_out_of_range(scan)
+    _find_identical_rows(scan)
+    scan.raise_first()
+    return Record(scan.frame, str(path))
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Which columns must be there, hold numbers, hold text, and may have empty cells among their numbers."""
+
+    required: Sequence[str]
+    numbers: Collection[str]
+    text: Collection[str]
+    blank: Collection[str] = ()
+
+
+@dataclass
+class _Scan:
+    """What one pass over a file found: the table, the line on which each row starts, and problems by their place."""
+
+    file: str | Path
+    frame: pd.DataFrame
+    lines: IntArray
+    problems: list[tuple[int, int, InputError]] = field(default_factory=list)
+
+    def add(self, row: int, column: str | None, message: str, expected: str | None = None) -> None:
+        """Note a problem in a cell, or (``column`` None) with a row as a whole."""
+        line = int(self.lines[row])
+        position = -1 if column is None else list(self.frame.columns).index(column)
+        error = InputError(message, file=self.file, line=line, column=column, expected=expected)
+        self.problems.append((line, position, error))
+
+    def raise_first(self) -> None:
+        """Raise the first problem in file order, if there is one."""
+        if self.problems:
+            raise min(self.problems, key=lambda problem: problem[:2])[2]
+
+
+def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
+    """Read a table; problems with the file or its header are raised, those with rows are noted."""
+    rows = Rows(read_bytes(path, max_size), path)
+    header_line, header = next(rows, (1, []))
+    if not header:
+        raise rows.problem or InputError("the file is empty", file=path)
+    names = _names(header, header_line, path)
+    _require(columns.required, names, header_line, path)
+    lines, cells, problem = _data(rows, len(names), path)
+    if not cells:
+        raise problem or InputError("no data rows", file=path, expected="at least one row below the header")
+    scan = _Scan(path, pd.DataFrame(columns=names), np.array(lines, dtype=np.int64))
+    if problem is not None:
+        scan.problems.append((problem.line or 0, -1, problem))
+    by_column = zip(names, zip(*cells, strict=True), strict=True)
+    scan.frame = pd.DataFrame({name: _column(scan, name, values, columns) for name, values in by_column})
+    return scan
+
+
+def _names(header: list[str], line: int, file: str | Path) -> list[str]:
+    """Column names, stripped; each must be there and occur once."""
+    names = [name.strip() for name in header]
+    for position, name in enumerate(names):
+        if not name:
+            raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
+        if name in names[:position]:
+            raise InputError("column name occurs twice", file=file, line=line, column=name, expected="it once")
+    return names
+
+
+def _require(required: Sequence[str], names: list[str], line: int, file: str | Path) -> None:
+    missing = [name for name in required if name not in names]
+    if not missing:
+        return
+    separator = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)
+    if separator is not None:
+        hint = f" (cells are separated by {'semicolons' if separator == ';' else 'tabs'})"
+    else:
+        hint = f" (is {shortened(nearest(missing[0], names))!r} meant?)"
+    plural = "s" if len(missing) > 1 else ""
+    message = f"missing column{plural} {', '.join(missing)}{hint}"
+    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
+
+
+def _data(rows: Rows, width: int, file: str | Path) -> tuple[list[int], list[list[str]], InputError | None]:
+    """Lines and cells of the rows up to the first that cannot be read or is ragged, and what is wrong with that."""
+    lines: list[int] = []
+    cells: list[list[str]] = []
+    for line, row in rows:
+        if len(row) != width:
+            message = f"{len(row)} cell{'s' if len(row) != 1 else ''} in the row"
+            return lines, cells, InputError(message, file=file, line=line, expected=f"{width} as in the header")
+        lines.append(line)
+        cells.append(row)
+    return lines, cells, rows.problem
+
+
+def _column(scan: _Scan, name: str, cells: Sequence[str], columns: _Columns) -> pd.Series:
+    """One column as floats or as text; the first cell that does not hold what it should is noted."""
+    if name in columns.text:
+        text = [cell.strip() for cell in cells]
+        if name in columns.required and "" in text:
+            scan.add(text.index(""), name, "empty cell", "text")
+        return pd.Series(text, dtype=object)
+    if name in columns.numbers:
+        values = _floats(cells)
+        bad = ~np.isfinite(values)
+        if name in columns.blank:
+            bad &= np.array([bool(cell.strip()) for cell in cells])
+        if bad.any():
+            row = int(np.argmax(bad))
+            scan.add(row, name, _wrong(cells[row]), "a finite number")
+        return pd.Series(values)
+    if any(_CODE.match(cell) for cell in cells):
+        return pd.Series(cells, dtype=object)
+    values = _floats(cells)
+    return pd.Series(values) if np.isfinite(values).all() else pd.Series(cells, dtype=object)
+
+
+def _floats(cells: Sequence[str]) -> FloatArray:
+    """Numbers in the cells (n,), NaN where there is none. Digits are 0-9, without grouping marks."""
+    joined = "".join(cells)
+    if joined.isascii() and "_" not in joined:
+        try:
+            return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
+        except ValueError:
+            pass  # a cell holds text: look at each
+    return np.array([float(cell) if _NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
+
+
+def _wrong(cell: str) -> str:
+    text = cell.strip()
+    if not text:
+        return "empty cell"
+    try:
+        float(text)
+    except ValueError:
+        return f"{shortened(text)!r} is not a number"
+    return f"{shortened(text)!r} is not a finite number written with the digits 0-9"
+
+
+def _find_out_of_range(scan: _Scan) -> None:
+    """Note the first cell of each column outside the range that the record schema gives it."""
+    import pandera.errors  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    try:
+        record_schema().validate(scan.frame, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases
+        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
+            value = float(first["failure_case"])
+            scan.add(int(first["index"]), str(column), f"{value:g}", str(first["check"]))
+
+
+def _find_identical_rows(scan: _Scan) -> None:
+    """Note the first row that repeats an earlier one in every column."""
+    repeats = scan.frame.duplicated().to_numpy()
+    if repeats.any():
+        second = int(np.argmax(repeats))
+        first = int(np.argmax(scan.frame.iloc[: second + 1].duplicated(keep="last").to_numpy()))
+        message = f"identical in every column to line {int(scan.lines[first])}"
+        scan.add(second, None, message, "each measured state once")

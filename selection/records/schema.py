@@ -1,0 +1,100 @@
+"""What a record and a mode file may hold: column names, force and effect names, and the range of every number."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from math import pi
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandera.pandas as pa
+
+#: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
+REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
+#: Columns of a record with a meaning that may be absent.
+OPTIONAL_COLUMNS = ("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
+#: Columns of a record that hold text.
+TEXT_COLUMNS = ("sweep",)
+#: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
+BLANK_COLUMNS = ("mass",)
+
+#: Parameters of each damping force in a mode file; the names and meanings are those of the force catalogue.
+FORCE_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "viscous": ("coefficient",),
+    "displacement": ("coefficient",),
+    "velocity-squared": ("coefficient",),
+    "displacement-velocity": ("coefficient",),
+    "quadratic-displacement": ("coefficient",),
+    "velocity-power": ("coefficient", "exponent"),
+    "displacement-velocity-power": ("coefficient", "exponent"),
+    "coulomb": ("coefficient",),
+    "slip": ("stiffness", "limit"),
+}
+
+#: Least value of each force parameter, and whether that value itself is allowed.
+PARAMETER_RANGES: dict[str, tuple[float, bool]] = {
+    "coefficient": (0.0, True),
+    "exponent": (0.0, False),
+    "stiffness": (0.0, True),
+    "limit": (0.0, False),
+}
+
+#: Effects whose parameters a model file may carry; they are numbers and are kept as they are.
+EFFECT_NAMES: tuple[str, ...] = (
+    "viscous-coefficient",
+    "displacement",
+    "velocity-squared",
+    "displacement-velocity",
+    "quadratic-displacement",
+    "coulomb-friction",
+    "slip",
+    "stiffness-hardening",
+    "stiffness-softening",
+    "natural-frequency",
+    "planar-coupling",
+    "residual-modes",
+    "amplitude-scale",
+    "phase-lag",
+    "force-dropout",
+)
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name most like ``name`` (the first known one where none is alike)."""
+    names = list(known)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
+    return matches[0] if matches else names[0]
+
+
+def record_schema() -> pa.DataFrameSchema:
+    """Ranges of a record's columns; each check's ``error`` says what was expected.
+
+    Standard uncertainties may be zero: none is stated for that row. Empty cells (NaN) pass: whether a cell may be empty
+    is decided where the file is read.
+    """
+    import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    def column(check: pa.Check, *, required: bool = False) -> pa.Column:
+        return pa.Column(checks=check, nullable=True, required=required)
+
+    def positive(meaning: str) -> pa.Check:
+        return pa.Check.gt(0.0, error=f"{meaning} > 0")
+
+    def uncertainty() -> pa.Column:
+        return column(pa.Check.ge(0.0, error="a standard uncertainty >= 0"))
+
+    radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
+    return pa.DataFrameSchema(
+        {
+            "force": column(positive("a force amplitude"), required=True),
+            "frequency": column(positive("a frequency in Hz"), required=True),
+            "amplitude": column(positive("a displacement amplitude"), required=True),
+            "phase": column(radians),
+            "energy": column(positive("an energy per cycle")),
+            "mass": column(positive("a generalized mass")),
+            "amplitude_sd": uncertainty(),
+            "phase_sd": uncertainty(),
+            "force_sd": uncertainty(),
+        }
+    )

@@ -1,0 +1,96 @@
+"""Files as text: bytes of bounded size, UTF-8, and the rows of a CSV file with the line on which each starts."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from selection.errors import InputError
+
+#: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
+DEFAULT_MAX_SIZE = 200_000_000
+
+_LINE_END = re.compile(rb"\r\n?|\n")
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
+
+
+def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
+    """Contents of a file of at most ``max_size`` bytes. InputError if it cannot be read, is empty or is larger."""
+    try:
+        with Path(path).open("rb") as stream:
+            data = stream.read(max_size + 1)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder", file=path, expected="a file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
+    if len(data) > max_size:
+        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise InputError("the file is empty", file=path)
+    return data
+
+
+def decode(data: bytes, file: str | Path) -> tuple[str, InputError | None]:
+    """Text before the first line that is not UTF-8 text (a byte order mark is dropped), and what is wrong there."""
+    data = data.removeprefix(codecs.BOM_UTF8)
+    bad = data.find(b"\0") if b"\0" in data else len(data)
+    try:
+        text = data[:bad].decode()
+    except UnicodeDecodeError as error:
+        bad = error.start
+    if bad == len(data):
+        return text, None
+    ends = [match.end() for match in _LINE_END.finditer(data, 0, bad)]
+    start = ends[-1] if ends else 0
+    byte = "a NUL byte" if data[bad] == 0 else f"byte 0x{data[bad]:02x}"
+    hint = " (the file looks like UTF-16)" if data.startswith(_UTF16) else ""
+    message = f"{byte} at byte {bad - start + 1} of the line is not UTF-8 text{hint}"
+    return data[:start].decode(), InputError(message, file=file, line=len(ends) + 1, expected="text in UTF-8")
+
+
+def shortened(text: str, length: int = 30) -> str:
+    """``text``, cut to ``length`` characters for a message."""
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
+class Rows:
+    """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
+
+    It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
+    ends.
+    """
+
+    def __init__(self, data: bytes, file: str | Path) -> None:
+        text, self._broken = decode(data, file)
+        self._file, self._reader = file, csv.reader(io.StringIO(text, newline=""), strict=True)
+        self.problem: InputError | None = None
+
+    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+        return self
+
+    def __next__(self) -> tuple[int, list[str]]:
+        while True:
+            line = self._reader.line_num + 1
+            try:
+                cells = next(self._reader)
+            except StopIteration:
+                self.problem = self._broken
+                raise
+            except csv.Error as error:
+                self.problem = self._unreadable(line, str(error))
+                raise StopIteration from None
+            if any(cell.strip() for cell in cells) or len(cells) > 1:
+                return line, cells
+
+    def _unreadable(self, line: int, reason: str) -> InputError:
+        if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
+            quote = InputError("a quote that is opened and never closed", file=self._file, line=line, expected='"..."')
+            return self._broken or quote
+        return InputError(f"not CSV: {reason}", file=self._file, line=line, expected="cells separated by commas")
