@@ -1,0 +1,100 @@
+"""The slip joint, its velocity-squared equivalent, and hysteresis loops as drawn in Figs 2.4 and 2.5."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from selection.forces import Slip, VelocitySquared, Viscous
+from selection.forces.derived import energy_per_cycle
+from selection.forces.hysteresis import loop
+from selection.forces.slip_equivalent import (
+    corrected_coefficient,
+    equivalence_error,
+    exact_energy,
+    printed_coefficient,
+    printed_energy,
+)
+
+#: K = 10, K1 = 4, A1 = .3: the example of erratum E243.
+K, K1, A1 = 10.0, 4.0, 0.3
+SLIP = Slip(K - K1, A1)
+EXACT = 1e-13  # rounding of closed forms
+
+
+def parallelogram(A: float) -> float:
+    """Shoelace area of the loop of Fig. 2.4c from its corners: slope K over 2 A1, slope K1 over the rest."""
+    top = K1 * A + (K - K1) * A1
+    q = np.array([A, A - 2 * A1, -A, -A + 2 * A1])
+    force = np.array([top, top - 2 * A1 * K, -top, -top + 2 * A1 * K])
+    return 0.5 * abs(float(np.dot(q, np.roll(force, -1)) - np.dot(force, np.roll(q, -1))))
+
+
+def test_energy_of_the_slip_loop_is_the_area_of_its_parallelogram() -> None:
+    np.testing.assert_allclose(parallelogram(1.0), 5.04, rtol=EXACT)  # erratum E243
+    for A in (0.31, 0.5, 0.9, 1.0, 4.0):
+        np.testing.assert_allclose(exact_energy(SLIP, A), parallelogram(A), rtol=1e-12)
+        np.testing.assert_allclose(energy_per_cycle(SLIP, A, 7.0), parallelogram(A), rtol=1e-12)
+
+
+def test_printed_energy_is_right_only_at_three_times_the_limit() -> None:
+    np.testing.assert_allclose(printed_energy(SLIP, 1.0), 5.46, rtol=EXACT)
+    A = np.array([0.4, 0.9, 1.0, 3.0])
+    ratio = printed_energy(SLIP, A) / exact_energy(SLIP, A)
+    np.testing.assert_allclose(ratio, (A + A1) / (4 * A1), rtol=1e-12)
+    np.testing.assert_allclose(ratio[1], 1.0, rtol=1e-12)
+
+
+def test_no_energy_while_stuck() -> None:
+    A = np.array([0.1, 0.3])
+    np.testing.assert_array_equal(exact_energy(SLIP, A), 0.0)
+    np.testing.assert_array_equal(printed_energy(SLIP, A), 0.0)
+
+
+def test_equivalent_coefficients() -> None:
+    A, omega = 1.0, 6.0
+    # Eq 2.4.4 as printed, and with the exact energy (erratum E243)
+    np.testing.assert_allclose(
+        printed_coefficient(SLIP, A, omega), 3 * (A**2 - A1**2) * (K - K1) / (8 * A**3 * omega**2), rtol=EXACT
+    )
+    np.testing.assert_allclose(
+        corrected_coefficient(SLIP, A, omega), 3 * A1 * (A - A1) * (K - K1) / (2 * A**3 * omega**2), rtol=EXACT
+    )
+    equivalent = VelocitySquared(corrected_coefficient(SLIP, A, omega))
+    np.testing.assert_allclose(energy_per_cycle(equivalent, A, omega), exact_energy(SLIP, A), rtol=EXACT)
+
+
+def test_error_of_the_equivalence_against_amplitude() -> None:
+    A = np.array([0.5, 1.0, 2.0])
+    error = equivalence_error(SLIP, A, reference=1.0)
+    np.testing.assert_allclose(error.coefficient_percent, 100 * ((A + A1) / (4 * A1) - 1), rtol=1e-12)
+    # C3 fixed at A = 1: its energy grows as A^3, the joint's as A - A1
+    np.testing.assert_allclose(error.corrected_percent, 100 * (A**3 * 0.7 / (A - A1) - 1), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(error.printed_percent[1], 100 * (5.46 / 5.04 - 1), rtol=1e-12)
+    assert np.all(error.shape_percent > 0)
+    assert np.all(error.shape_percent < 100)  # equal first harmonics: the difference is smaller than the force
+
+
+def test_loop_of_the_slip_joint_has_the_slopes_of_figure_2_4c() -> None:
+    drawn = loop(SLIP, 1.0, 2.0, stiffness=K, points=2001)
+    slopes = np.diff(drawn.force) / np.where(np.diff(drawn.q) == 0, np.nan, np.diff(drawn.q))
+    moving = np.abs(np.diff(drawn.q)) > 1e-4
+    # every piece of the loop has one of the two slopes, but for the four pieces that hold a corner
+    near = np.minimum(np.abs(slopes - K), np.abs(slopes - K1))[moving]
+    assert np.count_nonzero(near > 1e-6) <= 4
+    # the parallelogram's end: K1 A + (K - K1) A1
+    np.testing.assert_allclose(np.max(drawn.force), K1 + (K - K1) * A1, rtol=1e-6)
+
+
+def test_loops_are_closed_and_odd() -> None:
+    for force in (Viscous(1.3), VelocitySquared(0.4), SLIP):
+        drawn = loop(force, 1.2, 3.0, stiffness=5.0, points=721)
+        np.testing.assert_allclose(drawn.q[-1], drawn.q[0], rtol=0, atol=1e-14)
+        # one point apart at the closing angle, which rounding may put on the other side of a corner
+        np.testing.assert_allclose(drawn.force[-1], drawn.force[0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(drawn.force[:361], -drawn.force[360:], rtol=0, atol=1e-12)
+
+
+def test_viscous_loop_is_an_ellipse() -> None:
+    drawn = loop(Viscous(1.3), 1.2, 3.0)
+    # (q/A)^2 + (g/(C A omega))^2 = 1 (Fig. 2.4a)
+    np.testing.assert_allclose((drawn.q / 1.2) ** 2 + (drawn.force / (1.3 * 1.2 * 3.0)) ** 2, 1.0, rtol=1e-13)
