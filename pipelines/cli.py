@@ -16,8 +16,7 @@ from selection.errors import AnalysisError, InputError
 
 app = typer.Typer(
     name="damping",
-    help="Which damping law does a vibration test support, how sure are we, how large is the resonance at the design load.",
-    no_args_is_help=True,
+    help="From a vibration test: the damping law, how sure we are of it, and the resonance at the design load.",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -55,12 +54,8 @@ def regress(
     select: Annotated[str, typer.Option("--select", help="none, backward, forward, stepwise or best.")] = "none",
     criterion: Annotated[str, typer.Option("--criterion", help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
     nonnegative: Annotated[bool, typer.Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
-    t_stop: Annotated[
-        float | None, typer.Option("--t-stop", help="Eliminate while the least |T| is below this.")
-    ] = None,
-    plots: Annotated[
-        Path | None, typer.Option("--plots", metavar="DIR", help="Draw deviations against variables.")
-    ] = None,
+    t_stop: Annotated[float | None, typer.Option("--t-stop", help="Drop while the least |T| is below.")] = None,
+    plots: Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw the deviations here.")] = None,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -118,7 +113,7 @@ def sweep(
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     try:
-        code = app(args=arguments, standalone_mode=False)
+        code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
     except InputError as error:
         code = _fail(str(error), 2)
     except AnalysisError as error:

@@ -1,0 +1,1 @@
+"""Candidates, fits and the ranking of damping laws."""

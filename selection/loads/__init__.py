@@ -1,0 +1,1 @@
+"""Resonant amplitude beyond the test."""

@@ -1,0 +1,1 @@
+"""Posteriors of damping laws: observations, laws, likelihood, evidence, chains, diagnostics."""

@@ -1,0 +1,42 @@
+"""Errors of a law at the tested resonances, in per cent of resonant amplitude: fitted, and with the level held out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.posterior.evidence import find_mode
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.observations import Observations
+from selection.response.ritz import resonant_amplitude
+
+
+def percent_errors(coordinates: Coordinates, x: FloatArray, data: Observations) -> FloatArray:
+    """100 (predicted/measured - 1) of the resonant amplitude of each sweep at its tested force, (sweeps,).
+
+    Args:
+        x: one point (dimension,). Where the law has no resonance at a tested force the error is NaN.
+    """
+    amplitude = resonant_amplitude(coordinates.force(x), data.tested_force, data.tested_omega)
+    return 100.0 * (amplitude / data.tested_amplitude - 1.0)
+
+
+def held_out_errors(law: Law, data: Observations) -> FloatArray:
+    """Percent errors of each sweep predicted by the law fitted (posterior mode) to all other sweeps, (sweeps,).
+
+    Raises:
+        AnalysisError: the law cannot carry the forces of the other sweeps.
+    """
+    errors = np.full(len(data.sweeps), np.nan)
+    for level in range(len(data.sweeps)):
+        keep = np.arange(len(data.sweeps)) != level
+        others = data.keep_sweeps(keep)
+        coordinates = Coordinates.of(law, others)
+        out = data.keep_sweeps(~keep)
+        errors[level] = percent_errors(coordinates, find_mode(coordinates, others), out)[0]
+    return errors
+
+
+def root_mean_square(errors: FloatArray) -> float:
+    """Root mean square; NaN when any error is."""
+    return float(np.sqrt(np.mean(errors**2)))

@@ -1,0 +1,72 @@
+"""Prior and likelihood of a damping law, pure and vectorised over points of parameter space.
+
+Residual of a row, the distance of the measured phasor (ln A, phi) from the curve C(A, omega) = F sin(phi):
+
+    n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A,   R = F cos(phi).
+
+At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
+by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
+record's own uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which
+moves its rows by h = g / sqrt(g^2 + R^2) each:
+
+    cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.forces.contract import Force
+from selection.posterior.law import Coordinates
+from selection.posterior.observations import Observations
+
+
+def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``n``, its sensitivity to the level ``h`` and the variance the record's own uncertainties give it, (..., rows)."""
+    g = force.slope(data.A, data.omega)
+    spread = g**2 + data.R**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        n = (data.D - force.quadrature(data.A, data.omega)) / np.sqrt(spread)
+        known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
+        return n, g / np.sqrt(spread), known
+
+
+def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known
+    with np.errstate(invalid="ignore", over="ignore"):
+        value = -0.5 * np.sum(n**2 / variance + np.log(2.0 * np.pi * variance), axis=-1)
+        if coordinates.with_level_scatter:
+            member = np.eye(len(data.sweeps))[data.sweep]
+            hh, hn = (h**2 / variance) @ member, (h * n / variance) @ member
+            gain = level[:, None] ** 2 / (1.0 + level[:, None] ** 2 * hh)
+            value += 0.5 * np.sum(hn**2 * gain - np.log1p(level[:, None] ** 2 * hh), axis=-1)
+    return np.where(np.isfinite(value), value, -np.inf)
+
+
+def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Log likelihood of each sweep given the parameters, (points, sweeps); of each row where there is one sweep only.
+
+    Rows of one sweep share their level's scatter, so a sweep is the unit that can be left out.
+    """
+    if len(data.sweeps) > 1:
+        one = np.eye(len(data.sweeps), dtype=bool)
+        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in one], axis=-1)
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2
+    return -0.5 * (n**2 / variance + np.log(2.0 * np.pi * variance))
+
+
+def log_prior(x: FloatArray) -> FloatArray:
+    """Standard normal in every variable, shape (points,)."""
+    return -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+
+
+def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Unnormalised log posterior density at points (points, dimension)."""
+    x = np.atleast_2d(x)
+    return log_prior(x) + log_likelihood(x, coordinates, data)

@@ -1,0 +1,100 @@
+"""A mixture of multivariate t distributions that covers a posterior: some adapted to it, one as wide as the prior.
+
+It is both the proposal of importance sampling and an independence move of the Markov chains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+from scipy.special import gammaln, logsumexp, ndtri
+from scipy.stats import chi2, qmc
+
+from selection.arrays import FloatArray, IntArray
+
+#: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
+DEGREES_OF_FREEDOM = 5.0
+#: Share of the part as wide as the prior.
+WIDE_SHARE = 0.15
+#: Clusters the posterior is divided into: enough for a funnel or two modes in a handful of dimensions.
+CLUSTERS = 6
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """``sum_k share_k t(mean_k, root_k root_k^T)`` in d variables.
+
+    Attributes:
+        shares: (k,), adding to 1. means: (k, d). roots: lower Cholesky factors, (k, d, d).
+    """
+
+    shares: FloatArray
+    means: FloatArray
+    roots: FloatArray
+
+    @classmethod
+    def around(cls, mean: FloatArray, covariance: FloatArray) -> Proposal:
+        """One part with this mean and covariance, and the wide one."""
+        return cls._with_wide(np.ones(1), mean[None, :], covariance[None, :, :])
+
+    @classmethod
+    def through(cls, draws: FloatArray, seed: int) -> Proposal:
+        """Parts fitted to posterior draws (n, d) divided into clusters, and the wide one."""
+        d = draws.shape[1]
+        _, label = kmeans2(draws / draws.std(axis=0), CLUSTERS, minit="++", rng=np.random.default_rng(seed))
+        members = [draws[label == k] for k in range(CLUSTERS) if np.sum(label == k) > 10 * d]
+        if not members:
+            members = [draws]
+        shares = np.array([float(len(m)) for m in members])
+        # a cluster is cut off where the next begins: twice its covariance lets the parts overlap
+        covariances = np.array([2.0 * np.cov(m.T).reshape(d, d) + 1e-6 * np.eye(d) for m in members])
+        return cls._with_wide(shares / shares.sum(), np.array([m.mean(axis=0) for m in members]), covariances)
+
+    @classmethod
+    def _with_wide(cls, shares: FloatArray, means: FloatArray, covariances: FloatArray) -> Proposal:
+        d = means.shape[1]
+        return cls(
+            np.append((1.0 - WIDE_SHARE) * shares, WIDE_SHARE),
+            np.vstack([means, np.zeros((1, d))]),
+            np.concatenate([np.linalg.cholesky(covariances), np.eye(d)[None, :, :]]),
+        )
+
+    def transform(self, z: FloatArray, chi_square: FloatArray, part: IntArray) -> FloatArray:
+        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and the part of each draw (n,)."""
+        t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
+        return self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t)
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Log density at x (n, d)."""
+        d, nu = x.shape[1], DEGREES_OF_FREEDOM
+        inverse = np.linalg.inv(self.roots)
+        z = np.einsum("kij,nkj->nki", inverse, x[:, None, :] - self.means)
+        norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
+        norm = norm - np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1) + np.log(self.shares)
+        return np.asarray(logsumexp(norm - 0.5 * (nu + d) * np.log1p(np.sum(z**2, axis=2) / nu), axis=1))
+
+    def sobol(self, power: int, seed: int) -> FloatArray:
+        """2^power draws on scrambled Sobol points."""
+        u = sobol(self.means.shape[1] + 2, power, seed)
+        return self.transform(ndtri(u[:, 2:]), chi2.ppf(u[:, 1], DEGREES_OF_FREEDOM), self._part(u[:, 0]))
+
+    def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
+        """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
+        n, d = x.shape
+        new = self.transform(
+            rng.standard_normal((n, d)), rng.chisquare(DEGREES_OF_FREEDOM, n), self._part(rng.uniform(size=n))
+        )
+        return new, self.log_density(x) - self.log_density(new)
+
+    def _part(self, u: FloatArray) -> IntArray:
+        """The part that a uniform variable falls into."""
+        edges = np.cumsum(self.shares)[:-1]
+        return np.searchsorted(edges, u).astype(np.int64)
+
+
+def sobol(dimension: int, power: int, seed: int) -> FloatArray:
+    """2^power scrambled Sobol points strictly inside the unit cube, (2^power, dimension)."""
+    points = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)
+    return np.clip(points, 1e-12, 1.0 - 1e-12)
