@@ -1,0 +1,144 @@
+"""Chapter III: displacements, modal amplitude and phase, principal planes (Tables 3.I, 3.III, 3.IV)."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pandas as pd
+
+from selection.arrays import FloatArray
+from selection.conditioning.displacement import displacement, yaw_displacement
+from selection.conditioning.modal import (
+    NodeMode,
+    identify_r2_over_i,
+    modal_amplitude,
+    modal_phase,
+    node_correction,
+)
+from selection.conditioning.principal import (
+    DampingRoots,
+    PrincipalPlanes,
+    damping_roots,
+    input_energy,
+    mean_coefficient,
+    nearest_root,
+    plane_motion,
+)
+from selection.records.report_tables import load_table
+from selection.reproduction.columns import by_point, columns
+from selection.units import RAD_S_PER_HZ
+
+#: Second mode of Configuration I (Eq. 3.2.16): phi_t2, M_2, omega_2p, omega_2y, theta.
+PLANES = PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+#: Frequency of rigid-body rotation, rad/s (before Eq. 3.1.16).
+OMEGA_R = 1.00
+
+
+def table_3_i(table: pd.DataFrame) -> dict[str, float]:
+    """omega = 2 pi f; tip displacements from accelerations (section 3.1); tail yaw by Eq. 3.1.1."""
+    f, omega, F = columns(table, "frequency_hz", "omega_rad_s", "force_lb")
+    pitch, yaw = columns(table, "tip_pitch_accel_g_per_lb_e4", "tip_yaw_accel_g_per_lb_e4")
+    (tail_pitch,) = columns(table, "tail_pitch_disp_in_e2")
+    return {
+        **by_point("tab3I.omega", RAD_S_PER_HZ * f),
+        **by_point("tab3I.tip_pitch", displacement(1e-4 * pitch, omega, F)),
+        **by_point("tab3I.tip_yaw", displacement(1e-4 * yaw, omega, F)),
+        **by_point("tab3I.tail_yaw", yaw_displacement(yaw, pitch, tail_pitch)),
+    }
+
+
+def second_mode() -> tuple[NodeMode, list[NodeMode]]:
+    """The second mode at the tail and the modes beside it (Table 3.II)."""
+    modes = [NodeMode(*row[1:]) for row in load_table("3_II").itertuples(index=False, name=None)]
+    return modes[1], [modes[0], *modes[2:]]
+
+
+def rigid_body(table: pd.DataFrame) -> float:
+    """R^2/I that fits the corrections C_t2 of Table 3.III (not printed in the report), in/(lb s^2)."""
+    F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
+    (C_t,) = columns(table, "correction_Ct2_in")
+    return identify_r2_over_i(*second_mode(), F, omega, OMEGA_R, C_t)
+
+
+def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
+    """Correction C_t2 (Eq. 3.1.20), modal phase (3.1.22), C_t2 cos phi_2 and modal amplitude (3.1.23)."""
+    F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
+    X, phi_t, C_t = columns(table, "tail_amplitude_in", "tail_phase_rad", "correction_Ct2_in")
+    (phi_2,) = columns(table, "modal_phase_rad")
+    correction = node_correction(*second_mode(), F, omega, rigid_body(table), OMEGA_R)
+    return {
+        **by_point("tab3III.Ct2", correction.total),
+        **by_point("tab3III.phi2", modal_phase(X, phi_t, C_t, PLANES.phi)),
+        **by_point("tab3III.Ccos", C_t * np.cos(phi_2)),
+        **by_point("tab3III.A2", modal_amplitude(X, phi_t, C_t, PLANES.phi, phi_2)),
+    }
+
+
+def table_3_iv_input(table_3_iii: pd.DataFrame) -> dict[str, float]:
+    """Energy put in per cycle, pi X_t F sin(phi_t) (Eq. 3.2.9)."""
+    (F,) = columns(load_table("3_I"), "force_lb")
+    X, phi_t = columns(table_3_iii, "tail_amplitude_in", "tail_phase_rad")
+    return by_point("tab3IV.E_input", input_energy(X, F, phi_t))
+
+
+def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
+    """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row."""
+    motion = plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
+    results = {"A2p": motion.A_p, "A2y": motion.A_y, "E_pitch": motion.E_p, "E_yaw": motion.E_y}
+    return {
+        f"tab3IV.{name}[{point}]": float(value)
+        for name, values in results.items()
+        for point, value in zip(table["point"], np.asarray(values), strict=True)
+    }
+
+
+def table_3_iv_roots(table: pd.DataFrame) -> list[DampingRoots]:
+    """All solutions xi of Eq. 3.2.15 at the energy of each row: two at most points, none at 10 and 13 (E3IV-1)."""
+    rows = zip(_forces(table), *columns(table, "omega_rad_s", "energy_input_in_lb"), strict=True)
+    return [damping_roots(PLANES, F, omega, energy) for F, omega, energy in rows]
+
+
+def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
+    """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
+    roots = [nearest_root(p.roots, xi) for p, xi in zip(table_3_iv_roots(table), table["xi"], strict=True)]
+    found = zip(table["point"], roots, strict=True)
+    return {f"tab3IV.xi[{point}]": root for point, root in found if not np.isnan(root)}
+
+
+def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
+    """C_1 = (2 M/m) sum omega_i xi_i over the 15 rows that are not marked as corrected."""
+    omega, xi = columns(table[table["corrected_row"] == 0], "omega_rad_s", "xi")
+    return {"eq3218.C1": mean_coefficient(PLANES.mass, omega, xi)}
+
+
+def worked_example() -> dict[str, float]:
+    """xi of the example after Eq. 3.2.16: omega = 11.39, F = 922, E = 114.5, the upper of two roots."""
+    return {"sec32.example_xi": float(damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])}
+
+
+def computed() -> dict[str, float]:
+    """Every result of the chapter from the tables as printed."""
+    return {**_tables(load_table("3_I"), load_table("3_III"), load_table("3_IV")), **worked_example()}
+
+
+def after_correction() -> dict[str, float]:
+    """The same from the corrected tables (Table 3.IV: with the frequency that its row 10 was computed at)."""
+    return _tables(load_table("3_I", "corrected"), load_table("3_III", "corrected"), load_table("3_IV", "used"))
+
+
+def _tables(table_i: pd.DataFrame, table_iii: pd.DataFrame, table_iv: pd.DataFrame) -> dict[str, float]:
+    return {
+        **table_3_i(table_i),
+        **table_3_iii(table_iii),
+        **table_3_iv_input(table_iii),
+        **table_3_iv(table_iv),
+        **table_3_iv_xi(table_iv),
+        **equation_3_2_18(table_iv),
+    }
+
+
+def _forces(table_iv: pd.DataFrame) -> FloatArray:
+    """Force of each row of Table 3.IV (Table 3.I by point)."""
+    points = table_iv[["point_number"]].merge(load_table("3_I"), left_on="point_number", right_on="point", how="left")
+    return columns(points, "force_lb")[0]
