@@ -1,0 +1,1 @@
+"""Response: lumped masses to modes, first-harmonic steady states and their branches, time integration for reference."""
