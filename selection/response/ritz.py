@@ -17,13 +17,10 @@ import numpy as np
 
 from selection.arrays import FloatArray, Floats
 from selection.forces.contract import Force, Sum
+from selection.response.roots import MOST_STEPS, SMALL_STEP, bracketed_newton
 
 #: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
 _FAR = 1e15
-#: Newton steps in ln A: quadratic convergence from a bracketed start needs about ten.
-_MOST_STEPS = 200
-#: A Newton step in ln A below this leaves an error near its square, below rounding.
-_SMALL_STEP = 1e-8
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,13 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
             return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
         low, high = _bracket(force, target, omega) if _grows(force, omega) else _scan(force, target, omega)
-        return _polish(force, target, omega, low, high)
+
+        def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+            A = np.exp(u)
+            slope = force.slope(A, omega) / force.quadrature(A, omega)
+            return _excess(force, u, omega, target), np.broadcast_to(slope, shape)
+
+        return np.exp(bracketed_newton(excess, low, high))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +94,7 @@ def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tupl
     settles to rounding, as it does while the restoring force is a small share of K A.
     """
     omega = np.asarray(omega_n * np.ones(np.shape(F)), dtype=float)
-    for _ in range(_MOST_STEPS):
+    for _ in range(MOST_STEPS):
         amplitude = resonant_amplitude(force, F, omega)
         previous, omega = omega, backbone(force, amplitude, M, omega_n)
         if not np.any(np.abs(omega - previous) > 1e-15 * previous):
@@ -112,10 +115,10 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
     restoring = _restores(force)
     with np.errstate(all="ignore"):
         A = F / np.hypot(kappa, force.quadrature(static, omega) / static)
-        for _ in range(_MOST_STEPS):
+        for _ in range(MOST_STEPS):
             step = _newton_step(force, A, omega, kappa, F, restoring)
             A = A * np.exp(-np.clip(step, -3.0, 3.0))
-            if not np.any(np.abs(step) > _SMALL_STEP):
+            if not np.any(np.abs(step) > SMALL_STEP):
                 break
         reached = np.abs(required_force(force, A, omega, M, omega_n) / F - 1.0) < 1e-9
         A = np.where(reached, A, np.nan)
@@ -184,19 +187,3 @@ def _scan(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, 
         low[rises], high[rises] = before, u
         below = now_below
     return low, high
-
-
-def _polish(force: Force, target: FloatArray, omega: Floats, low: FloatArray, high: FloatArray) -> FloatArray:
-    """A in the bracket by Newton's method in ln A, bisecting where a step would leave the bracket."""
-    u = high
-    for _ in range(_MOST_STEPS):
-        excess = _excess(force, u, omega, target)
-        low, high = np.where(excess < 0.0, u, low), np.where(excess >= 0.0, u, high)
-        A = np.exp(u)
-        newton = u - excess * force.quadrature(A, omega) / force.slope(A, omega)
-        inside = (newton >= low) & (newton <= high)
-        previous, u = u, np.where(inside, newton, 0.5 * (low + high))
-        moving = (np.abs(u - previous) > _SMALL_STEP) & (high - low > 1e-15 * np.abs(u))
-        if not np.any(moving):
-            break
-    return np.exp(u)
