@@ -24,9 +24,8 @@ from selection.records.schema import (
     nearest,
     record_schema,
 )
-from selection.records.text import DEFAULT_MAX_SIZE, Rows, read_bytes, shortened
+from selection.records.text import DEFAULT_MAX_SIZE, NUMBER, Rows, read_bytes, shortened, unguarded
 
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
 
 
@@ -125,7 +124,7 @@ def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
 
 def _names(header: list[str], line: int, file: str | Path) -> list[str]:
     """Column names, stripped; each must be there and occur once."""
-    names = [name.strip() for name in header]
+    names = [unguarded(name.strip()) for name in header]
     for position, name in enumerate(names):
         if not name:
             raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
@@ -164,7 +163,7 @@ def _data(rows: Rows, width: int, file: str | Path) -> tuple[list[int], list[lis
 def _column(scan: _Scan, name: str, cells: Sequence[str], columns: _Columns) -> pd.Series:
     """One column as floats or as text; the first cell that does not hold what it should is noted."""
     if name in columns.text:
-        text = [cell.strip() for cell in cells]
+        text = [unguarded(cell.strip()) for cell in cells]
         if name in columns.required and "" in text:
             scan.add(text.index(""), name, "empty cell", "text")
         return pd.Series(text, dtype=object)
@@ -177,10 +176,11 @@ def _column(scan: _Scan, name: str, cells: Sequence[str], columns: _Columns) -> 
             row = int(np.argmax(bad))
             scan.add(row, name, _wrong(cells[row]), "a finite number")
         return pd.Series(values)
-    if any(_CODE.match(cell) for cell in cells):
-        return pd.Series(cells, dtype=object)
-    values = _floats(cells)
-    return pd.Series(values) if np.isfinite(values).all() else pd.Series(cells, dtype=object)
+    if not any(_CODE.match(cell) for cell in cells):
+        values = _floats(cells)
+        if np.isfinite(values).all():
+            return pd.Series(values)
+    return pd.Series([unguarded(cell) for cell in cells], dtype=object)
 
 
 def _floats(cells: Sequence[str]) -> FloatArray:
@@ -191,7 +191,7 @@ def _floats(cells: Sequence[str]) -> FloatArray:
             return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
         except ValueError:
             pass  # a cell holds text: look at each
-    return np.array([float(cell) if _NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
+    return np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
 
 
 def _wrong(cell: str) -> str:

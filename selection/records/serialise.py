@@ -10,16 +10,15 @@ import numpy as np
 import pandas as pd
 
 from selection.records.record import Record
-
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+from selection.records.text import guarded
 
 
 def record_to_csv(record: Record | pd.DataFrame) -> str:
     """A record or any table as CSV: UTF-8 text, commas, LF line ends, no index; NaN and None are empty cells.
 
     Floats are written as the shortest decimals that read back to the same number, integers without a point. A text
-    cell (or column name) that begins with ``=``, ``+``, ``-``, ``@``, tab or carriage return, which a spreadsheet would
-    execute, gets a leading apostrophe; numbers never do.
+    cell or column name that begins with ``=``, ``+``, ``-``, ``@``, tab or carriage return, which a spreadsheet may
+    execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
     """
     table = record.table if isinstance(record, Record) else record
     stream = io.StringIO()
@@ -35,7 +34,7 @@ def _cells(column: pd.Series) -> list[str]:
 
 def _cell(value: object) -> str:
     if isinstance(value, str):
-        return f"'{value}" if value.startswith(_FORMULA) else value
+        return guarded(value)
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, float | np.floating):

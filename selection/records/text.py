@@ -14,6 +14,10 @@ from selection.errors import InputError
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
 
+#: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+
+_EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet may execute begins with one of these
 _LINE_END = re.compile(rb"\r\n?|\n")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
@@ -60,6 +64,19 @@ def shortened(text: str, length: int = 30) -> str:
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
+def guarded(text: str) -> str:
+    """``text`` with an apostrophe before it if a spreadsheet might execute it: if it begins with = + - @, tab or CR.
+
+    A plain number needs none. ``unguarded`` takes exactly that apostrophe off.
+    """
+    return f"'{text}" if text.lstrip("'").startswith(_EXECUTED) and not NUMBER.fullmatch(text) else text
+
+
+def unguarded(text: str) -> str:
+    """``text`` without the apostrophe that ``guarded`` put before it."""
+    return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_EXECUTED) else text
+
+
 class Rows:
     """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
 
@@ -86,7 +103,7 @@ class Rows:
             except csv.Error as error:
                 self.problem = self._unreadable(line, str(error))
                 raise StopIteration from None
-            if any(cell.strip() for cell in cells) or len(cells) > 1:
+            if len(cells) > 1 or (cells and cells[0].strip()):
                 return line, cells
 
     def _unreadable(self, line: int, reason: str) -> InputError:
