@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from selection.arrays import FloatArray
+from selection.arrays import FloatArray, IntArray
 from selection.forces.contract import Sum
 from selection.posterior.law import EXPONENT_RANGE, Coordinates, Law
 from selection.posterior.likelihood import residuals
@@ -81,7 +81,7 @@ def fit(coordinates: Coordinates, data: Observations, mode: FloatArray) -> Fit:
     return Fit(
         names=_names(law),
         values=result.x,
-        std_errors=_standard_errors(result.jac * scale, scale),
+        std_errors=_standard_errors(np.asarray(result.jac) * scale, scale),
         rows=rows,
         parameters=k,
         rss=rss,
@@ -100,7 +100,7 @@ def _natural(coordinates: Coordinates, x: FloatArray) -> FloatArray:
     return np.array(coefficients + [float(v) for shapes in coordinates.shapes(x) for v in shapes.values()])
 
 
-def _whiten(n: FloatArray, h: FloatArray, variance: FloatArray, level: float, sweep: FloatArray) -> FloatArray:
+def _whiten(n: FloatArray, h: FloatArray, variance: FloatArray, level: float, sweep: IntArray) -> FloatArray:
     """Residuals of unit covariance: the inverse Cholesky factor of diag(variance) + level h h^T, sweep by sweep."""
     z = n / np.sqrt(variance)
     if level == 0.0:

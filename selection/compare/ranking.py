@@ -131,7 +131,7 @@ def _candidate(law: Law, data: Observations, seed: int) -> Candidate:
     """Fit one law; what cannot be done becomes a caution."""
     nothing = Candidate(law, None, (), np.nan, 0.0, np.nan, np.nan, False, ())
     if not law.has_resonance:
-        return replace(nothing, cautions=("friction alone does not bound the amplitude at resonance",))
+        return replace(nothing, cautions=("friction alone sets no resonant amplitude",))
     coordinates = Coordinates.of(law, data)
     try:
         found = evidence(coordinates, data, seed)

@@ -3,7 +3,8 @@
     Z = int likelihood(x) N(x; 0, I) dx ~ mean of w,   w = likelihood(x) N(x; 0, I) / q(x),   x ~ q,
 
 with ``q`` on scrambled Sobol points a mixture of multivariate t: one as wide as the prior, the others started from the
-Gaussian at the mode and adapted to the weighted draws until enough of them count. The draws, resampled by weight, also start the Markov chains.
+Gaussian at the mode and adapted to the weighted draws until enough of them count. The draws, resampled by weight, also
+start the Markov chains.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ class Evidence:
 
     Attributes:
         log_z: natural logarithm of the marginal likelihood. standard_error: its Monte Carlo standard error.
-        mode: x of largest posterior density, (dimension,). proposal: adapted to the posterior. draws: resampled by weight, (8192, dimension).
+        mode: x of largest posterior density, (dimension,). proposal: adapted to the posterior.
+        draws: resampled by weight, (8192, dimension).
         effective_draws: 1/sum of squared normalised weights.
     """
 
@@ -89,7 +91,7 @@ def evidence(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evi
         if round_ >= 2 and effective > _ENOUGH:
             break
         if round_ < _ROUNDS - 1:
-            proposal = Proposal.through(draws, seed)
+            proposal = Proposal.through(draws)
     return Evidence(
         log_z=top + float(np.log(np.mean(w))),
         standard_error=float(np.std(w) / np.mean(w) / np.sqrt(len(w))),

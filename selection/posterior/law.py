@@ -10,14 +10,15 @@ prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
 - shapes: ``exponent`` uniform in ``EXPONENT_RANGE``; ``limit`` of a slip joint log-uniform in a range set by the
   tested amplitudes.
 - ``scatter``: relative scatter of one measured row; ``level_scatter``: relative scatter of the resonant amplitude from
-  sweep to sweep. Both log-normal. Where every sweep has one row only their sum can be seen, and ``scatter`` is that.
+  sweep to sweep. Both log-normal. Where there is one sweep, or one row in every sweep, only their sum can be seen, and
+  ``scatter`` is that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import ndtr
@@ -56,9 +57,9 @@ def component(name: str) -> Component:
     """The component for a force name of the catalogue or an energy term ``A^m*omega^n`` that has no named force."""
     if name in CATALOGUE:
         return Component(name, parameter_names(name)[1:], CATALOGUE[name])
-    powers = dict(factor.split("^") if "^" in factor else (factor, "1") for factor in name.split("*"))
-    m, n = float(powers.get("A", 0.0)), float(powers.get("omega", 0.0))
-    return Component(name, (), lambda coefficient: EnergyTerm(coefficient, m, n))
+    powers = {symbol: float(power or 1) for symbol, _, power in (factor.partition("^") for factor in name.split("*"))}
+    m, n = powers.get("A", 0.0), powers.get("omega", 0.0)
+    return Component(name, (), partial(EnergyTerm, amplitude_power=m, frequency_power=n))
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,8 @@ class Law:
 
     @property
     def has_resonance(self) -> bool:
-        """Whether the law bounds the amplitude at every force: friction alone does not."""
-        return any(part.name not in ("coulomb", "slip") for part in self.parts)
+        """Whether the law can set a resonant amplitude: constant friction alone cannot."""
+        return any(part.name != "coulomb" for part in self.parts)
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Coordinates:
 
     Attributes:
         law: the candidate. reference: amplitude, omega, damping force. limit_range: bounds of a slip limit.
-        with_level_scatter: whether sweeps have several rows, so that both scatters are parameters.
+        with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
     """
 
     law: Law
@@ -102,7 +103,8 @@ class Coordinates:
         """Scales taken from the observations."""
         low, high = observations.tested_amplitude.min(), observations.tested_amplitude.max()
         limits = (float(LIMIT_RANGE[0] * low), float(LIMIT_RANGE[1] * high))
-        return cls(law, observations.reference, limits, observations.has_repeats)
+        scatters = observations.has_repeats and len(observations.sweeps) > 1
+        return cls(law, observations.reference, limits, scatters)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,7 +120,7 @@ class Coordinates:
         return len(self.names)
 
     def shares(self, x: FloatArray) -> FloatArray:
-        """Shares of the components, uniform over the simplex: stick-breaking with Beta(1, k) fractions, (..., parts)."""
+        """Shares of the components (..., parts), uniform over the simplex: Beta(1, k) fractions of what is left."""
         n = len(self.law.parts)
         left = np.ones(x.shape[:-1])
         shares = []

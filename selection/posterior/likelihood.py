@@ -2,8 +2,9 @@
 
 Residual of a row, the distance of the measured phasor (ln A, phi) from the curve C(A, omega) = F sin(phi):
 
-    n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A,   R = F cos(phi).
+    n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
 
+(The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
 At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
 by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
 record's own uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which
@@ -21,13 +22,17 @@ from selection.forces.contract import Force
 from selection.posterior.law import Coordinates
 from selection.posterior.observations import Observations
 
+#: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
+REACH = 8.0
+
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``n``, its sensitivity to the level ``h`` and the variance the record's own uncertainties give it, (..., rows)."""
-    g = force.slope(data.A, data.omega)
-    spread = g**2 + data.R**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        n = (data.D - force.quadrature(data.A, data.omega)) / np.sqrt(spread)
+    """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
+    with np.errstate(all="ignore"):
+        C = force.quadrature(data.A, data.omega)
+        g = force.slope(data.A, data.omega) * np.minimum(1.0, np.abs(data.D / C))
+        spread = g**2 + data.R**2
+        n = (data.D - C) / np.sqrt(spread)
         known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
         return n, g / np.sqrt(spread), known
 
@@ -37,7 +42,7 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     n, h, known = residuals(coordinates.force(x), data)
     row, level = coordinates.scatter(x)
     variance = row[:, None] ** 2 + known
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(all="ignore"):
         value = -0.5 * np.sum(n**2 / variance + np.log(2.0 * np.pi * variance), axis=-1)
         if coordinates.with_level_scatter:
             member = np.eye(len(data.sweeps))[data.sweep]
@@ -67,6 +72,8 @@ def log_prior(x: FloatArray) -> FloatArray:
 
 
 def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Unnormalised log posterior density at points (points, dimension)."""
+    """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
     x = np.atleast_2d(x)
-    return log_prior(x) + log_likelihood(x, coordinates, data)
+    inside = np.all(np.abs(x) < REACH, axis=-1)
+    x = np.clip(x, -REACH, REACH)
+    return np.where(inside, log_prior(x) + log_likelihood(x, coordinates, data), -np.inf)

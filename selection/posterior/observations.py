@@ -18,7 +18,6 @@ from scipy.stats import gmean
 
 from selection.arrays import BoolArray, FloatArray, IntArray
 from selection.errors import AnalysisError
-from selection.records.mode import Mode
 from selection.records.record import Record
 from selection.records.resonance import energy_per_cycle, resonances
 from selection.units import RAD_S_PER_HZ
@@ -29,7 +28,7 @@ class Observations:
     """Rows of a record that say something about damping; arrays of shape (rows,) unless stated.
 
     Attributes:
-        A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: magnitude of the force in phase with displacement.
+        A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
         sweep: index of the row's sweep into ``sweeps``.
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
@@ -86,7 +85,7 @@ _PER_ROW = ("A", "omega", "D", "R", "sd_amplitude", "sd_force", "sd_phase")
 _PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega")
 
 
-def observe(record: Record, mode: Mode) -> Observations:
+def observe(record: Record) -> Observations:
     """Turn a record into damping observations.
 
     Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by

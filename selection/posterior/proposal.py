@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 from scipy.special import gammaln, logsumexp, ndtri
 from scipy.stats import chi2, qmc
 
@@ -18,8 +17,8 @@ from selection.arrays import FloatArray, IntArray
 DEGREES_OF_FREEDOM = 5.0
 #: Share of the part as wide as the prior.
 WIDE_SHARE = 0.15
-#: Clusters the posterior is divided into: enough for a funnel or two modes in a handful of dimensions.
-CLUSTERS = 6
+#: Shares a posterior is cut into, across its longest axis each time: enough to follow a funnel or two modes.
+PARTS = 8
 
 
 @dataclass(frozen=True)
@@ -40,17 +39,17 @@ class Proposal:
         return cls._with_wide(np.ones(1), mean[None, :], covariance[None, :, :])
 
     @classmethod
-    def through(cls, draws: FloatArray, seed: int) -> Proposal:
-        """Parts fitted to posterior draws (n, d) divided into clusters, and the wide one."""
+    def through(cls, draws: FloatArray) -> Proposal:
+        """Parts fitted to posterior draws (n, d) cut into equal shares, and the wide one."""
         d = draws.shape[1]
-        _, label = kmeans2(draws / draws.std(axis=0), CLUSTERS, minit="++", rng=np.random.default_rng(seed))
-        members = [draws[label == k] for k in range(CLUSTERS) if np.sum(label == k) > 10 * d]
-        if not members:
-            members = [draws]
-        shares = np.array([float(len(m)) for m in members])
-        # a cluster is cut off where the next begins: twice its covariance lets the parts overlap
-        covariances = np.array([2.0 * np.cov(m.T).reshape(d, d) + 1e-6 * np.eye(d) for m in members])
-        return cls._with_wide(shares / shares.sum(), np.array([m.mean(axis=0) for m in members]), covariances)
+        parts = [draws]
+        while len(parts) < PARTS:
+            halves = _halve(parts.pop(0))
+            parts += halves
+        # a part is cut off where the next begins: twice its covariance lets them overlap
+        covariances = np.array([2.0 * np.cov(p.T).reshape(d, d) + 1e-6 * np.eye(d) for p in parts])
+        shares = np.array([len(p) / len(draws) for p in parts])
+        return cls._with_wide(shares, np.array([p.mean(axis=0) for p in parts]), covariances)
 
     @classmethod
     def _with_wide(cls, shares: FloatArray, means: FloatArray, covariances: FloatArray) -> Proposal:
@@ -84,7 +83,7 @@ class Proposal:
         """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
         n, d = x.shape
         new = self.transform(
-            rng.standard_normal((n, d)), rng.chisquare(DEGREES_OF_FREEDOM, n), self._part(rng.uniform(size=n))
+            rng.standard_normal((n, d)), rng.chisquare(DEGREES_OF_FREEDOM, n), self._part(rng.random_sample(n))
         )
         return new, self.log_density(x) - self.log_density(new)
 
@@ -92,6 +91,14 @@ class Proposal:
         """The part that a uniform variable falls into."""
         edges = np.cumsum(self.shares)[:-1]
         return np.searchsorted(edges, u).astype(np.int64)
+
+
+def _halve(draws: FloatArray) -> list[FloatArray]:
+    """Two equal shares of draws (n, d), cut across their longest axis."""
+    centred = draws - draws.mean(axis=0)
+    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    order = np.argsort(centred @ axis, kind="stable")
+    return [draws[order[: len(order) // 2]], draws[order[len(order) // 2 :]]]
 
 
 def sobol(dimension: int, power: int, seed: int) -> FloatArray:

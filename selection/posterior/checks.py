@@ -1,0 +1,103 @@
+"""Does a sampled law describe its own data? PSIS-LOO (arviz) and posterior predictive checks."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.posterior.diagnostics import arviz
+from selection.posterior.likelihood import pointwise_log_likelihood, residuals
+from selection.posterior.observations import Observations
+from selection.posterior.sampling import Posterior
+
+#: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).
+PARETO_LIMIT = 0.7
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """PSIS-LOO of a law.
+
+    Attributes:
+        elpd: expected log predictive density, standard_error of it; p: effective number of parameters.
+        pareto_k: of each unit left out (a sweep; a row where there is one sweep only). unit: ``level`` or ``row``.
+        caution: arviz's warning in words, empty when none.
+    """
+
+    elpd: float
+    standard_error: float
+    p: float
+    pareto_k: FloatArray
+    unit: str
+    caution: str
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Replicated against measured: the chi-square discrepancy T = sum(n^2/scatter^2) over rows.
+
+    Attributes:
+        p_value: share of draws whose replicated T exceeds the measured one; near 0 the law fits worse than its own
+            scatter explains, near 1 better.
+        median, low, high: predictive resonant amplitude of each tested sweep, per cent of the measured one, (sweeps,).
+    """
+
+    p_value: float
+    median: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def inference_data(posterior: Posterior, data: Observations) -> arviz.InferenceData:
+    """Draws, log likelihood and data as ArviZ groups; chains are the independent ensembles."""
+    chains, kept = posterior.x.shape[:2]
+    by_unit = pointwise_log_likelihood(posterior.draws, posterior.coordinates, data)
+    values = {name.replace(" ", "_").replace("*", "."): value for name, value in posterior.parameters().items()}
+    return arviz.from_dict(
+        posterior=values,
+        log_likelihood={"resonance": by_unit.reshape(chains, kept, -1)},
+        observed_data={"amplitude": data.A, "omega": data.omega, "force_in_quadrature": data.D},
+        attrs={"law": posterior.coordinates.law.name, "converged": str(posterior.converged)},
+    )
+
+
+def leave_one_out(posterior: Posterior, data: Observations) -> LeaveOneOut:
+    """PSIS-LOO; arviz's own warnings are kept as the caution."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = arviz.loo(inference_data(posterior, data), pointwise=True)
+    k = np.atleast_1d(np.asarray(result.pareto_k))
+    unit = "level" if len(data.sweeps) > 1 else "row"
+    bad = int(np.sum(k > PARETO_LIMIT))
+    caution = (
+        f"{bad} of {len(k)} {unit}s with Pareto k > {PARETO_LIMIT}: influential, the value is rough" if bad else ""
+    )
+    if not caution and any("Pareto" in str(w.message) for w in caught):
+        caution = "arviz warns of large Pareto k"
+    return LeaveOneOut(float(result.elpd_loo), float(result.se), float(result.p_loo), k, unit, caution)
+
+
+def predictive_check(
+    posterior: Posterior, data: Observations, amplitude: FloatArray, level: float, seed: int
+) -> PredictiveCheck:
+    """Compare replicated data with the measured.
+
+    Args:
+        amplitude: resonant amplitude of each draw at each tested force, (draws, sweeps).
+        level: content of the predictive intervals.
+    """
+    rng = np.random.default_rng(seed)
+    x = posterior.draws
+    n, h, known = residuals(posterior.coordinates.force(x), data)
+    row, level_scatter = posterior.coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
+    measured = np.sum(n**2 / variance, axis=1)
+    replicated = rng.chisquare(n.shape[1], size=len(x))
+    scatter = np.hypot(row, level_scatter)[:, None]
+    percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))
+    tail = 50.0 * (1.0 - level)
+    low, median, high = np.nanpercentile(percent, [tail, 50.0, 100.0 - tail], axis=0)
+    return PredictiveCheck(float(np.mean(replicated > measured)), median, low, high)
