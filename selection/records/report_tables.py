@@ -73,7 +73,7 @@ def load_errata() -> pd.DataFrame:
 
 
 def load_printed_results() -> pd.DataFrame:
-    """Every printed result that can be recomputed: ``id, where, printed`` (text), ``erratum, recipe``."""
+    """Every printed result that can be recomputed: ``id, where, printed`` (text), ``erratum, reason, recipe``."""
     return _read("printed_results.csv")
 
 
