@@ -17,7 +17,7 @@ from selection.compare.ranking import Candidate, Ranking
 from selection.errors import AnalysisError, InputError
 from selection.loads.prediction import Loads, Member, amplitude_draws, predict
 from selection.posterior.observations import Observations
-from selection.posterior.sampling import Posterior, sample
+from selection.posterior.sampling import Checkpoint, Posterior, sample
 from selection.records.mode import Mode
 
 #: Candidates with less weight do not take part in the average.
@@ -68,7 +68,9 @@ def sample_members(ranking: Ranking, forces: np.ndarray, seed: int) -> list[Memb
     return members
 
 
-def sample_candidate(candidate: Candidate, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
+def sample_candidate(
+    candidate: Candidate, data: Observations, forces: np.ndarray, seed: int, checkpoint: Checkpoint | None = None
+) -> Posterior:
     """Posterior of one candidate, run until its parameters and its amplitudes at ``forces`` are known."""
     assert candidate.coordinates is not None  # a candidate with a weight was fitted
     assert candidate.evidence is not None
@@ -78,7 +80,7 @@ def sample_candidate(candidate: Candidate, data: Observations, forces: np.ndarra
         draws = amplitude_draws(Member(candidate.name, 1.0, coordinates, x), forces, data)
         return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
 
-    return sample(coordinates, data, candidate.evidence, amplitudes, seed)
+    return sample(coordinates, data, candidate.evidence, amplitudes, seed, checkpoint=checkpoint)
 
 
 def loads_form(loads: Loads) -> dict[str, Any]:

@@ -111,7 +111,7 @@ def sample(
             if todo > 0:
                 sampler.run_mcmc(state if sampler.backend.iteration == 0 else sampler.get_last_sample(), todo)
                 checkpoint.save(k, sampler.backend)
-        chains = np.stack([sampler.get_chain() for sampler, _ in samplers])[:, :steps]
+        chains = np.stack([sampler.get_chain()[:steps] for sampler, _ in samplers])
         diagnoses, burn = _diagnose(chains, coordinates, quantities)
         failure = _failure(diagnoses, settings)
         if not failure or steps == settings.budget:

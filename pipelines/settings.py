@@ -1,0 +1,107 @@
+"""Settings of a study (``STUDY.toml``), checked before anything runs.
+
+title = "Bolted joint, spring campaign"
+seed = 1970                        # of everything sampled
+level = 0.9                        # content of every band
+
+[[records]]
+name = "panel-mode-1"              # of its files: letters, digits, - and _
+title = "Panel, first mode"        # for people
+record = "panel.csv"               # relative to this file
+mode = "panel.toml"
+design_forces = [30.0, 60.0, 90.0] # where amplitudes are predicted; none by default
+laws = [["viscous"], ["viscous", "coulomb"]]  # always sampled, whatever their weight
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, field_validator
+
+from selection.errors import InputError
+from selection.forces.catalogue import force_class
+from selection.records.keys import line_of, read_toml
+from selection.records.report_tables import data_folder
+from selection.records.schema import nearest
+
+#: Seed of the default study: the year of the report.
+DEFAULT_SEED = 1970
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class RecordSettings(_Table):
+    """One record of a study."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]
+    title: str = ""
+    record: str
+    mode: str
+    design_forces: tuple[PositiveFloat, ...] = Field(default=(), strict=False)
+    laws: tuple[tuple[str, ...], ...] = Field(default=(), strict=False)
+
+    @field_validator("laws")
+    @classmethod
+    def _known(cls, laws: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+        for law in laws:
+            for name in law:
+                try:
+                    force_class(name)
+                except InputError as error:
+                    raise ValueError(str(error)) from None
+        return laws
+
+
+class StudySettings(_Table):
+    """A study: its records in order."""
+
+    title: str
+    seed: Annotated[int, Field(ge=0)] = DEFAULT_SEED
+    level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
+    source_report: bool = False
+    records: Annotated[tuple[RecordSettings, ...], Field(min_length=1, strict=False)]
+
+    @field_validator("records")
+    @classmethod
+    def _different_names(cls, records: tuple[RecordSettings, ...]) -> tuple[RecordSettings, ...]:
+        names = [record.name for record in records]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two records are called {name!r}")
+        return records
+
+
+def default_study() -> Path:
+    """The settings of the Saturn V study."""
+    return data_folder() / "saturn-v" / "study.toml"
+
+
+def read_settings(path: Path) -> StudySettings:
+    """Read and check a study's settings.
+
+    Raises:
+        InputError: with file, line and key of the first thing that is wrong, and what was expected.
+    """
+    table = read_toml(path)
+    try:
+        return StudySettings.model_validate(table.values)
+    except ValidationError as error:
+        raise _input_error(error.errors()[0], path, table.content) from None
+
+
+def _input_error(problem: Any, path: Path, content: str) -> InputError:
+    """Pydantic's first problem as one line for people."""
+    keys = tuple(str(key) for key in problem["loc"] if isinstance(key, str))
+    key = ".".join(str(part) for part in problem["loc"])
+    line = line_of(content, keys[:1]) if keys else None
+    if problem["type"] == "extra_forbidden":
+        known = RecordSettings.model_fields if len(keys) > 1 else StudySettings.model_fields
+        message, expected = "unknown key", f"{nearest(keys[-1], known)} (nearest of {', '.join(known)})"
+        return InputError(message, file=path, line=line, column=key, expected=expected)
+    if problem["type"] == "missing":
+        return InputError("missing key", file=path, line=line, column=key, expected=f"{keys[-1]} = ...")
+    return InputError(problem["msg"].removeprefix("Value error, "), file=path, line=line, column=key)

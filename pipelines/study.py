@@ -1,0 +1,241 @@
+"""``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import shutil
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from os import cpu_count
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipelines.checkpoint import checkpoint_in
+from pipelines.extrapolate import LEAST_WEIGHT, sample_candidate
+from pipelines.progress import Advance, progress
+from pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
+from pipelines.study_output import write_study
+from selection import __version__
+from selection.compare.candidates import candidate_laws
+from selection.compare.ranking import Candidate, Ranking, rank_laws
+from selection.errors import AnalysisError
+from selection.loads.prediction import Member, amplitude_draws, predict
+from selection.posterior.checks import leave_one_out, predictive_check
+from selection.posterior.law import Law
+from selection.posterior.observations import Observations, observe
+from selection.records.mode import Mode, read_mode
+from selection.records.reading import read_record
+from selection.records.record import Record
+from selection.regression.power_law import PowerLaw, fit_power_law
+from selection.report.results import LawPosterior, RecordResult, StudyResult
+
+#: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
+GRID = 60
+PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
+
+
+@dataclass(frozen=True)
+class Input:
+    """A record of the study, read and checked."""
+
+    settings: RecordSettings
+    record: Record
+    mode: Mode
+    data: Observations
+
+
+@dataclass(frozen=True)
+class Task:
+    """One law to sample on one record, in a process of its own."""
+
+    record: int
+    candidate: Candidate
+    data: Observations
+    forces: np.ndarray
+    level: float
+    seed: int
+    of_source: bool
+    chains: Path
+
+
+def run_study(settings_file: Path | None, out: Path | None, seed: int | None) -> None:
+    """Run a study and write its results; earlier results stay as they were if anything fails."""
+    path = settings_file or default_study()
+    settings = read_settings(path)
+    if seed is not None:
+        settings = settings.model_copy(update={"seed": seed})
+    out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
+    inputs = read_inputs(settings, path.parent)
+    result = compute(settings, inputs, hashes(path, settings), out / ".chains")
+    write_study(result, out)
+    shutil.rmtree(out / ".chains", ignore_errors=True)
+    print(f"{out / 'report.html'} written")
+
+
+def read_inputs(settings: StudySettings, folder: Path) -> list[Input]:
+    """Read and check every file of the study before any work."""
+    inputs = []
+    for one in settings.records:
+        record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
+        inputs.append(Input(one, record, mode, observe(record)))
+    return inputs
+
+
+def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
+    """SHA-256 of the settings and of every input file, by name relative to the settings."""
+    names = [path.name, *(name for one in settings.records for name in (one.record, one.mode))]
+    return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
+
+
+def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
+    """The whole computation: rankings, posteriors, predictions, and the tables of the source report if asked for."""
+    rankings = _rank(inputs, settings.seed)
+    sampled = _sample(list(_tasks(settings, inputs, rankings, chains)))
+    records = tuple(
+        _record_result(one, ranking, [s for i, s in sampled if i == number], settings)
+        for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True))
+    )
+    return StudyResult(
+        title=settings.title,
+        seed=settings.seed,
+        level=settings.level,
+        records=records,
+        inputs=digests,
+        versions=versions(),
+        tables=_source_tables(settings),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions a result depends on."""
+    found = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"damping-selection": __version__, "Python": platform.python_version(), **found}
+
+
+def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
+    laws = [candidate_laws(one.data) for one in inputs]
+    with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
+        return [
+            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))
+            for one, candidates in zip(inputs, laws, strict=True)
+        ]
+
+
+def _prefixed(done: Advance, prefix: str) -> Advance:
+    """Progress that says which record it is of."""
+    return lambda what, parts=1: done(f"{prefix}: {what}", parts)
+
+
+def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking], chains: Path) -> Iterable[Task]:
+    """Laws to sample: those with weight and those the settings name, each once, best first."""
+    for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True)):
+        named = [ranking.find(Law(law)) for law in one.settings.laws]
+        for candidate in ranking.candidates:
+            of_source = any(candidate is other for other in named)
+            if candidate.evidence is not None and (candidate.weight > LEAST_WEIGHT or of_source):
+                forces = np.array(one.settings.design_forces)
+                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, chains)
+
+
+def _sample(tasks: list[Task]) -> list[tuple[int, LawPosterior]]:
+    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
+    results: dict[int, LawPosterior] = {}
+    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
+    with (
+        progress("sampling", len(tasks)) as done,
+        ProcessPoolExecutor(max_workers=cpu_count(), mp_context=get_context("spawn")) as pool,
+    ):
+        futures = {pool.submit(sample_law, task): i for i, task in enumerate(tasks)}
+        for future in as_completed(futures):
+            i = futures[future]
+            results[i] = future.result()
+            failure = results[i].posterior.failure
+            done(tasks[i].candidate.name + (f" FAILED: {failure}" if failure else ""))
+    return [(task.record, results[i]) for i, task in enumerate(tasks)]
+
+
+def sample_law(task: Task) -> LawPosterior:
+    """Sample one law and check it against its data."""
+    checkpoint = checkpoint_in(task.chains, chain_key(task))
+    posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
+    amplitude = _tested_amplitudes(posterior_member(task.candidate, posterior.draws), task.data)
+    return LawPosterior(
+        law=task.candidate.law,
+        weight=task.candidate.weight,
+        posterior=posterior,
+        leave_one_out=leave_one_out(posterior, task.data),
+        check=predictive_check(posterior, task.data, amplitude, task.level, task.seed),
+        of_source=task.of_source,
+    )
+
+
+def chain_key(task: Task) -> str:
+    """A digest of everything the chains of a task depend on."""
+    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, versions())).encode())
+    for value in (*vars(task.data).values(), task.forces):
+        if isinstance(value, np.ndarray):
+            digest.update(np.ascontiguousarray(value).tobytes())
+    return digest.hexdigest()[:24]
+
+
+def posterior_member(candidate: Candidate, draws: np.ndarray) -> Member:
+    """A sampled candidate as a member of the average."""
+    assert candidate.coordinates is not None  # a sampled candidate was fitted
+    return Member(candidate.name, candidate.weight, candidate.coordinates, draws)
+
+
+def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
+    """Amplitude of each draw at each tested force, (draws, sweeps)."""
+    return amplitude_draws(member, data.tested_force, data)
+
+
+def _record_result(one: Input, ranking: Ranking, sampled: list[LawPosterior], settings: StudySettings) -> RecordResult:
+    """Predictions and power laws of one record."""
+    members = [
+        posterior_member(ranking.find(s.law), s.posterior.draws)
+        for s in sampled
+        if s.posterior.converged and s.weight > LEAST_WEIGHT
+    ]
+    design = np.array(one.settings.design_forces)
+    bands = loads = None
+    if design.size and members:
+        largest = max(design.max(), one.data.tested_force.max())
+        grid = np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID)
+        bands = predict(members, grid, one.data, settings.level, settings.seed)
+        loads = predict(members, design, one.data, settings.level, settings.seed)
+    return RecordResult(
+        name=one.settings.name,
+        title=one.settings.title or one.mode.name,
+        record=one.record,
+        mode=one.mode,
+        data=one.data,
+        ranking=ranking,
+        posteriors=tuple(sampled),
+        bands=bands,
+        design=loads,
+        power_laws=_power_laws(one.data),
+    )
+
+
+def _power_laws(data: Observations) -> tuple[PowerLaw, ...]:
+    """Both forms of section 4.3 from the tested resonances; none with fewer than two different ones."""
+    try:
+        F, A, omega = data.tested_force, data.tested_amplitude, data.tested_omega
+        return (fit_power_law(F, A, omega), fit_power_law(F, A, omega, "displacement-velocity-power"))
+    except AnalysisError:
+        return ()
+
+
+def _source_tables(settings: StudySettings) -> dict[str, pd.DataFrame]:
+    """Tables of the source report beside their recomputation, where the study is of it."""
+    if not settings.source_report:
+        return {}
+    from pipelines.source_tables import source_tables  # noqa: PLC0415 - only the Saturn V study needs the report
+
+    return source_tables()

@@ -1,0 +1,124 @@
+"""What a study leaves behind: report, summary, tables, figures, posteriors. Rendered first, then written whole."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from pipelines.extrapolate import loads_form
+from pipelines.rank import rank_form
+from pipelines.store import plain, to_json, write_bytes
+from selection.posterior.checks import inference_data
+from selection.records.serialise import record_to_csv
+from selection.report.build import render
+from selection.report.results import LawPosterior, RecordResult, StudyResult
+
+
+def write_study(study: StudyResult, out: Path) -> None:
+    """Write ``report.html``, ``summary.json``, ``*.csv``, ``figures/*.svg`` and ``posterior/*.nc`` under ``out``.
+
+    Everything is rendered before the first file is written. Files of an earlier study that this one does not have are
+    removed at the end, so that a folder never mixes two studies.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    files = study_files(study)
+    for name, content in files.items():
+        write_bytes(out / name, content)
+    for old in (*out.glob("*.csv"), *out.glob("figures/*.svg"), *out.glob("posterior/*.nc")):
+        if str(old.relative_to(out)) not in files:
+            old.unlink()
+
+
+def study_files(study: StudyResult) -> dict[str, bytes]:
+    """Every file of a study by its path under the output folder; the report comes last."""
+    rendered = render(study)
+    files: dict[str, bytes] = {}
+    for record in study.records:
+        for law in record.posteriors:
+            files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = netcdf(law, record)
+    files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
+    files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
+    files["summary.json"] = to_json(summary(study)).encode()
+    files["report.html"] = rendered.html.encode()
+    return files
+
+
+def slug(name: str) -> str:
+    """A law's name as part of a file name."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
+
+
+def netcdf(law: LawPosterior, record: RecordResult) -> bytes:
+    """A posterior as ArviZ netCDF."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "posterior.nc"
+        inference_data(law.posterior, record.data).to_netcdf(str(path))
+        return path.read_bytes()
+
+
+def summary(study: StudyResult) -> dict[str, Any]:
+    """The study as plain data."""
+    return {
+        "format": "study/1",
+        "title": study.title,
+        "seed": study.seed,
+        "level": study.level,
+        "inputs": dict(study.inputs),
+        "versions": dict(study.versions),
+        "records": [_record(record) for record in study.records],
+        "reproduction": _rows(study.tables, "reproduction", _REPRODUCTION),
+        "section_6_1": _rows(study.tables, "section_6_1"),
+        "errata": _rows(study.tables, "errata"),
+    }
+
+
+_REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
+
+
+def _rows(tables: Mapping[str, Any], name: str, columns: tuple[str, ...] | None = None) -> list[Any]:
+    """A table as a list of rows."""
+    if name not in tables:
+        return []
+    table = tables[name] if columns is None else tables[name][list(columns)]
+    rows: list[Any] = json.loads(table.to_json(orient="records", double_precision=15))
+    return rows
+
+
+def _record(record: RecordResult) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "title": record.title,
+        "mode": record.mode.name,
+        "units": asdict(record.mode.units),
+        "rank": rank_form(record.ranking),
+        "loads": loads_form(record.design) if record.design else None,
+        "power_laws": [
+            {"form": law.form, "p": law.p, "std_error": law.std_error, "p_low": law.p_low, "p_high": law.p_high}
+            | {"level": law.level, "degrees_of_freedom": law.degrees_of_freedom, "alpha": law.alpha}
+            for law in record.power_laws
+        ],
+        "posteriors": [_posterior(law) for law in record.posteriors],
+    }
+
+
+def _posterior(law: LawPosterior) -> dict[str, Any]:
+    return {
+        "law": law.law.name,
+        "weight": law.weight,
+        "of_source": law.of_source,
+        "converged": law.posterior.converged,
+        "failure": law.posterior.failure,
+        "steps": law.posterior.steps,
+        "acceptance": law.posterior.acceptance,
+        "log_marginal_likelihood": law.posterior.log_z,
+        "quantities": [asdict(diagnosis) for diagnosis in law.posterior.diagnoses],
+        "loo": plain(asdict(law.leave_one_out)),
+        "predictive_p_value": law.check.p_value,
+    }

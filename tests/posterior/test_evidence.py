@@ -1,0 +1,60 @@
+"""Marginal likelihoods against brute-force integration over the prior."""
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+from selection.errors import AnalysisError
+from selection.posterior.evidence import evidence, find_mode
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.likelihood import log_posterior
+
+
+@pytest.mark.parametrize("name", ["viscous", "velocity-squared", "displacement-velocity"])
+def test_one_force_against_quadrature(name, saturn):
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law((name,)), data)
+    found = evidence(c, data)
+    total, scatter = np.linspace(-1.0, 1.0, 1601), np.linspace(-6.0, 6.0, 601)
+    grid = np.stack(np.meshgrid(total, scatter, indexing="ij"), axis=-1)
+    density = np.exp(log_posterior(grid.reshape(-1, 2), c, data)).reshape(grid.shape[:2])
+    z = simpson(simpson(density, x=scatter, axis=1), x=total)
+    # five standard errors of the importance sampling (each about 0.8 %)
+    assert abs(found.log_z - np.log(z)) < 5.0 * found.standard_error
+    mean = simpson(simpson(density * grid[..., 0], x=scatter, axis=1), x=total) / z
+    spread = np.sqrt(simpson(simpson(density * (grid[..., 0] - mean) ** 2, x=scatter, axis=1), x=total) / z)
+    assert abs(found.draws[:, 0].mean() - mean) < 5.0 * spread / np.sqrt(found.effective_draws)
+
+
+def test_two_forces_against_prior_sampling(saturn):
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
+    found = evidence(c, data)
+    x = np.random.default_rng(0).standard_normal((400_000, c.dimension))
+    from selection.posterior.likelihood import log_likelihood
+
+    likelihood = np.exp(log_likelihood(x, c, data))
+    error = likelihood.std() / likelihood.mean() / np.sqrt(len(x))
+    assert abs(found.log_z - np.log(likelihood.mean())) < 5.0 * np.hypot(error, found.standard_error)
+
+
+def test_mode_is_a_maximum(saturn):
+    data = saturn("config-2-mode-2")
+    c = Coordinates.of(Law(("viscous", "quadratic-displacement")), data)
+    mode = find_mode(c, data)
+    around = mode + 1e-2 * np.random.default_rng(1).standard_normal((200, c.dimension))
+    assert log_posterior(mode, c, data)[0] >= log_posterior(around, c, data).max()
+
+
+def test_an_impossible_law_says_so(saturn):
+    data = saturn("config-2-mode-1")
+    with pytest.raises(AnalysisError, match="coulomb"):
+        evidence(Coordinates.of(Law(("coulomb",)), data), data)
+
+
+def test_a_seed_gives_the_same_digits(saturn):
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law(("viscous", "slip")), data)
+    first, second = evidence(c, data, seed=7), evidence(c, data, seed=7)
+    assert first.log_z == second.log_z
+    np.testing.assert_array_equal(first.draws, second.draws)

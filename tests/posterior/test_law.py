@@ -1,0 +1,63 @@
+"""Coordinates of a law: the prior is what the module says."""
+
+import numpy as np
+import pytest
+from scipy.stats import beta, kstest, lognorm, uniform
+
+from selection.posterior.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN, Coordinates, Law
+
+DRAWS = 20_000
+#: Kolmogorov-Smirnov p-value below which a prior is called wrong: one false alarm in ten thousand runs; the seed is
+#: fixed, so in fact none.
+ALARM = 1e-4
+
+
+def coordinates(components, saturn):
+    return Coordinates.of(Law(components), saturn("config-2-mode-1"))
+
+
+def prior_draws(c):
+    return np.random.default_rng(1).standard_normal((DRAWS, c.dimension))
+
+
+@pytest.mark.parametrize(
+    "components",
+    [("viscous", "coulomb"), ("viscous", "displacement", "velocity-squared"), ("viscous", "A^3", "A^4", "coulomb")],
+)
+def test_shares_are_uniform_over_the_simplex(components, saturn):
+    c = coordinates(components, saturn)
+    shares = c.shares(prior_draws(c))
+    np.testing.assert_allclose(shares.sum(axis=-1), 1.0, rtol=1e-12)  # rounding of a few sums
+    for share in shares.T:  # every marginal of a flat Dirichlet over k parts is Beta(1, k - 1)
+        assert kstest(share, beta(1, len(components) - 1).cdf).pvalue > ALARM
+
+
+def test_force_at_the_reference_is_the_total(saturn):
+    c = coordinates(("viscous", "velocity-squared"), saturn)
+    x = prior_draws(c)
+    amplitude, omega, force = c.reference
+    total = c.force(x).quadrature(amplitude, omega)[:, 0] / force
+    np.testing.assert_allclose(total, np.exp(x[:, 0]), rtol=1e-12)  # rounding
+    assert kstest(total, lognorm(1.0).cdf).pvalue > ALARM
+
+
+def test_shapes_and_scatter_follow_their_priors(saturn):
+    c = coordinates(("velocity-power",), saturn)
+    values = c.parameters(prior_draws(c))
+    low, high = EXPONENT_RANGE
+    assert kstest(values["velocity-power exponent"], uniform(low, high - low).cdf).pvalue > ALARM
+    assert kstest(values["scatter"], lognorm(SCATTER_LOG_SD, scale=SCATTER_MEDIAN).cdf).pvalue > ALARM
+
+
+def test_coefficients_are_never_negative_and_named(saturn):
+    c = coordinates(("viscous", "slip"), saturn)
+    values = c.parameters(prior_draws(c))
+    assert set(values) == {"viscous", "slip", "slip limit", "scatter"}
+    assert all(np.all(value >= 0.0) for value in values.values())
+    low, high = c.limit_range
+    assert np.all((values["slip limit"] >= low) & (values["slip limit"] <= high))
+
+
+def test_level_scatter_only_where_sweeps_have_several_rows(saturn):
+    assert Coordinates.of(Law(("viscous",)), saturn("config-2-mode-1")).names == ("total", "scatter")
+    assert Coordinates.of(Law(("viscous",)), saturn("config-1-mode-2-rough")).names == ("total", "scatter")

@@ -1,0 +1,125 @@
+"""The likelihood against dense algebra, closed forms and a change of units."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.likelihood import (
+    REACH,
+    log_likelihood,
+    log_posterior,
+    log_prior,
+    pointwise_log_likelihood,
+    residuals,
+)
+
+
+def swept(peaks, rows=5, levels=3):
+    """Several rows a sweep, with forces in phase as well, so that every part of the likelihood is at work."""
+    rng = np.random.default_rng(3)
+    n = rows * levels
+    A = rng.uniform(0.5, 1.5, n)
+    data = peaks(A, 2.0 * A * 10.0 * rng.uniform(0.97, 1.03, n), 10.0)
+    top = np.arange(levels) * rows
+    return replace(
+        data,
+        R=rng.uniform(0.0, 30.0, n),
+        sweep=np.repeat(np.arange(levels), rows),
+        sd_amplitude=np.full(n, 0.01),
+        sd_phase=np.full(n, 0.02),
+        sweeps=tuple("abc"[:levels]),
+        tested_force=data.D[top],
+        tested_amplitude=A[top],
+        tested_omega=data.omega[top],
+    )
+
+
+def test_against_a_dense_multivariate_normal(peaks):
+    data = swept(peaks)
+    c = Coordinates.of(Law(("viscous", "displacement")), data)
+    assert c.with_level_scatter
+    x = np.random.default_rng(4).standard_normal((6, c.dimension))
+    fast = log_likelihood(x, c, data)
+    n, h, known = residuals(c.force(x), data)
+    row, level = c.scatter(x)
+    same_sweep = data.sweep[:, None] == data.sweep[None, :]
+    for i in range(len(x)):
+        cov = np.diag(row[i] ** 2 + known[i]) + level[i] ** 2 * np.outer(h[i], h[i]) * same_sweep
+        dense = multivariate_normal(np.zeros(len(n[i])), cov).logpdf(n[i])
+        np.testing.assert_allclose(fast[i], dense, rtol=1e-9)  # two routes through 15 x 15 algebra
+
+
+def test_residual_at_resonance_is_the_relative_amplitude_error(peaks):
+    # C = (8/3 pi) c (A omega)^2: a 1 % amplitude error reads 1 % to first order, the next term being 1 % of that
+    A, omega, c = np.array([1.0, 1.4]), 10.0, 0.13
+    from selection.forces.catalogue import make
+
+    n, h, _ = residuals(make("velocity-squared", coefficient=c), peaks(1.01 * A, 8.0 / (3.0 * np.pi) * c * (A * omega) ** 2, omega))
+    np.testing.assert_allclose(n, -0.01, rtol=0.02)
+    np.testing.assert_allclose(h, 1.0, rtol=1e-12)
+
+
+def test_residual_far_from_resonance_is_the_phase_error(peaks):
+    from selection.forces.catalogue import make
+
+    A, omega, c, F, slip = np.array([1.0]), 10.0, 0.05, 100.0, 1e-3
+    phase = np.arcsin(c * omega / F) + slip  # tan(phi) = .005: the rest is stiffness
+    data = replace(peaks(A, F * np.sin(phase), omega), R=F * np.cos(phase))
+    n, h, _ = residuals(make("viscous", coefficient=c), data)
+    np.testing.assert_allclose(n, slip, rtol=1e-4)  # cos(phi) = 1 - 2e-5
+    assert abs(h[0]) < 0.01
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_residual_grows_without_bound_both_ways(factor, peaks):
+    from selection.forces.catalogue import make
+
+    A = np.array([1.0, 2.0])
+    n, _, _ = residuals(make("viscous", coefficient=2.0 * factor), peaks(A, 2.0 * A * 10.0, 10.0))
+    np.testing.assert_allclose(np.abs(n), 1e6, rtol=1e-5)  # (1 - 1e-6)/1e-6
+
+
+def test_units_change_nothing(saturn):
+    data = saturn("config-1-mode-2-rough")
+    pound, inch = 4.4482216152605, 0.0254
+    metric = replace(
+        data,
+        A=data.A * inch,
+        D=data.D * pound,
+        R=data.R * pound,
+        tested_amplitude=data.tested_amplitude * inch,
+        tested_force=data.tested_force * pound,
+    )
+    law = Law(("viscous", "velocity-squared"))
+    x = np.random.default_rng(5).standard_normal((4, 3))
+    np.testing.assert_allclose(
+        log_likelihood(x, Coordinates.of(law, data), data),
+        log_likelihood(x, Coordinates.of(law, metric), metric),
+        rtol=1e-9,  # rounding of the factors
+    )
+
+
+def test_prior_is_standard_normal_and_cut_off(peaks):
+    x = np.array([[0.3, -1.2], [2.0, 0.0]])
+    np.testing.assert_allclose(log_prior(x), norm.logpdf(x).sum(axis=1), rtol=1e-13)
+    data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
+    c = Coordinates.of(Law(("viscous",)), data)
+    assert log_posterior(np.array([[0.0, REACH + 1.0]]), c, data)[0] == -np.inf
+
+
+def test_a_law_that_cannot_carry_the_force_is_impossible(peaks):
+    data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
+    c = Coordinates.of(Law(("coulomb",)), data)
+    assert log_likelihood(np.zeros((1, c.dimension)), c, data)[0] == -np.inf
+
+
+def test_units_left_out_add_up(peaks):
+    data = swept(peaks)
+    c = Coordinates.of(Law(("viscous",)), data)
+    x = np.random.default_rng(6).standard_normal((3, c.dimension))
+    by_level = pointwise_log_likelihood(x, c, data)
+    assert by_level.shape == (3, 3)
+    np.testing.assert_allclose(by_level.sum(axis=1), log_likelihood(x, c, data), rtol=1e-12)

@@ -1,0 +1,96 @@
+"""Chains: reproducible, resumable, honest about failure, and right."""
+
+import numpy as np
+import pytest
+
+from pipelines.checkpoint import checkpoint_in, load_chain
+from selection.posterior.evidence import evidence
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.sampling import Settings, sample
+
+pytestmark = pytest.mark.sampling
+
+
+@pytest.fixture(scope="module")
+def problem(saturn):
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
+    return c, data, evidence(c, data)
+
+
+def nothing(x):
+    return {}
+
+
+def test_seed_reproduces_whatever_the_global_state(problem):
+    c, data, start = problem
+    np.random.seed(1)  # noqa: NPY002 - the point of the test: emcee copies this state unless told otherwise
+    first = sample(c, data, start, nothing, seed=5, settings=Settings(budget=250))
+    np.random.seed(2)  # noqa: NPY002 - as above
+    second = sample(c, data, start, nothing, seed=5, settings=Settings(budget=250))
+    np.testing.assert_array_equal(first.x, second.x)
+    assert not np.array_equal(first.x, sample(c, data, start, nothing, seed=6, settings=Settings(budget=250)).x)
+
+
+def test_converged_chain_agrees_with_importance_sampling(problem):
+    c, data, start = problem
+    posterior = sample(c, data, start, nothing, seed=1)
+    assert posterior.converged, posterior.failure
+    for d in posterior.diagnoses:
+        assert d.r_hat <= 1.01
+        assert d.effective_size >= 1000
+        assert d.lengths >= 50
+        independent = c.parameters(start.draws)[d.name]
+        error = np.hypot(d.monte_carlo_error, independent.std() / np.sqrt(start.effective_draws))
+        assert abs(d.mean - independent.mean()) < 5.0 * error  # two independent estimates, five standard errors
+
+
+def test_wrong_target_is_noticed(problem, saturn):
+    """The comparison above has teeth: the posterior of another record does not pass it."""
+    c, data, start = problem
+    posterior = sample(c, data, start, nothing, seed=1)
+    other = saturn("config-2-mode-2")
+    c2 = Coordinates.of(c.law, other)
+    wrong = c2.parameters(evidence(c2, other).draws)["viscous"]
+    d = posterior.diagnoses[0]
+    assert abs(d.mean - wrong.mean()) > 5.0 * np.hypot(d.monte_carlo_error, wrong.std() / np.sqrt(1000))
+
+
+def test_a_chain_that_does_not_get_there_is_failed(problem):
+    c, data, start = problem
+    posterior = sample(c, data, start, nothing, seed=1, settings=Settings(budget=50, block=50))
+    assert not posterior.converged
+    assert posterior.failure
+    assert posterior.steps == 50
+
+
+def test_interrupted_run_goes_on_to_the_same_digits(problem, tmp_path):
+    c, data, start = problem
+    settings = Settings(budget=200, block=100, lengths=1e9)  # never satisfied: runs to its budget
+    whole = sample(c, data, start, nothing, seed=3, settings=settings)
+
+    class InterruptError(Exception):
+        pass
+
+    checkpoint, saved = checkpoint_in(tmp_path, "key"), 0
+
+    def save_then_stop(ensemble, backend):
+        nonlocal saved
+        checkpoint.save(ensemble, backend)
+        saved += 1
+        if saved == 6:  # in the middle of the second block
+            raise InterruptError
+
+    from selection.posterior.sampling import Checkpoint
+
+    with pytest.raises(InterruptError):
+        sample(c, data, start, nothing, 3, settings, Checkpoint(checkpoint.load, save_then_stop))
+    assert load_chain(tmp_path / "key-0.h5").iteration == 200
+    assert load_chain(tmp_path / "key-3.h5").iteration == 100
+    resumed = sample(c, data, start, nothing, 3, settings, checkpoint_in(tmp_path, "key"))
+    np.testing.assert_array_equal(whole.x, resumed.x)
+
+
+def test_a_broken_checkpoint_is_no_checkpoint(tmp_path):
+    (tmp_path / "key-0.h5").write_bytes(b"not HDF")
+    assert load_chain(tmp_path / "key-0.h5") is None
