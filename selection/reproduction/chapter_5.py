@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import pi
 
 import numpy as np
 import pandas as pd
-from statsmodels.api import OLS
 
 from selection.arrays import FloatArray
 from selection.forces.catalogue import force_class
 from selection.forces.derived import coefficient_from_energy
 from selection.records.report_tables import Run, Version, load_table
+from selection.regression.columns import Columns
+from selection.regression.design import design_of
+from selection.regression.fit import fit
+from selection.regression.terms import parse_term
 from selection.reproduction.chapter_2 import CASES
 from selection.reproduction.columns import by_point, columns
 
 #: Energy terms by the names of the printed results.
 TERMS = {
-    "A2w": lambda A, omega: A**2 * omega,
-    "A3w": lambda A, omega: A**3 * omega,
-    "A3w2": lambda A, omega: A**3 * omega**2,
-    "A2": lambda A, omega: A**2,
-    "A4w": lambda A, omega: A**4 * omega,
+    "A2w": parse_term("A^2*omega"),
+    "A3w": parse_term("A^3*omega"),
+    "A3w2": parse_term("A^3*omega^2"),
+    "A2": parse_term("A^2"),
+    "A4w": parse_term("A^4*omega"),
 }
 EQUATION_5_3_3 = {"A2w": 1.455, "A3w": 0.827, "A3w2": 0.1179, "A2": 0.222, "A4w": 0.0223}
 GENERATOR = {"A2w": 1.571, "A3w": 1.067}
@@ -38,15 +42,16 @@ Polynomial = dict[str, float]
 
 def polynomial(coefficients: Polynomial, A: FloatArray, omega: FloatArray) -> FloatArray:
     """E(A, omega) = sum_k a_k phi_k(A, omega) (Eq. 5.2.5)."""
-    return np.sum([a * TERMS[name](A, omega) for name, a in coefficients.items()], axis=0)
+    column = {"A": A, "omega": omega}.__getitem__
+    return np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0)
 
 
-def regression(terms: Polynomial | tuple[str, ...], A: FloatArray, omega: FloatArray, E: FloatArray) -> Polynomial:
+def regression(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Polynomial:
     """Coefficients a_k of least squared deviation, no constant (Eq. 5.2.4)."""
-    X = np.column_stack([TERMS[name](A, omega) for name in terms])
-    scale = np.linalg.norm(X, axis=0)
-    a = OLS(E, X / scale).fit(method="qr").params / scale
-    return dict(zip(terms, (float(value) for value in a), strict=True))
+    names = tuple(terms)
+    data = Columns({"A": A, "omega": omega, "E": E}, np.arange(len(E)), ())
+    fitted = fit(design_of(data, "E", [TERMS[name] for name in names]))
+    return dict(zip(names, fitted.coefficients.tolist(), strict=True))
 
 
 def percent_deviation(E: FloatArray, fitted: FloatArray) -> FloatArray:

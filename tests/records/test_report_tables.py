@@ -13,6 +13,8 @@ import pytest
 
 from selection.errors import InputError
 from selection.records import report_tables
+from selection.records.mode import read_mode
+from selection.records.reading import read_record
 from selection.records.report_records import RECORD_NAMES, mode_text, record_text, report_record
 from selection.records.report_tables import (
     TABLE_NAMES,
@@ -155,6 +157,16 @@ def test_force_laws_are_section_6_1() -> None:
 def test_committed_records_and_modes_are_generated(name: str) -> None:
     assert (FOLDER / "records" / f"{name}.csv").read_text(encoding="utf-8") == record_text(name)
     assert (FOLDER / "modes" / f"{name}.toml").read_text(encoding="utf-8") == mode_text(name)
+
+
+@pytest.mark.parametrize("name", RECORD_NAMES)
+def test_committed_files_are_read(name: str) -> None:
+    record = read_record(FOLDER / "records" / f"{name}.csv")
+    assert list(record.table["amplitude"]) == pytest.approx(
+        list(report_record(name)["amplitude"]), rel=1e-9
+    )  # ten digits
+    mode = read_mode(FOLDER / "modes" / f"{name}.toml")
+    assert list(mode.damping) == ["viscous"]
 
 
 def test_the_rough_record_conserves_energy() -> None:
