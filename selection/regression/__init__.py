@@ -1,0 +1,1 @@
+"""The regression program: terms of columns, one fit with its statistics, which terms stay, what deviates."""

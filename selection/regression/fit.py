@@ -1,0 +1,158 @@
+"""One regression with its statistics (report, section 5.2): arrays in, a frozen result out.
+
+The fit minimises sum_j (sum_k a_k phi_k(Q_j) - E(Q_j))^2 (Eq. 5.2.4). The columns are replaced by an orthonormal basis,
+statsmodels fits what a first solution left over, and the coefficients and their statistics are linear combinations of
+that fit's: the condition of the columns costs no digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from selection.arrays import BoolArray, FloatArray
+from selection.regression.basis import Basis, decompose, power_of_two
+from selection.regression.criteria import Criteria, criteria, leave_one_out
+from selection.regression.design import Design
+from selection.regression.extended import deviations
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model.
+
+    ``names`` (k) of the terms; ``coefficients``, ``std_errors``, ``t_ratios``, ``p_values`` (two-sided, Student's t)
+    (k,) and ``covariance`` (k, k) of the coefficients, NaN without degrees of freedom; ``active`` (k,) False for terms
+    that a constraint holds at 0 (they have no statistics); ``observed``, ``deviations`` = observed - fitted and
+    ``leverages`` (n,); ``condition_number`` of all columns scaled to unit norm.
+    """
+
+    names: tuple[str, ...]
+    coefficients: FloatArray
+    std_errors: FloatArray
+    t_ratios: FloatArray
+    p_values: FloatArray
+    covariance: FloatArray
+    active: BoolArray
+    observed: FloatArray
+    deviations: FloatArray
+    leverages: FloatArray
+    condition_number: float
+
+    @property
+    def n(self) -> int:
+        """Number of observations."""
+        return len(self.observed)
+
+    @property
+    def k(self) -> int:
+        """Number of coefficients that were free."""
+        return int(self.active.sum())
+
+    @property
+    def fitted(self) -> FloatArray:
+        """Fitted response (n,)."""
+        return self.observed - self.deviations
+
+    @property
+    def sse(self) -> float:
+        """Sum of squared deviations."""
+        return _squares(self.deviations)
+
+    @property
+    def rms_error(self) -> float:
+        """sqrt(SSE/n)."""
+        return float(np.linalg.norm(self.deviations) / np.sqrt(self.n))
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the regression, sqrt(SSE/(n - k)); NaN without degrees of freedom."""
+        return float(np.linalg.norm(self.deviations) / np.sqrt(self.n - self.k)) if self.n > self.k else np.nan
+
+    @property
+    def r_squared(self) -> float:
+        """1 - SSE/sum y^2, about zero: the one for a model without a constant. NaN if the response is zero."""
+        return _explained(self.deviations, self.observed)
+
+    @property
+    def r_squared_centred(self) -> float:
+        """1 - SSE/sum (y - mean)^2, about the mean: the one for a model with a constant (below 0 where the model is
+        worse than the mean). NaN if the response does not vary."""
+        if np.ptp(self.observed) == 0.0:
+            return np.nan
+        return _explained(self.deviations, self.observed - self.observed.mean())
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of fitted against observed; NaN if either does not vary."""
+        fitted, observed = self.fitted - self.fitted.mean(), self.observed - self.observed.mean()
+        rounding = 8.0 * np.finfo(np.float64).eps * np.linalg.norm(self.observed)
+        if min(np.linalg.norm(fitted), np.linalg.norm(observed)) <= rounding:
+            return np.nan
+        return float(np.clip(fitted @ observed / (np.linalg.norm(fitted) * np.linalg.norm(observed)), -1.0, 1.0))
+
+    @property
+    def criteria(self) -> Criteria:
+        """AIC, AICc, BIC, adjusted R^2 and leave-one-out error, k counting the free coefficients."""
+        return criteria(self.sse, leave_one_out(self.deviations, self.leverages), self.k, self.observed)
+
+
+def fit(design: Design, basis: Basis | None = None) -> Fit:
+    """Least-squares fit of a design.
+
+    Args:
+        design: terms and response.
+        basis: of the design, where it is at hand.
+
+    Raises:
+        AnalysisError: the design is numerically rank-deficient; the columns are named.
+    """
+    basis = decompose(design) if basis is None else basis
+    unit = float(power_of_two(np.abs(design.observed).max(keepdims=True))[0])
+    observed = design.observed / unit
+    first = basis.inverse @ (basis.orthonormal.T @ observed)
+    left = deviations((design.columns / basis.scale, design.tails / basis.scale), first, observed)
+    correction, covariance, left = _statistics(left, basis)
+    coefficients = (first + correction) / basis.scale * unit
+    covariance = covariance / np.outer(basis.scale, basis.scale) * unit**2
+    std_errors = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t_ratios = coefficients / std_errors
+    p_values = 2.0 * stats.t.sf(np.abs(t_ratios), max(design.n - design.k, 1))
+    return Fit(
+        names=design.names,
+        coefficients=coefficients,
+        std_errors=std_errors,
+        t_ratios=t_ratios,
+        p_values=p_values,
+        covariance=covariance,
+        active=np.ones(design.k, dtype=np.bool_),
+        observed=design.observed,
+        deviations=left * unit,
+        leverages=np.einsum("nk,nk->n", basis.orthonormal, basis.orthonormal),
+        condition_number=basis.condition_number,
+    )
+
+
+def _statistics(left: FloatArray, basis: Basis) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients (k,) of what is left over, their covariance (k, k) and the deviations (n,), on scaled columns."""
+    from statsmodels.regression.linear_model import OLS  # noqa: PLC0415 - takes a second, only a fit needs it
+
+    n, k = basis.orthonormal.shape
+    result = OLS(left, basis.orthonormal).fit(method="qr")
+    correction = basis.inverse @ np.asarray(result.params)
+    if n == k:
+        return correction, np.full((k, k), np.nan), np.asarray(result.resid)
+    return correction, np.asarray(result.cov_params(r_matrix=basis.inverse)), np.asarray(result.resid)
+
+
+def _squares(values: FloatArray) -> float:
+    with np.errstate(over="ignore"):
+        return float(values @ values)
+
+
+def _explained(deviations: FloatArray, about: FloatArray) -> float:
+    size = np.linalg.norm(about)
+    return float(1.0 - (np.linalg.norm(deviations) / size) ** 2) if size > 0.0 else np.nan
