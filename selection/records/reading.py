@@ -125,25 +125,27 @@ def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
 def _names(header: list[str], line: int, file: str | Path) -> list[str]:
     """Column names, stripped; each must be there and occur once."""
     names = [unguarded(name.strip()) for name in header]
+    seen: set[str] = set()
     for position, name in enumerate(names):
         if not name:
             raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
-        if name in names[:position]:
-            raise InputError("column name occurs twice", file=file, line=line, column=name, expected="it once")
+        if name in seen:
+            raise InputError("occurs twice", file=file, line=line, column=shortened(name), expected="each column once")
+        seen.add(name)
     return names
 
 
 def _require(required: Sequence[str], names: list[str], line: int, file: str | Path) -> None:
+    """InputError that names the required columns that are missing, if any are."""
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    separator = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)
-    if separator is not None:
-        hint = f" (cells are separated by {'semicolons' if separator == ';' else 'tabs'})"
+    alike = nearest(missing[0], names, likeness=0.6)
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        hint = " (the header is separated by semicolons or tabs)"
     else:
-        hint = f" (is {shortened(nearest(missing[0], names))!r} meant?)"
-    plural = "s" if len(missing) > 1 else ""
-    message = f"missing column{plural} {', '.join(missing)}{hint}"
+        hint = f" (is {shortened(alike)!r} meant?)" if alike else ""
+    message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 

@@ -114,7 +114,7 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     then differ by a real number, M (omega_2 - omega_1) (1 + omega_n^2/(omega_1 omega_2)), so the argument of the
     difference is the offset. The result is the median over all pairs of rows on either side of the largest A/F,
     weighted by likeness of amplitude and by the distance of the two Y relative to their size. Damping that grows with
-    another power n of frequency displaces it by n - 1 damping ratios.
+    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs.
 
     0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), or
     where the result is beyond ``LARGEST_OFFSET``.

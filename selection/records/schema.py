@@ -60,11 +60,9 @@ EFFECT_NAMES: tuple[str, ...] = (
 )
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name most like ``name`` (the first known one where none is alike)."""
-    names = list(known)
-    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-    return matches[0] if matches else names[0]
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
+    """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
 
 
 def record_schema() -> pa.DataFrameSchema:

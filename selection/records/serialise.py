@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
+import re
 
 import numpy as np
 import pandas as pd
 
 from selection.records.record import Record
 from selection.records.text import guarded
+
+_QUOTED = re.compile(r'[,"\r\n]')  # the csv module leaves a lone carriage return bare
 
 
 def record_to_csv(record: Record | pd.DataFrame) -> str:
@@ -21,22 +22,20 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
     execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
     """
     table = record.table if isinstance(record, Record) else record
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([_cell(str(name)) for name in table.columns])
-    writer.writerows(zip(*(_cells(table.iloc[:, i]) for i in range(table.shape[1])), strict=True))
-    return stream.getvalue()
-
-
-def _cells(column: pd.Series) -> list[str]:
-    return [_cell(value) for value in column.tolist()]
+    header = [_cell(str(name)) for name in table.columns]
+    columns = [[_cell(value) for value in table.iloc[:, i].tolist()] for i in range(table.shape[1])]
+    return "".join(",".join(row) + "\n" for row in [header, *zip(*columns, strict=True)])
 
 
 def _cell(value: object) -> str:
     if isinstance(value, str):
-        return guarded(value)
+        return _quoted(guarded(value))
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, float | np.floating):
         return repr(float(value))
-    return str(value)
+    return _quoted(str(value))
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if _QUOTED.search(text) else text

@@ -1,0 +1,270 @@
+"""Mode files: what they may hold, every refusal with its line, and the round trip."""
+
+from dataclasses import replace
+from math import pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selection.errors import InputError
+from selection.records.keys import MAX_TOML_SIZE
+from selection.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
+from selection.records.schema import EFFECT_NAMES, FORCE_PARAMETERS
+
+MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
+FORCES = ", ".join(FORCE_PARAMETERS)
+EFFECTS = ", ".join(EFFECT_NAMES)
+
+WHOLE = """\
+[mode]
+name = "Configuration II, first mode"
+frequency = 1.5
+mass = 2
+
+[mode.tolerance]
+mass = 0.01
+
+[repeatability]
+frequency = 0.002
+
+[units]
+force = "lb"
+length = "in"
+time = "s"
+
+[damping]
+viscous = 1.77
+velocity-squared = {coefficient = 0.23}
+velocity-power = {coefficient = 0.19, exponent = 1.65}
+
+[damping.slip]
+stiffness = 40.0
+limit = 0.01
+
+[effects.phase-lag]
+lag = -0.05
+[effects.planar-coupling]
+"""
+
+# content, and what the error says after the name of the file
+REFUSED = {
+    "empty": ("", ": the file is empty"),
+    "not UTF-8": (
+        MODE.encode() + b"# \xe9\n",
+        ", line 5: byte 0xe9 at byte 3 of the line is not UTF-8 text; expected text in UTF-8",
+    ),
+    "nested": (MODE + "x = " + "[" * 5000, ": not TOML: nested too deeply; expected tables of a mode"),
+    "no mode": ("[damping]\nviscous = 1\n", ": no table [mode]; expected [mode]"),
+    "mode is no table": ("mode = 1\n", ", line 1, column mode: is a number; expected a table"),
+    "no mass": (MODE.replace("mass", "# mass"), ", line 1: no mass in [mode]; expected a number > 0"),
+    "unknown table": (
+        MODE + "[repeatibility]\n",
+        ", line 5, column repeatibility: unknown key; "
+        "expected repeatability (nearest of mode, repeatability, units, damping, effects)",
+    ),
+    "unknown key": (
+        "# frequncy\n" + MODE + "frequncy = 1\n",
+        ", line 6, column frequncy: unknown key in [mode]; "
+        "expected frequency (nearest of name, frequency, mass, tolerance)",
+    ),
+    "unknown tolerance": (
+        MODE + "[mode.tolerance]\nmass = 0.1\n\nfreq = 1\n",
+        ", line 8, column freq: unknown key in [mode.tolerance]; "
+        "expected frequency (nearest of frequency, mass, viscous)",
+    ),
+    "unknown unit": (
+        'units.lenght = "m"\n' + MODE,
+        ", line 1, column lenght: unknown key in [units]; expected length (nearest of force, length, time)",
+    ),
+    "unknown force": (
+        MODE + "[damping]\nviscous = 1\nvelocity-sqared = 2\n",
+        f", line 7, column velocity-sqared: unknown key in [damping]; expected velocity-squared (nearest of {FORCES})",
+    ),
+    "unknown inline": (
+        MODE + "[damping]\nvelocity-power = {coefficient = 1, exponant = 2}\n",
+        ", line 6, column exponant: unknown key in [damping.velocity-power]; "
+        "expected exponent (nearest of coefficient, exponent)",
+    ),
+    "unknown effect": (
+        MODE + "[effects.coulomb-fraction]\nlevel = 1\n",
+        ", line 5, column coulomb-fraction: unknown key in [effects]; "
+        f"expected coulomb-friction (nearest of {EFFECTS})",
+    ),
+    "number as text": (MODE.replace("3", '"3"'), ", line 4, column mass: is text; expected a number > 0"),
+    "number as flag": (MODE.replace("3", "true"), ", line 4, column mass: is true or false; expected a number > 0"),
+    "number as date": (
+        MODE.replace("3", "2001-02-03"),
+        ", line 4, column mass: is a date or time; expected a number > 0",
+    ),
+    "list over lines": (MODE.replace("3", "[\n1,\n2]"), ", line 4, column mass: is a list; expected a number > 0"),
+    "text as number": (MODE.replace('"first"', "1"), ", line 2, column name: is a number; expected a text in quotes"),
+    "nan": (MODE.replace("3", "nan"), ", line 4, column mass: is nan; expected a number > 0"),
+    "inf": (MODE.replace("2.5", "inf"), ", line 3, column frequency: is inf; expected a number > 0"),
+    "huge": (MODE.replace("3", "1" + "0" * 400), ", line 4, column mass: is inf; expected a number > 0"),
+    "zero mass": (MODE.replace("3", "0"), ", line 4, column mass: is 0; expected a number > 0"),
+    "negative frequency": (MODE.replace("2.5", "-2.5"), ", line 3, column frequency: is -2.5; expected a number > 0"),
+    "tolerance": (
+        MODE + "[mode.tolerance]\nmass = -0.1\n",
+        ", line 6, column mass: is -0.1; expected a number >= 0",
+    ),
+    "repeatability": (
+        MODE + "[repeatability]\namplitude = -0.1\n",
+        ", line 6, column amplitude: is -0.1; expected a number >= 0",
+    ),
+    "coefficient": (MODE + "[damping]\nviscous = -1\n", ", line 6, column viscous: is -1; expected a number >= 0"),
+    "force as number": (
+        MODE + "[damping]\nslip = 1\n",
+        ", line 6, column slip: is a number; expected {stiffness = ..., limit = ...}",
+    ),
+    "no exponent": (
+        MODE + "[damping.velocity-power]\ncoefficient = 1\n",
+        ", line 5: no exponent in [damping.velocity-power]; expected a number > 0",
+    ),
+    "zero limit": (
+        MODE + "[damping]\nslip = {stiffness = 1, limit = 0}\n",
+        ", line 6, column limit: is 0; expected a number > 0",
+    ),
+    "effect": (MODE + '[effects.slip]\na = 1\nb = "c"\n', ", line 7, column b: is text; expected a finite number"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_in_one_line_that_names_the_place(case, scratch):
+    content, said = REFUSED[case]
+    path = scratch(content, "mode.toml")
+    with pytest.raises(InputError) as caught:
+        read_mode(path)
+    assert str(caught.value) == f"{path}{said}"
+    assert len(str(caught.value).splitlines()) == 1
+
+
+# the wording after "not TOML" is that of the Python version
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        (MODE + "[damping\n", ", line 5, column 9: not TOML: "),
+        (MODE + "[damping]\nviscous =", ", line 6: not TOML: "),
+        (MODE.replace('first"', "first"), ", line 2, column 14: not TOML: "),
+        (MODE + "mass = 4\n", ", line 5, column 9: not TOML: "),
+    ],
+)
+def test_syntax_errors_name_the_place(content, place, scratch):
+    path = scratch(content, "mode.toml")
+    with pytest.raises(InputError) as caught:
+        read_mode(path)
+    assert str(caught.value).startswith(f"{path}{place}")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_sizes_are_bounded(scratch):
+    path = scratch(MODE, "mode.toml")
+    with pytest.raises(InputError, match="larger than 10 bytes"):
+        read_mode(path, max_size=10)
+    with pytest.raises(InputError, match=f"larger than {MAX_TOML_SIZE} bytes"):
+        read_mode(scratch(MODE + "#" * MAX_TOML_SIZE, "mode.toml"))
+    with pytest.raises(InputError, match=r"not TOML: .* integer string conversion"):
+        read_mode(scratch(MODE + "x = " + "1" * 5000, "mode.toml"))
+
+
+def test_whole_file(scratch):
+    mode = read_mode(scratch(WHOLE, "mode.toml"))
+    assert mode.name == "Configuration II, first mode"
+    assert mode.omega_n == 2 * pi * 1.5
+    assert mode.mass == 2.0
+    assert mode.tolerance == Tolerance(frequency=0.001, mass=0.01, viscous=0.05)
+    assert mode.repeatability == Repeatability(amplitude=None, frequency=0.002)
+    assert str(mode.units) == "force in lb, length in in, time in s"
+    assert mode.damping == {
+        "viscous": {"coefficient": 1.77},
+        "velocity-squared": {"coefficient": 0.23},
+        "velocity-power": {"coefficient": 0.19, "exponent": 1.65},
+        "slip": {"stiffness": 40.0, "limit": 0.01},
+    }
+    assert mode.effects == {"phase-lag": {"lag": -0.05}, "planar-coupling": {}}
+    assert replace(read_mode(scratch(mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
+
+
+def test_defaults(scratch):
+    path = scratch(("\ufeff" + MODE.replace('name = "first"\n', "")).replace("\n", "\r\n"), "a mode.toml")
+    assert read_mode(path) == Mode("a mode", 2.5, 3.0, source=str(path))
+    assert str(Units()) == "one consistent system of units"
+
+
+POSITIVE = st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+MODES = st.builds(
+    Mode,
+    name=TEXT.filter(lambda text: "\r" not in text and "\n" not in text),
+    frequency=POSITIVE,
+    mass=POSITIVE,
+    tolerance=st.builds(Tolerance, POSITIVE, POSITIVE, POSITIVE),
+    repeatability=st.builds(Repeatability, st.none() | POSITIVE, st.none() | POSITIVE),
+    units=st.builds(Units, TEXT, TEXT, TEXT),
+    damping=st.fixed_dictionaries(
+        {},
+        optional={
+            name: st.fixed_dictionaries(dict.fromkeys(keys, POSITIVE)) for name, keys in FORCE_PARAMETERS.items()
+        },
+    ),
+    effects=st.fixed_dictionaries({}, optional=dict.fromkeys(EFFECT_NAMES, st.dictionaries(TEXT, NUMBERS, max_size=3))),
+)
+
+
+@settings(deadline=None, max_examples=100)
+@given(mode=MODES)
+def test_round_trip(mode, scratch):
+    path = scratch(mode_to_toml(mode), "mode.toml")
+    assert read_mode(path) == replace(mode, source=str(path))
+
+
+def outcome(read, path):
+    """What reading gives and the InputError it raised, one of them None; any other exception is a failure."""
+    try:
+        return read(path), None
+    except InputError as error:
+        return None, error
+
+
+WORDS = st.sampled_from(
+    [
+        "mode",
+        "[",
+        "]",
+        "=",
+        "\n",
+        ".",
+        "1",
+        "-1",
+        "nan",
+        '"',
+        "'''",
+        "mass",
+        "frequency",
+        "damping",
+        "slip",
+        "{",
+        "}",
+        ",",
+        "é",
+        "\0",
+    ]
+)
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    content=st.one_of(
+        st.binary(max_size=100),
+        st.lists(WORDS, max_size=30).map(lambda words: "".join(words).encode()),
+        st.lists(WORDS, max_size=12).map(lambda words: (MODE + "".join(words)).encode()),
+    )
+)
+def test_anything_is_a_mode_or_bad_input(content, scratch):
+    mode, error = outcome(read_mode, scratch(content, "mode.toml"))
+    if error is None:
+        assert mode.mass > 0.0
+        assert mode.frequency > 0.0
+    else:
+        assert len(str(error).splitlines()) == 1

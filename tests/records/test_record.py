@@ -1,0 +1,44 @@
+"""A record's rows by sweep."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selection.errors import InputError
+from selection.records.record import Record
+
+TABLE = pd.DataFrame(
+    {
+        "sweep": ["up", "low", "up", "low", "high"],
+        "force": [2.0, 1.0, 2.0, 1.0, 3.0],
+        "frequency": [1.0, 2.0, 3.0, 4.0, 5.0],
+        "amplitude": [1.0, 1.0, 2.0, 2.0, 3.0],
+    }
+)
+
+
+def test_sweeps_in_order_of_appearance_and_rows_in_file_order():
+    record = Record(TABLE, "made.csv")
+    assert record.sweeps == ("up", "low", "high")
+    assert not record.has_phase
+    low = record.of("low")
+    assert low.column("frequency").tolist() == [2.0, 4.0]
+    assert low.table.index.tolist() == [0, 1]
+    rest = record.without(["low", "high"])
+    assert rest.sweeps == ("up",)
+    assert rest.column("frequency").tolist() == [1.0, 3.0]
+    assert len(record) == 5
+    assert record.source == rest.source == "made.csv"
+
+
+def test_columns_are_copies_and_masses_fall_back():
+    record = Record(TABLE.assign(mass=[np.nan, 5.0, 6.0, np.nan, 7.0]), "made.csv")
+    record.column("force")[:] = 0.0
+    assert record.column("force").min() == 1.0
+    np.testing.assert_array_equal(record.masses(9.0), [9.0, 5.0, 6.0, 9.0, 7.0])
+    np.testing.assert_array_equal(Record(TABLE, "").masses(9.0), np.full(5, 9.0))
+
+
+def test_unknown_sweep():
+    with pytest.raises(InputError, match=r"made\.csv: no sweep 'hihg'; expected one of up, low, high"):
+        Record(TABLE, "made.csv").of("hihg")

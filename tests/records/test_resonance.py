@@ -1,0 +1,235 @@
+"""Energy per cycle, phase offset and phase resonance against closed forms and a time integration."""
+
+from math import pi
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selection.errors import InputError
+from selection.records.record import Record
+from selection.records.resonance import energy_per_cycle, phase_offset, resonance, resonances
+
+M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
+HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz
+
+
+def record(force, frequency, amplitude, phase=None, **others):
+    columns = {"sweep": "A", "force": force, "frequency": frequency, "amplitude": amplitude, **others}
+    if phase is not None:
+        columns["phase"] = phase
+    return Record(pd.DataFrame(columns), "made")
+
+
+def linear(frequency, force=1.5):
+    """Amplitude and phase of a linear mode under a force amplitude: F/A exp(i phase) = M (omega_n^2 - w^2) + i C w."""
+    w = 2 * pi * frequency
+    Z = M * (OMEGA_N**2 - w**2) + 1j * C * w
+    return force / np.abs(Z), np.angle(Z)
+
+
+def grid(n, span=5.0):
+    return OMEGA_N / (2 * pi) + np.linspace(-span, span, n) * HALF_WIDTH
+
+
+LINEAR_PEAK = 1.5 / (C * OMEGA_N)  # amplitude at phase pi/2
+
+
+def friction(force, friction, amplitudes, cubic=0.0):
+    """Frequency (rising), amplitude, phase of M q'' + K q + cubic q^3 + h q (in quadrature) + Coulomb friction.
+
+    For a given A below the largest, sin(phase) = (h A + 4 R/pi)/F, and both signs of cos(phase) give a frequency in
+    closed form: M w^2 = K + 3/4 cubic A^2 - F cos(phase)/A. No damping here depends on frequency.
+    """
+    sine = (C * OMEGA_N * amplitudes + 4 * friction / pi) / force
+    A, cosine = np.r_[amplitudes, amplitudes[::-1]], np.sqrt(1 - np.r_[sine, sine[::-1]] ** 2)
+    cosine[len(amplitudes) :] *= -1
+    w = np.sqrt(OMEGA_N**2 + (0.75 * cubic * A**2 - force * cosine / A) / M)
+    return w / (2 * pi), A, np.arccos(cosine)
+
+
+@pytest.mark.parametrize("n", [4, 6, 11, 40])
+@pytest.mark.parametrize("control", ["force", "amplitude"])
+def test_linear_resonance_is_exact(n, control):
+    frequency = grid(n) + 0.13 * HALF_WIDTH  # no row at resonance
+    A, phase = linear(frequency)
+    F = np.full(n, 1.5)
+    if control == "amplitude":
+        F, A = F * LINEAR_PEAK / A, np.full(n, LINEAR_PEAK)
+    found = resonance(record(F, frequency, A, phase), "A")
+    assert found.method == "interpolated"
+    # Z is linear in omega but for terms of second order in the distance of the rows used, in damping ratios of 0.005:
+    # within one half width for the fit, 3.3 half widths between the rows of n = 4
+    rel = 3e-5 if n == 40 else 3e-4
+    assert found.amplitude / found.force == pytest.approx(LINEAR_PEAK / 1.5, rel=rel)
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), abs=0.01 * HALF_WIDTH)
+    if control == "force" or n == 40:  # two neighbours at constant amplitude are exact in A/F only
+        assert found.force == pytest.approx(1.5, rel=rel)
+
+
+@pytest.mark.parametrize("offset", [-0.3, -0.01, 0.0, 0.05, 0.6])
+def test_phase_offset_of_a_linear_mode_is_exact(offset):
+    frequency = grid(60)
+    A, phase = linear(frequency)
+    # C/omega is the same for all rows of a viscous mode, so every pair gives the offset to rounding
+    assert phase_offset(np.full(60, 1.5), frequency, A, phase + offset) == pytest.approx(offset, abs=1e-12)
+    found = resonance(record(1.5, frequency, A, phase + offset), "A")
+    assert found.phase_offset == pytest.approx(offset, abs=1e-12)
+    assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=3e-5)
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), abs=0.01 * HALF_WIDTH)
+
+
+@pytest.mark.parametrize("cubic", [-3e4, 0.0, 3e4])
+@pytest.mark.parametrize("R", [0.0, 0.5])
+def test_phase_offset_whatever_friction_and_stiffness(R, cubic):
+    top = (1.5 - 4 * R / pi) / (C * OMEGA_N)
+    f, A, phase = friction(1.5, R, top * np.sin(np.linspace(0.1, 1.5, 30)), cubic)
+    offset = phase_offset(np.full(60, 1.5), f, A, phase + 0.05)
+    # damping independent of frequency, n = 0, displaces it by one damping ratio C/(2 M omega_n^2 A) of the pairs, which
+    # friction makes grow as A falls; pairs of unequal amplitude add less than 0.001
+    ratio = (C * OMEGA_N + 4 * R / (pi * A)) / (2 * M * OMEGA_N**2)
+    assert ratio.min() - 1e-3 < offset - 0.05 < ratio.max() + 1e-3
+    found = resonance(record(1.5, f, A, phase + 0.05), "A")
+    # sin(phase) is 1 to second order in what is left of the offset; dA/A = F/(F - 4R/pi) times that
+    assert found.amplitude == pytest.approx(top, rel=2e-3)
+
+
+def test_offset_needs_both_wings():
+    A, phase = linear(grid(60))
+    wing = grid(60) < OMEGA_N / (2 * pi) + 0.2 * HALF_WIDTH
+    assert phase_offset(np.full(wing.sum(), 1.5), grid(60)[wing], A[wing], phase[wing] + 0.05) == 0.0
+    assert phase_offset(np.full(60, 1.5), grid(60), A, phase + 1.0) == 0.0  # beyond 45 degrees
+
+
+def test_order_direction_and_repeated_points_do_not_matter():
+    frequency = grid(41)
+    A, phase = linear(frequency)
+    table = record(1.5, frequency, A, phase + 0.05).table
+    reference = resonance(Record(table, ""), "A")
+    for order in (slice(None, None, -1), np.random.default_rng(3).permutation(41)):
+        found = resonance(Record(table.iloc[order].reset_index(drop=True), ""), "A")
+        assert (found.force, found.frequency, found.amplitude, found.phase_offset) == pytest.approx(
+            (reference.force, reference.frequency, reference.amplitude, reference.phase_offset), rel=1e-9
+        )
+    twice = Record(pd.concat([table, table], ignore_index=True), "")
+    assert resonance(twice, "A").amplitude == pytest.approx(reference.amplitude, rel=1e-9)
+
+
+def test_noise_averages_out():
+    rng, frequency = np.random.default_rng(7), grid(50)
+    A, phase = linear(frequency)
+    draws = [
+        resonance(
+            record(
+                1.5,
+                frequency,
+                A * (1 + 0.01 * rng.standard_normal(50)),
+                phase + 0.05 + 0.0125 * rng.standard_normal(50),
+            ),
+            "A",
+        )
+        for _ in range(100)
+    ]
+    errors = np.array([[d.amplitude / LINEAR_PEAK - 1, d.phase_offset - 0.05] for d in draws])
+    # 9 rows lie between the half-power points; three are spent on the fit: 1 % / sqrt(9/3) and less; 4 standard errors
+    assert errors[:, 0].std() < 0.0075
+    np.testing.assert_allclose(errors.mean(axis=0), 0.0, rtol=0, atol=4 * 0.0075 / 10)
+    assert all(d.method == "interpolated" for d in draws)
+
+
+@pytest.mark.parametrize("cubic", [-2e6, 2e6])
+def test_a_sweep_that_jumps(cubic):
+    """A bistable mode, swept in the direction in which the branch of large amplitude is followed to its end."""
+    f, A, phase = friction(1.5, 0.0, LINEAR_PEAK * np.sin(np.linspace(0.05, 1.55, 200)), cubic)
+    below = np.arange(200)  # the rising side; its mirror is the other
+    branch = below if cubic > 0 else 399 - below
+    beyond = f[branch].max() * 1.002 if cubic > 0 else f[branch].min() * 0.998
+    low, low_phase = linear(np.array([beyond]))  # small amplitudes are linear
+    kept = slice(20, 199, 20)
+    found = resonance(
+        record(1.5, np.r_[f[branch][kept], beyond], np.r_[A[branch][kept], low], np.r_[phase[branch][kept], low_phase]),
+        "A",
+    )
+    assert found.method == "interpolated"
+    # the last row before the jump is at sin(phase) = sin(1.41) = 0.987; equal h on both branches gives the rest
+    assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=5e-3)
+
+
+def test_without_a_passage_the_largest_amplitude_is_taken():
+    frequency = grid(41)
+    A, phase = linear(frequency)
+    wing = frequency < OMEGA_N / (2 * pi) - HALF_WIDTH
+    table = record(1.5, frequency[wing], A[wing], phase[wing]).table
+    found = resonance(Record(table, ""), "A")
+    assert (found.method, found.row, found.amplitude) == ("peak", wing.sum() - 1, A[wing].max())
+    # phases counted as lead pass -pi/2, not pi/2
+    assert resonance(record(1.5, frequency, A, -phase), "A").method == "peak"
+    assert resonance(record(1.5, frequency, A), "A").method == "peak"
+
+
+def test_one_row_a_sweep_is_at_resonance():
+    table = pd.DataFrame({"sweep": ["b", "a"], "force": [1.0, 2.0], "frequency": [3.0, 4.0], "amplitude": [5.0, 6.0]})
+    rows = resonances(Record(table, "made"))
+    assert list(rows.columns) == ["sweep", "force", "frequency", "amplitude", "phase_offset", "method", "row"]
+    assert rows.to_numpy().tolist() == [["b", 1.0, 3.0, 5.0, 0.0, "row", 0], ["a", 2.0, 4.0, 6.0, 0.0, "row", 1]]
+    np.testing.assert_allclose(energy_per_cycle(Record(table, "made")), [5 * pi, 12 * pi], rtol=1e-15)
+    with pytest.raises(InputError, match="made: no sweep 'c'; expected one of b, a"):
+        resonance(Record(table, "made"), "c")
+
+
+def test_energy_per_cycle():
+    table = pd.DataFrame(
+        {
+            "sweep": ["a", "a", "b", "a"],
+            "force": [1.0, 2.0, 3.0, 4.0],
+            "frequency": 1.0,
+            "amplitude": [1.0, 3.0, 2.0, 3.0],
+        }
+    )
+    largest = pi * np.array([1.0, 6.0, 6.0, 12.0])
+    nan = np.nan  # the first row of largest amplitude stands for its sweep
+    np.testing.assert_allclose(energy_per_cycle(Record(table, "")), [nan, largest[1], largest[2], nan], rtol=1e-15)
+    phase = np.array([0.1, -0.1, 1.0, 3.3])
+    np.testing.assert_allclose(
+        energy_per_cycle(Record(table.assign(phase=phase), "")), largest * np.sin(phase), rtol=1e-15
+    )
+    given = np.array([4.0, 3.0, 2.0, 1.0])
+    assert energy_per_cycle(Record(table.assign(phase=phase, energy=given), "")).tolist() == given.tolist()
+
+
+def steady_state(frequency, force, loss, cubic):
+    """Fundamental harmonic of M q'' + 4 C q' + loss q'|q'| + K q + cubic q^3 = F sin(w t) by RK4, all frequencies."""
+    w, steps, cycles = 2 * pi * frequency, 64, 150  # exp(-150 * 2 pi * ratio) of the transient is left, ratio >= 0.02
+    dt = 2 * pi / w / steps
+    q, v = np.zeros_like(w), np.zeros_like(w)
+
+    def acceleration(q, v, k):
+        pull = force * np.sin(2 * pi * k / steps) - 4 * C * v - loss * v * np.abs(v) - M * OMEGA_N**2 * q - cubic * q**3
+        return pull / M
+
+    sine, cosine = np.zeros_like(w), np.zeros_like(w)
+    for k in range(steps * cycles):
+        if k >= steps * (cycles - 1):
+            sine, cosine = sine + q * np.sin(2 * pi * k / steps), cosine + q * np.cos(2 * pi * k / steps)
+        a1 = acceleration(q, v, k)
+        v2, a2 = v + dt / 2 * a1, acceleration(q + dt / 2 * v, v + dt / 2 * a1, k + 0.5)
+        v3, a3 = v + dt / 2 * a2, acceleration(q + dt / 2 * v2, v + dt / 2 * a2, k + 0.5)
+        v4, a4 = v + dt * a3, acceleration(q + dt * v3, v + dt * a3, k + 1)
+        q, v = q + dt / 6 * (v + 2 * v2 + 2 * v3 + v4), v + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return 2 / steps * np.hypot(sine, cosine), np.arctan2(-cosine, sine)
+
+
+@pytest.mark.parametrize("cubic", [0.0, 4e3])
+def test_against_time_integration(cubic):
+    """Energy balance at resonance, pi F A = pi (4 C w A^2 + 8/(3 pi) loss w^2 A^3), with w from the record itself."""
+    frequency, force, loss = grid(31, span=24.0) + 0.01, 150.0, 1.5
+    A, phase = steady_state(frequency, force, loss, cubic)
+    found = resonance(record(force, frequency, A, phase + 0.04), "A")
+    w = 2 * pi * found.frequency
+    b, a = 4 * C * w, 8 / (3 * pi) * loss * w**2
+    balance = (-b + np.sqrt(b**2 + 4 * a * force)) / (2 * a)
+    # harmonics above the first change A by less than 0.1 %, the fit of five to ten rows by as much
+    assert found.amplitude == pytest.approx(balance, rel=3e-3)
+    # viscous and quadratic damping, n = 1 and 2: no more than one damping ratio, here up to 0.05
+    ratio = force / balance / (2 * M * w**2)
+    assert abs(found.phase_offset - 0.04) < ratio
