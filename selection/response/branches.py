@@ -30,7 +30,6 @@ _FEWEST_STEPS = 2000
 #: Frequencies treated at once, for the sake of memory.
 _BLOCK = 2048
 
-Direction = Literal["up", "down"]
 #: ln(|Z| A) - ln F and its derivative in ln A, at points and rows of frequencies.
 Level = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]
 
@@ -77,7 +76,7 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
 
 
 def sweep(
-    force: Force, F: float, omega: FloatArray, M: float, omega_n: float, direction: Direction = "up"
+    force: Force, F: float, omega: FloatArray, M: float, omega_n: float, direction: Literal["up", "down"] = "up"
 ) -> SteadyState:
     """The steady states that a slow sweep passes, at ``omega`` (increasing, (n,)), with its jumps.
 

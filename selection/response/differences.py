@@ -2,7 +2,8 @@
 
 At an amplitude A the undamped curve lies at the distance u = F/(M omega_n^2 A) from the backbone eta^2 = 1, the damped
 one at sqrt(u^2 - G^2) (Eq 4.2.4). The horizontal difference of the two is delta, their vertical difference at the
-damped curve's frequency epsilon. Sides: -1 below resonance, +1 above. NaN above the resonant amplitude.
+damped curve's frequency epsilon. Sides: -1 below resonance, +1 above. For pure damping (no in-phase part). NaN where
+the curve has no point of that amplitude: above the resonant one, and below resonance under the static one.
 """
 
 from __future__ import annotations

@@ -114,7 +114,9 @@ def _check(m: FloatArray, k: FloatArray, reference: int) -> None:
     if m.ndim != 2 or m.shape[0] != m.shape[1] or m.shape != k.shape:
         raise InputError(f"mass {m.shape} and stiffness {k.shape} do not match", expected="two n by n matrices")
     for name, matrix in (("mass", m), ("stiffness", k)):
-        if not np.all(np.isfinite(matrix)) or not np.allclose(matrix, matrix.T, rtol=1e-10, atol=0.0):
+        if not np.all(np.isfinite(matrix)) or not np.allclose(
+            matrix, matrix.T, rtol=0.0, atol=1e-10 * np.abs(matrix).max()
+        ):
             raise InputError(f"{name} matrix is not symmetric and finite")
     if not 0 <= reference < m.shape[0]:
         raise InputError(f"reference node {reference} is not among {m.shape[0]} nodes")
