@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from pipelines.progress import progress
 from pipelines.rank import load, rank_record
 from pipelines.store import write_json
+from pipelines.tables import Notes, console, number, plain_table
 from selection.compare.ranking import Candidate, Ranking
 from selection.errors import AnalysisError, InputError
 from selection.loads.prediction import Loads, Member, amplitude_draws, predict
@@ -35,7 +34,7 @@ def extrapolate(
     if json_out is not None:
         write_json(json_out, loads_form(loads))
     if json_out != "-":
-        _print(loads, described, Console())
+        _print(loads, described)
 
 
 def check_forces(forces: list[float], level: float) -> None:
@@ -110,19 +109,20 @@ def loads_form(loads: Loads) -> dict[str, Any]:
     return {"format": "loads/1", "level": loads.level, "predictions": predictions}
 
 
-def _print(loads: Loads, mode: Mode, console: Console) -> None:
+def _print(loads: Loads, mode: Mode) -> None:
+    out, notes = console(), Notes()
     length = f" [{mode.units.length}]" if mode.units.length else ""
-    table = Table(
-        title=f"{mode.name}: resonant amplitude{length}",
-        caption=f"{100 * loads.level:g} % predictive band, averaged over models by weight",
-    )
-    for heading in ("force", "median", "low", "high", "linear", "linear over by %", "times tested", "cautions"):
-        table.add_column(heading, justify="left" if heading == "cautions" else "right")
+    headings = ("force", "times tested", "median", "low", "high", "linear", "linear over by %", "notes")
+    table = plain_table(f"{mode.name}: resonant amplitude{length}", headings)
     for i, force in enumerate(loads.force):
-        values = [loads.average.median[i], loads.average.low[i], loads.average.high[i], loads.linear[i]]
-        over = (
-            f"{loads.overprediction[i]:.0f} ({loads.overprediction_low[i]:.0f} to {loads.overprediction_high[i]:.0f})"
+        over = f"{number(loads.overprediction[i], 3)} ({number(loads.overprediction_low[i], 3)} to "
+        table.add_row(
+            f"{force:g}",
+            f"{loads.ratio[i]:.2f}",
+            *(number(band[i]) for band in (loads.average.median, loads.average.low, loads.average.high, loads.linear)),
+            over + f"{number(loads.overprediction_high[i], 3)})",
+            notes.numbers(loads.cautions[i]),
         )
-        cells = [f"{value:.4g}" for value in values]
-        table.add_row(f"{force:g}", *cells, over, f"{loads.ratio[i]:.2f}", "; ".join(loads.cautions[i]))
-    console.print(table)
+    out.print(table)
+    out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
+    notes.show(out)

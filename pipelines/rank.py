@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table
-
 from pipelines.progress import progress
 from pipelines.store import write_json
+from pipelines.tables import Notes, console, number, plain_table
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Candidate, Ranking, rank_laws
 from selection.posterior.observations import Observations, observe
@@ -25,7 +22,7 @@ def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: in
     if json_out is not None:
         write_json(json_out, rank_form(ranking))
     if json_out != "-":
-        print_ranking(ranking, read, Console())
+        print_ranking(ranking, read)
 
 
 def load(record: Path, mode: Path, max_size: int) -> tuple[Observations, Mode]:
@@ -85,38 +82,29 @@ def _forces(candidate: Candidate) -> list[dict[str, Any]]:
 _NOTHING = dict.fromkeys(("std_error", "t_ratio", "low", "high"))
 
 
-def print_ranking(ranking: Ranking, mode: Mode, console: Console) -> None:
-    """The table for people, cautions as notes below it."""
+def print_ranking(ranking: Ranking, mode: Mode) -> None:
+    """The table for people."""
+    out, notes = console(), Notes()
     units = ", ".join(unit for unit in (mode.units.force, mode.units.length, mode.units.time) if unit)
-    table = Table(title=f"{mode.name}: damping laws, best first", box=SIMPLE)
-    left = ("law: coefficients (T-ratio)",)
-    for heading in ("", *left, "avg |%|", "held-out %", "score", "weight", "notes"):
-        table.add_column(heading, justify="left" if heading in left else "right")
-    notes: dict[str, int] = {}
+    headings = ("avg |%|", "held-out %", "score", "weight", "notes")
+    table = plain_table(f"{mode.name}: damping laws, best first", headings, ("", "law: coefficient (T-ratio)"))
     for c in ranking.candidates:
-        numbers = [notes.setdefault(caution, len(notes) + 1) for caution in c.cautions]
         table.add_row(
             "-" if c.rank is None else str(c.rank),
             _law(c),
-            *(_number(x) for x in (c.average_absolute_percent, c.held_out_error, c.score)),
+            *(number(x) for x in (c.average_absolute_percent, c.held_out_error, c.score)),
             f"{c.weight:.3f}",
-            " ".join(str(number) for number in numbers),
+            notes.numbers(c.cautions),
         )
-    console.print(table)
-    console.print(f"Criterion: {ranking.criterion}. Units: {units or 'one consistent system'}.", highlight=False)
-    for note, number in notes.items():
-        console.print(f"{number:3d}  {note}", highlight=False)
+    out.print(table)
+    out.print(f"Criterion: {ranking.criterion}. Units: {units or 'one consistent system'}.", highlight=False)
+    notes.show(out)
 
 
 def _law(c: Candidate) -> str:
-    """Forces with coefficients and T-ratios in one line each."""
+    """Each parameter with its T-ratio on a line."""
     if not c.coefficients:
         return c.name
     return "\n".join(
-        f"{x.force} {x.shape}".strip() + f": {_number(x.value)} ({_number(x.t_ratio)})" for x in c.coefficients
+        f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients
     )
-
-
-def _number(value: float) -> str:
-    """Four digits; a dash for a number that does not exist."""
-    return f"{value:.4g}" if value == value else "-"
