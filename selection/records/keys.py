@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from selection.errors import InputError
-from selection.records.schema import nearest
+from selection.records.schema import LARGEST, SMALLEST, nearest
 from selection.records.text import DEFAULT_MAX_SIZE, decode, read_bytes, shortened
 
 #: Largest TOML file that is read, bytes (a mode takes less than one thousand).
@@ -94,6 +94,8 @@ class Table:
             number = math.inf
         if not (math.isfinite(number) and number > above and number >= least):
             raise self._error(key, f"is {number:g}", expected)
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            raise self._error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
         return number
 
     def _error(self, key: str, message: str, expected: str) -> InputError:

@@ -75,8 +75,9 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     """The mode in a TOML file, checked.
 
     Raises InputError, naming file, line and key, for a file that cannot be read or is no TOML; a missing or unknown key
-    (the nearest known one is named); a value of the wrong type, NaN or infinite; frequency or mass <= 0; a negative
-    tolerance, repeatability, coefficient or stiffness; an exponent or slip limit <= 0.
+    (the nearest known one is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
+    frequency or mass <= 0; a negative tolerance, repeatability, coefficient or stiffness; an exponent or slip limit
+    <= 0.
     """
     top = read_toml(path, max_size)
     top.only("mode", "repeatability", "units", "damping", "effects")

@@ -58,9 +58,9 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     """The record of a CSV file, checked.
 
     Refused beside what ``read_table`` refuses: force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi
-    (degrees), a negative standard uncertainty (zero is allowed: none is stated for that row), an unlabelled sweep, and
-    rows identical in every column. A cell of ``mass`` may be empty: there the mode file's mass holds. Raises
-    InputError.
+    (degrees), a negative standard uncertainty (zero is allowed: none is stated for that row), numbers too large or
+    small to calculate with (magnitudes beyond 1e-50..1e50), an unlabelled sweep, and rows identical in every column. A
+    cell of ``mass`` may be empty: there the mode file's mass holds. Raises InputError.
     """
     numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
     columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)

@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from selection.arrays import FloatArray, IntArray
+from selection.arrays import BoolArray, FloatArray, IntArray
 from selection.errors import InputError
 from selection.records.record import Record
 from selection.units import RAD_S_PER_HZ
@@ -70,7 +70,7 @@ def energy_per_cycle(record: Record) -> FloatArray:
 
 def resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
-    rows = [resonance(record, sweep) for sweep in record.sweeps]
+    rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
 
 
@@ -87,12 +87,17 @@ def resonance(record: Record, sweep: str) -> Resonance:
     table = record.table[record.table["sweep"] == sweep]
     if table.empty:
         raise InputError(f"no sweep {sweep!r}", file=record.source, expected=f"one of {', '.join(record.sweeps)}")
+    return _resonance(sweep, table)
+
+
+def _resonance(sweep: str, table: pd.DataFrame) -> Resonance:
+    """Phase resonance of the rows of one sweep, which keep their index in the record."""
     rows = table.index.to_numpy(dtype=np.int64)
     force, frequency, amplitude = (
         table[name].to_numpy(dtype=np.float64) for name in ("force", "frequency", "amplitude")
     )
     offset = 0.0
-    if len(rows) > 1 and record.has_phase:
+    if len(rows) > 1 and "phase" in table.columns:
         phase = table["phase"].to_numpy(dtype=np.float64)
         offset = phase_offset(force, frequency, amplitude, phase)
         found = _at_resonance(force, frequency, amplitude, phase - offset)
@@ -151,27 +156,39 @@ def _at_resonance(
     force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
 ) -> tuple[float, float, float] | None:
     """Force, frequency and amplitude where the phase (freed of its offset) passes pi/2; None where it does not."""
-    rising = np.sin(phase) > 0.0
-    cotangent, cosecant = np.full((2, len(phase)), np.inf)
-    cotangent[rising], cosecant[rising] = 1.0 / np.tan(phase[rising]), 1.0 / np.sin(phase[rising])
-    columns = np.column_stack([force, frequency, amplitude / force * np.where(rising, cosecant, 0.0)])
+    cosine, sine = np.cos(phase), np.sin(phase)
+    telling = sine > 1e-6  # no row of a driven mode, but noise carries phases beyond 0..pi
+    cosecant = np.divide(1.0, sine, out=np.full_like(sine, np.inf), where=telling)
+    cotangent = np.multiply(cosine, cosecant, out=np.full_like(sine, np.inf), where=telling)
+    columns = np.column_stack([force, frequency, amplitude / force * np.where(telling, cosecant, 0.0)])
     near = np.abs(cotangent) <= 1.0
     if near.sum() >= ROWS_FOR_FIT and cotangent[near].min() < 0.0 < cotangent[near].max():
-        basis = np.column_stack([np.ones(near.sum()), cotangent[near], cosecant[near] - 1.0])
-        F, f, compliance = np.linalg.lstsq(basis, columns[near])[0][0]
+        F, f, compliance = _fitted(cotangent[near], cosecant[near], columns[near])
     else:
-        i = _passage(cotangent)
-        if i is None:
+        nearest = np.where(
+            cosine[:-1] * cosine[1:] <= 0.0, np.minimum(*np.abs([cotangent[:-1], cotangent[1:]])), np.inf
+        )
+        i = int(np.argmin(nearest))
+        if nearest[i] > NEIGHBOUR:
             return None
-        spring = force[i : i + 2] / amplitude[i : i + 2] * np.cos(phase[i : i + 2])
-        step = spring[0] - spring[1]
-        F, f, compliance = columns[i] + (columns[i + 1] - columns[i]) * (spring[0] / step if step else 0.5)
+        pair = slice(i, i + 2)
+        F, f, compliance = _interpolated(cosine[pair] * force[pair] / amplitude[pair], columns[pair], telling[pair])
+    if min(F, f, compliance) <= 0.0:  # noise alone
+        return None
     return float(F), float(f), float(F * compliance)
 
 
-def _passage(cotangent: FloatArray) -> int | None:
-    """First of the two neighbours between which the phase passes pi/2, the nearest to it where it does so often."""
-    first, second = cotangent[:-1], cotangent[1:]
-    nearest = np.where(first * second <= 0.0, np.minimum(np.abs(first), np.abs(second)), np.inf)
-    nearest[~(np.isfinite(first) & np.isfinite(second))] = np.inf
-    return int(np.argmin(nearest)) if nearest.min() <= NEIGHBOUR else None
+def _fitted(cotangent: FloatArray, cosecant: FloatArray, columns: FloatArray) -> FloatArray:
+    """Values of the columns (n, 3) at cot(phase) = 0; a line where repeated points allow no more."""
+    basis = np.column_stack([np.ones(len(columns)), cotangent, cosecant - 1.0])
+    values, _, rank, _ = np.linalg.lstsq(basis, columns)
+    return values[0] if rank == basis.shape[1] else np.linalg.lstsq(basis[:, :2], columns)[0][0]
+
+
+def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -> FloatArray:
+    """Values of two rows' columns (2, 3) where Re Z, ``spring`` (2,), is 0; 1/Im Z from the row that tells of it."""
+    step = spring[0] - spring[1]
+    at = columns[0] + (columns[1] - columns[0]) * (spring[0] / step if step else 0.5)
+    if not telling.all():
+        at[2] = columns[telling, 2][0]
+    return at

@@ -19,6 +19,9 @@ TEXT_COLUMNS = ("sweep",)
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = ("mass",)
 
+#: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
+SMALLEST, LARGEST = 1e-50, 1e50
+
 #: Parameters of each damping force in a mode file; the names and meanings are those of the force catalogue.
 FORCE_PARAMETERS: dict[str, tuple[str, ...]] = {
     "viscous": ("coefficient",),
@@ -73,24 +76,28 @@ def record_schema() -> pa.DataFrameSchema:
     """
     import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
 
-    def column(check: pa.Check, *, required: bool = False) -> pa.Column:
-        return pa.Column(checks=check, nullable=True, required=required)
+    magnitude = pa.Check(
+        lambda values: (values <= 0.0) | values.between(SMALLEST, LARGEST),  # what is no number > 0 has its own check
+        error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
+    )
 
-    def positive(meaning: str) -> pa.Check:
-        return pa.Check.gt(0.0, error=f"{meaning} > 0")
+    def positive(meaning: str, *, required: bool = False) -> pa.Column:
+        checks = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
+        return pa.Column(checks=checks, nullable=True, required=required)
 
     def uncertainty() -> pa.Column:
-        return column(pa.Check.ge(0.0, error="a standard uncertainty >= 0"))
+        checks = [pa.Check.ge(0.0, error="a standard uncertainty >= 0"), magnitude]
+        return pa.Column(checks=checks, nullable=True, required=False)
 
     radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
     return pa.DataFrameSchema(
         {
-            "force": column(positive("a force amplitude"), required=True),
-            "frequency": column(positive("a frequency in Hz"), required=True),
-            "amplitude": column(positive("a displacement amplitude"), required=True),
-            "phase": column(radians),
-            "energy": column(positive("an energy per cycle")),
-            "mass": column(positive("a generalized mass")),
+            "force": positive("a force amplitude", required=True),
+            "frequency": positive("a frequency in Hz", required=True),
+            "amplitude": positive("a displacement amplitude", required=True),
+            "phase": pa.Column(checks=radians, nullable=True, required=False),
+            "energy": positive("an energy per cycle"),
+            "mass": positive("a generalized mass"),
             "amplitude_sd": uncertainty(),
             "phase_sd": uncertainty(),
             "force_sd": uncertainty(),

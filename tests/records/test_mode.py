@@ -101,6 +101,7 @@ REFUSED = {
     "text as number": (MODE.replace('"first"', "1"), ", line 2, column name: is a number; expected a text in quotes"),
     "nan": (MODE.replace("3", "nan"), ", line 4, column mass: is nan; expected a number > 0"),
     "inf": (MODE.replace("2.5", "inf"), ", line 3, column frequency: is inf; expected a number > 0"),
+    "large": (MODE.replace("3", "1e51"), ", line 4, column mass: is 1e+51; expected a magnitude of 1e-50 to 1e+50"),
     "huge": (MODE.replace("3", "1" + "0" * 400), ", line 4, column mass: is inf; expected a number > 0"),
     "zero mass": (MODE.replace("3", "0"), ", line 4, column mass: is 0; expected a number > 0"),
     "negative frequency": (MODE.replace("2.5", "-2.5"), ", line 3, column frequency: is -2.5; expected a number > 0"),
@@ -191,8 +192,8 @@ def test_defaults(scratch):
     assert str(Units()) == "one consistent system of units"
 
 
-POSITIVE = st.floats(min_value=0.0, exclude_min=True, allow_infinity=False)
-NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(min_value=1e-50, max_value=1e50)
+NUMBERS = POSITIVE | POSITIVE.map(lambda number: -number) | st.just(0.0)
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 MODES = st.builds(
     Mode,

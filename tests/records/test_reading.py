@@ -58,6 +58,8 @@ REFUSED = {
     "zero force": (HEAD + "A,0,10,0.5,1\n", ", line 2, column force: 0; expected a force amplitude > 0"),
     "negative": (HEAD + ROW + "A,1,11,-3,1\n", ", line 3, column amplitude: -3; expected a displacement amplitude > 0"),
     "underflow": (HEAD + "A,1,11,1e-999,1\n", ", line 2, column amplitude: 0; expected a displacement amplitude > 0"),
+    "too small": (HEAD + "A,1e-60,1,1,1\n", ", line 2, column force: 1e-60; expected a magnitude of 1e-50 to 1e+50"),
+    "too large": (HEAD + "A,1,1,1e60,1\n", ", line 2, column amplitude: 1e+60; expected a magnitude of 1e-50 to 1e+50"),
     "frequency": (HEAD + "A,1,-10,3,1\n", ", line 2, column frequency: -10; expected a frequency in Hz > 0"),
     "degrees": (HEAD + ROW + "A,1,10,0.5,90\n", ", line 3, column phase: 90; " + DEGREES),
     "negative degrees": (HEAD + ROW + "A,1,10,0.5,-90\n", ", line 3, column phase: -90; " + DEGREES),

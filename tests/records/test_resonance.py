@@ -5,6 +5,8 @@ from math import pi
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from selection.errors import InputError
 from selection.records.record import Record
@@ -146,13 +148,21 @@ def test_a_sweep_that_jumps(cubic):
     beyond = f[branch].max() * 1.002 if cubic > 0 else f[branch].min() * 0.998
     low, low_phase = linear(np.array([beyond]))  # small amplitudes are linear
     kept = slice(20, 199, 20)
-    found = resonance(
-        record(1.5, np.r_[f[branch][kept], beyond], np.r_[A[branch][kept], low], np.r_[phase[branch][kept], low_phase]),
-        "A",
-    )
-    assert found.method == "interpolated"
-    # the last row before the jump is at sin(phase) = sin(1.41) = 0.987; equal h on both branches gives the rest
-    assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=5e-3)
+    for noise in (0.0, 0.3):  # carries the phase after the jump beyond pi, or below 0: no Im Z there
+        last = low_phase + noise * np.sign(cubic)
+        rows = np.r_[f[branch][kept], beyond], np.r_[A[branch][kept], low], np.r_[phase[branch][kept], last]
+        found = resonance(record(1.5, *rows), "A")
+        assert found.method == "interpolated"
+        # the last row before the jump is at sin(phase) = sin(1.41) = 0.987; equal h on both branches gives the rest
+        assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=5e-3)
+
+
+def test_repeated_points_alone():
+    frequency = np.repeat(grid(2, span=0.7), 4)
+    A, phase = linear(frequency)
+    found = resonance(record(1.5, frequency, A, phase), "A")
+    # Z is linear in omega to second order in 0.7 damping ratios of 0.005
+    assert (found.force, found.amplitude) == pytest.approx((1.5, LINEAR_PEAK), rel=3e-5)
 
 
 def test_without_a_passage_the_largest_amplitude_is_taken():
@@ -195,6 +205,22 @@ def test_energy_per_cycle():
     )
     given = np.array([4.0, 3.0, 2.0, 1.0])
     assert energy_per_cycle(Record(table.assign(phase=phase, energy=given), "")).tolist() == given.tolist()
+
+
+VALUES = st.floats(min_value=1e-50, max_value=1e50) | st.sampled_from([1.0, 2.0])
+ROWS = st.lists(
+    st.tuples(st.sampled_from("ab"), VALUES, VALUES, VALUES, st.floats(-2 * pi, 2 * pi)), min_size=1, max_size=30
+)
+
+
+@settings(deadline=None, max_examples=200)
+@given(rows=ROWS)
+def test_any_record_has_finite_resonances(rows):
+    table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"])
+    found = resonances(Record(table, ""))
+    assert len(found) == table["sweep"].nunique()
+    assert np.isfinite(found[["force", "frequency", "amplitude", "phase_offset"]].to_numpy()).all()
+    assert (table["sweep"].to_numpy()[found["row"]] == found["sweep"]).all()
 
 
 def steady_state(frequency, force, loss, cubic):
