@@ -57,7 +57,7 @@ class PowerLaw:
         log_a = float(np.log(self.amplitude(force)))
         gradient = np.array([1.0, log_a]) / self.slope
         error = float(np.sqrt(gradient @ self.covariance @ gradient))
-        return tuple(np.exp(log_a + np.array([-1.0, 1.0]) * self.quantile * error))  # type: ignore[return-value]  # two floats
+        return float(np.exp(log_a - self.quantile * error)), float(np.exp(log_a + self.quantile * error))
 
     @property
     def quantile(self) -> float:
@@ -101,6 +101,6 @@ def fit_power_law(
         std_error_alpha=float(np.std(alphas, ddof=1) / np.sqrt(len(alphas))),
         log_k=log_k,
         slope=slope,
-        covariance=np.asarray(line.cov_params()),
+        covariance=np.asarray(line.cov_params()) if freedom > 0 else np.full((2, 2), np.nan),
         r_squared_centred=float(line.rsquared),
     )

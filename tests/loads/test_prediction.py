@@ -1,0 +1,88 @@
+"""Design-load predictions against closed forms."""
+
+import numpy as np
+import pytest
+
+from selection.loads.prediction import Member, amplitude_draws, linear_amplitude, predict
+from selection.posterior.evidence import evidence
+from selection.posterior.law import Coordinates, Law
+
+
+def member(components, data, weight=1.0):
+    c = Coordinates.of(Law(components), data)
+    return Member(c.law.name, weight, c, evidence(c, data).draws)
+
+
+def test_linear_is_proportional_from_the_largest_force(saturn):
+    data = saturn("config-2-mode-1")
+    # Section 4.3: 90 lb from sweep C; 1.567 * 90/28.98 = 4.866 (printed 4.84, erratum E43-5)
+    np.testing.assert_allclose(linear_amplitude(np.array([90.0]), data), 1.567 * 90.0 / 28.98, rtol=1e-12)
+
+
+def test_amplitude_of_a_power_law_is_the_closed_form(saturn):
+    data = saturn("config-2-mode-1")
+    m = member(("velocity-power",), data)
+    p = m.coordinates.parameters(m.draws)["velocity-power exponent"][:, None]
+    alpha = m.coordinates.parameters(m.draws)["velocity-power"][:, None]
+    from selection.forces.gammas import beta
+
+    force = np.array([[30.0, 90.0]])
+    expected = (beta(p) * force / alpha) ** (1.0 / p) / data.tested_omega[2]  # Eq. 4.3.25 with its root mended
+    np.testing.assert_allclose(amplitude_draws(m, force[0], data), expected, rtol=1e-9)
+
+
+def test_bands_are_ordered_and_the_predictive_is_wider(saturn):
+    data = saturn("config-2-mode-1")
+    members = [member(("viscous", "displacement-velocity"), data, 0.6), member(("velocity-power",), data, 0.4)]
+    loads = predict(members, np.array([20.0, 45.0, 90.0]), data, 0.9, seed=1)
+    for band in (loads.average, *loads.by_model):
+        assert np.all(band.low < band.credible_low)
+        assert np.all(band.credible_low < band.median)
+        assert np.all(band.median < band.credible_high)
+        assert np.all(band.credible_high < band.high)
+    assert np.all(np.diff(loads.average.median) > 0.0)
+    medians = np.array([band.median for band in loads.by_model])
+    assert np.all((loads.average.median >= medians.min(axis=0)) & (loads.average.median <= medians.max(axis=0)))
+    np.testing.assert_allclose(loads.overprediction, 100.0 * (loads.linear / loads.average.median - 1.0), rtol=1e-12)
+    assert np.all(loads.overprediction_low < loads.overprediction)
+    assert np.all(loads.overprediction < loads.overprediction_high)
+    np.testing.assert_allclose(loads.ratio, np.array([20.0, 45.0, 90.0]) / 28.98, rtol=1e-12)
+
+
+def test_an_average_of_one_is_that_one(saturn):
+    data = saturn("config-2-mode-2")
+    loads = predict([member(("viscous", "displacement-velocity"), data)], np.array([90.0]), data, 0.9, seed=1)
+    # the average resamples the same draws: quantiles agree to the Monte Carlo error of 20 000 draws, 1 % of the band
+    width = loads.average.high - loads.average.low
+    np.testing.assert_allclose(loads.average.low, loads.by_model[0].low, atol=0.03 * float(width[0]))
+    np.testing.assert_allclose(loads.average.high, loads.by_model[0].high, atol=0.03 * float(width[0]))
+
+
+def test_saturated_slip_has_no_prediction(peaks):
+    A = np.array([1.0, 1.6, 3.0])
+    data = peaks(A, 4.0 * 10.0 * 0.5 * (A - 0.5) / (np.pi * A), 10.0)  # slip alone: K - K1 = 10, A1 = 0.5
+    loads = predict([member(("slip",), data)], np.array([4.0, 500.0]), data, 0.9, seed=1)
+    assert np.isfinite(loads.average.median[0])
+    assert np.isnan(loads.average.median[1])
+    assert np.isnan(loads.linear[1])
+    assert any("no prediction" in caution for caution in loads.cautions[1])
+
+
+def test_cautions(saturn):
+    data = saturn("config-2-mode-1")
+    loads = predict([member(("viscous",), data)], np.array([20.0, 90.0]), data, 0.9, seed=1)
+    assert "three points: p from 1 degree of freedom" in loads.cautions[0]
+    assert not any("beyond" in caution for caution in loads.cautions[0])
+    assert "beyond the test: 3.11 times the largest tested force" in loads.cautions[1]
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9, 0.99])
+def test_level_is_the_content(level, saturn):
+    data = saturn("config-2-mode-1")
+    m = member(("viscous", "displacement-velocity"), data)
+    loads = predict([m], np.array([60.0]), data, level, seed=2)
+    draws = amplitude_draws(m, np.array([60.0]), data)[:, 0]
+    inside = np.mean((draws > loads.by_model[0].credible_low[0]) & (draws < loads.by_model[0].credible_high[0]))
+    np.testing.assert_allclose(
+        inside, level, atol=20.0 / len(draws)
+    )  # quantiles of the same draws; resampled draws repeat
