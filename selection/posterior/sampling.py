@@ -1,4 +1,4 @@
-"""Posterior of a damping law by emcee: four independent ensembles, run until every reported quantity is known.
+"""Posteriors by emcee: four independent ensembles, run until every reported quantity is known.
 
 A run grows in blocks until, for every quantity, the effective sample size reaches 1000, the chains are 50
 autocorrelation times long and R-hat between the ensembles is at most 1.01, or until the budget of steps is spent; then
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import emcee
@@ -20,6 +21,7 @@ from selection.posterior.evidence import Evidence
 from selection.posterior.law import Coordinates
 from selection.posterior.likelihood import log_posterior
 from selection.posterior.observations import Observations
+from selection.posterior.proposal import Proposal
 
 #: Named functions of x (points, dimension) -> (points,): what the reader is told, so what must have converged.
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
@@ -43,6 +45,40 @@ class Settings:
     lengths: float = 50.0
     r_hat: float = 1.01
     kept: int = 500
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is sampled.
+
+    Attributes:
+        log_density: unnormalised log posterior at x (points, dimension) -> (points,).
+        dimension: number of variables. parameters: named physical parameters at x, which must have converged.
+    """
+
+    log_density: Callable[[FloatArray], FloatArray]
+    dimension: int
+    parameters: Quantities
+
+
+@dataclass(frozen=True)
+class Start:
+    """What is known of the posterior before: ``draws`` (n, dimension), n >= walkers, and a ``proposal`` close to it."""
+
+    draws: FloatArray
+    proposal: Proposal
+
+
+@dataclass(frozen=True)
+class Chains:
+    """A finished run: the fields of ``Posterior`` that say nothing of a law."""
+
+    x: FloatArray
+    diagnoses: tuple[Diagnosis, ...]
+    converged: bool
+    failure: str
+    steps: int
+    acceptance: float
 
 
 @dataclass(frozen=True)
@@ -94,15 +130,34 @@ def sample(
     settings: Settings | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
-    """Run the ensembles. The result depends on the arguments only: on one machine a seed gives the same digits.
+    """Run the ensembles on a damping law. Arguments as in ``run``.
 
     Args:
         start: weighted draws near the posterior; the walkers begin on them.
-        quantities: what must have converged beside the variables themselves.
+        quantities: what must have converged beside the law's parameters.
+    """
+    density = partial(log_posterior, coordinates=coordinates, data=data)
+    target = Target(density, coordinates.dimension, coordinates.parameters)
+    chains = run(target, Start(start.draws, start.proposal), quantities, seed, settings, checkpoint)
+    return Posterior(coordinates, log_z=start.log_z, **vars(chains))
+
+
+def run(
+    target: Target,
+    start: Start,
+    quantities: Quantities,
+    seed: int,
+    settings: Settings | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> Chains:
+    """Run the ensembles. The result depends on the arguments only: on one machine a seed gives the same digits.
+
+    Args:
+        quantities: what must have converged beside the parameters themselves.
         seed: of the moves and of the choice of starting points.
     """
     settings, checkpoint = settings or Settings(), checkpoint or Checkpoint()
-    samplers = [_sampler(coordinates, data, start, seed, k, settings, checkpoint) for k in range(settings.ensembles)]
+    samplers = [_sampler(target, start, seed, k, settings, checkpoint) for k in range(settings.ensembles)]
     steps = 0
     while True:
         steps = min(steps + settings.block, settings.budget)
@@ -112,23 +167,17 @@ def sample(
                 sampler.run_mcmc(state if sampler.backend.iteration == 0 else sampler.get_last_sample(), todo)
                 checkpoint.save(k, sampler.backend)
         chains = np.stack([sampler.get_chain()[:steps] for sampler, _ in samplers])
-        diagnoses, burn = _diagnose(chains, coordinates, quantities)
+        diagnoses, burn = _diagnose(chains, target, quantities)
         failure = _failure(diagnoses, settings)
         if not failure or steps == settings.budget:
             break
     acceptance = float(np.mean([sampler.acceptance_fraction for sampler, _ in samplers]))
     x = _keep(chains[:, burn:], settings.kept)
-    return Posterior(coordinates, x, start.log_z, diagnoses, not failure, failure, steps, acceptance)
+    return Chains(x, diagnoses, not failure, failure, steps, acceptance)
 
 
 def _sampler(
-    coordinates: Coordinates,
-    data: Observations,
-    start: Evidence,
-    seed: int,
-    ensemble: int,
-    settings: Settings,
-    checkpoint: Checkpoint,
+    target: Target, start: Start, seed: int, ensemble: int, settings: Settings, checkpoint: Checkpoint
 ) -> tuple[emcee.EnsembleSampler, emcee.State]:
     """One ensemble, fresh or as its checkpoint left it, and the state to start from."""
     # emcee copies numpy's global random state unless it is given one: give it one
@@ -137,28 +186,25 @@ def _sampler(
     moves = [(emcee.moves.MHMove(start.proposal), 0.6), (emcee.moves.DEMove(), 0.3), (emcee.moves.StretchMove(), 0.1)]
     sampler = emcee.EnsembleSampler(
         settings.walkers,
-        coordinates.dimension,
-        log_posterior,
-        args=(coordinates, data),
+        target.dimension,
+        target.log_density,
         vectorize=True,
         moves=moves,
         backend=checkpoint.load(ensemble),
     )
     chosen = random.choice(len(start.draws), settings.walkers, replace=False)
     # resampled draws repeat; a small spread keeps the walkers apart and is forgotten in the burn-in
-    coords = start.draws[chosen] + 1e-3 * random.standard_normal((settings.walkers, coordinates.dimension))
+    coords = start.draws[chosen] + 1e-3 * random.standard_normal((settings.walkers, target.dimension))
     return sampler, emcee.State(coords, random_state=random.get_state())
 
 
-def _diagnose(
-    chains: FloatArray, coordinates: Coordinates, quantities: Quantities
-) -> tuple[tuple[Diagnosis, ...], int]:
+def _diagnose(chains: FloatArray, target: Target, quantities: Quantities) -> tuple[tuple[Diagnosis, ...], int]:
     """Diagnose every quantity on chains (ensembles, steps, walkers, dimension); also the burn-in in steps."""
     burn = chains.shape[1] // 5
     thin = max(1, chains.shape[1] // 1000)
     x = chains[:, burn::thin]
     flat = x.reshape(-1, x.shape[-1])
-    values = {**coordinates.parameters(flat), **quantities(flat)}
+    values = {**target.parameters(flat), **quantities(flat)}
     return tuple(diagnose(name, value.reshape(x.shape[:-1]), thin) for name, value in values.items()), burn
 
 
