@@ -145,7 +145,7 @@ def equation_4_3_19(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Float
 
 def section_4_3(version: Version = "printed") -> dict[str, float]:
     """Exponents, coefficients and the extrapolation to 90 lb."""
-    (F_1, A_1, omega_1), (F_2, A_2, omega_2) = _mode(1, version), _mode(2, version)
+    (F_1, A_1, omega_1), (F_2, A_2, omega_2) = resonances(1, version), resonances(2, version)
     line = fit_power_law(F_1, A_1, omega_1)
     return {
         "eq4313.p_mode1": line.p,
@@ -183,8 +183,8 @@ def after_correction() -> dict[str, float]:
     return {**table_4_i_ii(sweeps("corrected")), **section_4_3("corrected")}
 
 
-def _mode(mode: int, version: Version) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Modal force, resonant amplitude and omega_n of the sweeps A, B, C (Eq. 4.3.12)."""
+def resonances(mode: int, version: Version) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Modal force F_e, resonant amplitude A_m and omega_n of the sweeps A, B, C of a mode (Eq. 4.3.12)."""
     table = load_table("4_I", version).merge(load_table("4_II"), on=["mode", "sweep"]).query("mode == @mode")
     F_e, A_m, f_n = columns(table, "modal_force_lb", "Am_in", "modal_frequency_hz")
     return F_e, A_m, RAD_S_PER_HZ * f_n

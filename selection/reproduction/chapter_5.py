@@ -13,7 +13,7 @@ from selection.forces.catalogue import force_class
 from selection.forces.derived import coefficient_from_energy
 from selection.records.report_tables import Run, Version, load_table
 from selection.regression.columns import Columns
-from selection.regression.design import design_of
+from selection.regression.design import Design, design_of
 from selection.regression.fit import fit
 from selection.regression.terms import parse_term
 from selection.reproduction.chapter_2 import CASES
@@ -46,11 +46,16 @@ def polynomial(coefficients: Polynomial, A: FloatArray, omega: FloatArray) -> Fl
     return np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0)
 
 
+def energy_design(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:
+    """The design of an energy polynomial (Eq. 5.2.5); ``terms`` are names of ``TERMS``."""
+    data = Columns({"A": A, "omega": omega, "E": E}, np.arange(len(E)), ())
+    return design_of(data, "E", [TERMS[name] for name in terms])
+
+
 def regression(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Polynomial:
     """Coefficients a_k of least squared deviation, no constant (Eq. 5.2.4)."""
     names = tuple(terms)
-    data = Columns({"A": A, "omega": omega, "E": E}, np.arange(len(E)), ())
-    fitted = fit(design_of(data, "E", [TERMS[name] for name in names]))
+    fitted = fit(energy_design(names, A, omega, E))
     return dict(zip(names, fitted.coefficients.tolist(), strict=True))
 
 
