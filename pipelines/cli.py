@@ -5,6 +5,7 @@ Heavy packages are imported by the command that needs them, so that ``damping --
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -110,6 +111,60 @@ def sweep(
     run(model, force, frequency, out, direction, method)
 
 
+@app.command()
+def condition(
+    raw: Annotated[Path, typer.Argument(metavar="RAW.csv", help="Accelerometer table.")],
+    config: Annotated[
+        Path, typer.Option("--config", metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    steps: Annotated[
+        Path | None, typer.Option("--steps", metavar="DIR", help="One table a step, with what it took.")
+    ] = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Accelerometer table to modal record (report, chapter III)."""
+    from pipelines.condition import condition as run
+
+    run(raw, config, out, steps, max_size)
+
+
+@app.command()
+def gap(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
+    record: Annotated[Path | None, typer.Argument(metavar="RECORD.csv", help="The measured record.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
+    model_out: Annotated[
+        Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
+    ] = None,
+    json_out: Json = None,
+    posterior: Annotated[
+        bool | None,
+        typer.Option("--posterior/--no-posterior", help="Sample the leading explanation (default: one record)."),
+    ] = None,
+    seed: Seed = DEFAULT_SEED,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes for a folder of cases.")] = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Diagnose the gap between a simulation and a test."""
+    from pipelines.gap import gap as run
+
+    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs)
+
+
+@app.command()
+def blind(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
+    cases: Annotated[int, typer.Option("--cases", help="Number of cases.")] = 1500,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+) -> None:
+    """Check the diagnosis on generated data whose effect is withheld."""
+    from pipelines.blind import blind as run
+
+    run(out, cases, seed, jobs)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     try:
@@ -126,6 +181,11 @@ def main(arguments: list[str] | None = None) -> None:
         code = 0
     except MemoryError:
         code = _fail("not enough memory for this input", 1)
+    except Exception as error:  # a mistake of ours: the promise is one line, never a traceback
+        if os.environ.get("DAMPING_TRACEBACK"):
+            raise
+        line = f"{type(error).__name__}: {error}".splitlines()[0]
+        code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
 
 

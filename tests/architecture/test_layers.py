@@ -1,0 +1,117 @@
+"""The layer rules of ARCHITECTURE.md, kept by reading every import."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+#: Parts of ``selection``, each of which may import itself and what stands before it.
+LAYERS = (
+    "errors",
+    "arrays",
+    "units",
+    "records",
+    "conditioning",
+    "forces",
+    "response",
+    "regression",
+    "posterior",
+    "compare",
+    "loads",
+    "gap",
+    "reproduction",
+    "plots",
+    "report",
+)
+MODULES = sorted(ROOT.glob("selection/**/*.py")) + sorted(ROOT.glob("pipelines/**/*.py"))
+SELECTION = [path for path in MODULES if path.is_relative_to(ROOT / "selection")]
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def imported(path: Path) -> list[str]:
+    """Full names of the project's modules that a file imports, wherever in the file."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name(path)}: relative import"
+            found += [f"{node.module}.{alias.name}" for alias in node.names]
+    return found
+
+
+def layer(parts: tuple[str, ...]) -> int:
+    return LAYERS.index(parts[1].removesuffix(".py"))
+
+
+@pytest.mark.parametrize("path", SELECTION, ids=name)
+def test_imports_go_one_way(path):
+    parts = path.relative_to(ROOT).parts
+    for module in imported(path):
+        assert not module.startswith(("pipelines", "tests", "benchmarks")), f"imports {module}"
+        if module.startswith("selection.") and parts[1] != "__init__.py" and module.split(".")[1] != "__version__":
+            assert layer(tuple(module.split("."))) <= layer(parts), f"imports {module} against the arrow"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_pyplot_is_never_imported(path):
+    assert not any(module.startswith("matplotlib.pyplot") for module in imported(path))
+
+
+@pytest.mark.parametrize("path", SELECTION, ids=name)
+def test_selection_neither_prints_nor_writes(path):
+    writers = {"write_text", "write_bytes", "to_csv", "to_netcdf", "savefig", "mkdir", "unlink", "rename", "touch"}
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.Call):
+            continue
+        function = node.func
+        if isinstance(function, ast.Name):
+            assert function.id != "print", f"line {node.lineno} prints"
+        if isinstance(function, ast.Attribute):
+            # a frame that is turned into text and a figure drawn into memory write nothing
+            into_memory = function.attr == "to_csv" and not node.args
+            into_buffer = function.attr == "savefig" and isinstance(node.args[0], ast.Name)
+            allowed = into_memory or into_buffer
+            assert function.attr not in writers or allowed, f"line {node.lineno} writes: {function.attr}"
+        if isinstance(function, ast.Name) and function.id == "open":
+            assert len(node.args) == 1, f"line {node.lineno} opens a file for writing"
+
+
+def test_only_pipelines_store_opens_files_for_writing():
+    for path in MODULES:
+        if path.parent == ROOT / "pipelines" and path.name in ("store.py", "checkpoint.py"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                assert node.func.attr not in ("write_text", "write_bytes"), f"{name(path)}:{node.lineno}"
+
+
+def test_there_are_no_circles():
+    """Imports between modules form no cycle (late imports included)."""
+    known = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in MODULES}
+    arrows = {}
+    for module, path in known.items():
+        targets = set()
+        for other in imported(path):
+            for candidate in (other, other.rpartition(".")[0]):
+                if candidate in known and candidate != module:
+                    targets.add(candidate)
+                    break
+        arrows[module] = targets
+    done, stack = set(), []
+
+    def visit(module):
+        assert module not in stack, " -> ".join([*stack[stack.index(module) :], module])
+        if module in done:
+            return
+        stack.append(module)
+        for target in arrows[module]:
+            visit(target)
+        done.add(stack.pop())
+
+    for module in arrows:
+        visit(module)

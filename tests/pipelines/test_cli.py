@@ -1,0 +1,151 @@
+"""Exit codes and messages: one line, never a traceback, nothing half-written."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+COMMANDS = ("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind")
+
+
+def files(saturn_data, name="config-2-mode-1"):
+    return saturn_data / "records" / f"{name}.csv", "--mode", saturn_data / "modes" / f"{name}.toml"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command, damping):
+    run = damping(command, "--help")
+    assert run.code == 0
+    assert "Usage" in run.out
+
+
+def test_help_names_every_command(damping):
+    for run in (damping("--help"), damping()):
+        assert run.code == 0
+        assert all(command in run.out for command in COMMANDS)
+
+
+def test_help_loads_nothing_heavy():
+    """What makes --help instant, without a clock: no numerical package is imported for it."""
+    script = (
+        "import sys; from pipelines.cli import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'pydantic'}\n"
+        "sys.exit(','.join(heavy & set(sys.modules)) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("nonsense",),
+        ("rank",),
+        ("rank", "--nonsense"),
+        ("extrapolate", "a.csv", "--mode", "b.toml", "--force", "many"),
+        ("rank", "a.csv", "--mode", "b.toml", "--seed", "x"),
+    ],
+)
+def test_bad_usage_is_one_line_and_2(words, damping):
+    run = damping(*words)
+    assert run.code == 2
+    assert run.out == ""
+    assert run.err.startswith("damping: ")
+    assert run.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("sweep,force,frequency\nA,1,2\n", "amplitude"),
+        ("sweep,force,frequency,amplitude\nA,1,2,x\n", "line 2"),
+        ("sweep,force,frequency,amplitude\nA,1,2,-3\n", "amplitude"),
+        ("sweep,force,frequency,amplitude,phase\nA,1,2,3,90\n", "degrees"),
+        ("", "empty"),
+    ],
+)
+def test_bad_record_names_file_line_and_column(content, said, damping, saturn_data, tmp_path):
+    path, out = tmp_path / "bad.csv", tmp_path / "out.json"
+    path.write_text(content)
+    run = damping("rank", path, *files(saturn_data)[1:], "--json", out)
+    assert run.code == 2
+    assert said in run.err
+    assert str(path) in run.err
+    assert run.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_max_size_is_obeyed(damping, saturn_data):
+    run = damping("rank", *files(saturn_data), "--max-size", 50)
+    assert run.code == 2
+    assert "50" in run.err
+
+
+@pytest.mark.parametrize("force", ["0", "-1", "nan", "inf"])
+def test_bad_force(force, damping, saturn_data):
+    run = damping("extrapolate", *files(saturn_data), f"--force={force}")
+    assert run.code == 2
+    assert "expected a force amplitude > 0" in run.err
+
+
+@pytest.mark.parametrize("level", ["0", "1", "90", "nan"])
+def test_bad_level(level, damping, saturn_data):
+    run = damping("extrapolate", *files(saturn_data), "--force", 60, "--level", level)
+    assert run.code == 2
+    assert "expected a probability" in run.err
+
+
+def test_unwritable_output_leaves_one_line(damping, saturn_data, tmp_path):
+    run = damping("rank", *files(saturn_data), "--json", tmp_path)
+    assert run.code == 2
+    assert "cannot be written" in run.err
+
+
+def test_friction_alone_cannot_be_ranked_into_a_law(damping, saturn_data, tmp_path):
+    """Amplitudes that do not grow with force fit no law that bounds them: exit code 1 or a table, never a traceback."""
+    path = tmp_path / "flat.csv"
+    path.write_text("sweep,force,frequency,amplitude\nA,1,2,1.0\nB,2,2,1.0001\nC,4,2,1.0002\n")
+    run = damping("rank", path, *files(saturn_data)[1:])
+    assert run.code in (0, 1)
+
+
+def test_rank_form(damping, saturn_data):
+    run = damping("rank", *files(saturn_data), "--json", "-")
+    assert run.code == 0
+    form = json.loads(run.out)
+    assert form["format"] == "rank/1"
+    np.testing.assert_allclose(sum(m["weight"] for m in form["models"]), 1.0, rtol=1e-12)
+    fitted = [m for m in form["models"] if m["rank"] is not None]
+    assert [m["rank"] for m in fitted] == sorted(m["rank"] for m in fitted)
+    assert [m["score"] for m in fitted] == sorted(m["score"] for m in fitted)
+    keys = {"rank", "name", "forces", "score", "weight", "held_out_error", "average_absolute_percent", "physical"}
+    for model in form["models"]:
+        assert keys | {"cautions"} <= set(model)
+        assert all({"name", "coefficient", "std_error", "t_ratio", "low", "high"} <= set(f) for f in model["forces"])
+        if model["rank"] is not None:
+            assert model["physical"] == all(force["coefficient"] >= 0 for force in model["forces"])
+    assert any(m["name"] == "coulomb" and m["rank"] is None and m["cautions"] for m in form["models"])
+
+
+@pytest.mark.sampling
+def test_loads_form(damping, saturn_data, tmp_path):
+    out = tmp_path / "loads.json"
+    run = damping("extrapolate", *files(saturn_data), "--force", 28.98, "--force", 90, "--level", 0.8, "--json", out)
+    assert run.code == 0
+    form = json.loads(out.read_text())
+    assert (form["format"], form["level"]) == ("loads/1", 0.8)
+    at_test, beyond = form["predictions"]
+    for p in (at_test, beyond):
+        assert p["low"] < p["median"] < p["high"]
+        assert p["by_model"]
+        np.testing.assert_allclose(
+            p["linear_overprediction_percent"], 100 * (p["linear"] / p["median"] - 1), rtol=1e-12
+        )
+    np.testing.assert_allclose(beyond["linear"], 1.567 * 90 / 28.98, rtol=1e-9)
+    np.testing.assert_allclose(at_test["extrapolation_ratio"], 1.0, rtol=1e-12)
+    # the band at the largest tested force holds the amplitude measured there (Table 4.II: 1.567 in)
+    assert at_test["low"] < 1.567 < at_test["high"]

@@ -1,0 +1,83 @@
+"""Study settings: every mistake is one line that names file, line and key."""
+
+import pytest
+
+from pipelines.settings import default_study, read_settings
+from pipelines.study import read_inputs
+from selection.errors import InputError
+
+GOOD = """title = "t"
+seed = 3
+
+[[records]]
+name = "a"
+record = "a.csv"
+mode = "a.toml"
+design_forces = [1, 2.5]
+laws = [["viscous", "coulomb"]]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_good_settings(write):
+    settings = read_settings(write(GOOD))
+    assert settings.seed == 3
+    assert settings.records[0].design_forces == (1.0, 2.5)
+    assert settings.records[0].laws == (("viscous", "coulomb"),)
+
+
+def test_default_study_reads_all_its_files():
+    path = default_study()
+    settings = read_settings(path)
+    assert {one.name for one in settings.records} == {
+        "config-1-mode-2-rough",
+        "config-1-mode-2-pitch",
+        "config-2-mode-1",
+        "config-2-mode-2",
+    }
+    assert len(read_inputs(settings, path.parent)) == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("seed = 3", "sead = 3", ("line 2", "sead", "seed")),
+        ("seed = 3", "seed = -1", ("line 2", "seed")),
+        ("seed = 3", 'seed = "x"', ("line 2", "seed")),
+        ("seed = 3", "level = 90.0", ("line 2", "level")),
+        ('name = "a"', 'name = "../a"', ("name",)),
+        ('name = "a"', "", ("name", "missing")),
+        ('mode = "a.toml"', 'modes = "a.toml"', ("modes", "mode")),
+        ("[1, 2.5]", "[0]", ("design_forces",)),
+        ('["viscous", "coulomb"]', '["viscose"]', ("viscous",)),
+        ("title", "title title", ("not TOML", "line 1")),
+    ],
+)
+def test_mistakes(old, new, said, write):
+    path = write(GOOD.replace(old, new))
+    with pytest.raises(InputError) as error:
+        read_settings(path)
+    message = str(error.value)
+    assert str(path) in message
+    assert "\n" not in message
+    for word in said:
+        assert word in message
+
+
+def test_two_records_of_one_name(write):
+    with pytest.raises(InputError, match="two records are called 'a'"):
+        read_settings(write(GOOD + GOOD[GOOD.index("[[records]]") :]))
+
+
+def test_no_records(write):
+    with pytest.raises(InputError, match="records"):
+        read_settings(write('title = "t"\nrecords = []\n'))

@@ -1,0 +1,40 @@
+"""Files are whole or not there; JSON holds no NaN."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from pipelines.store import plain, to_json, write_bytes, write_json, write_text
+from selection.errors import InputError
+
+
+def test_replaces_whole(tmp_path):
+    path = tmp_path / "deep" / "file.txt"
+    write_text(path, "one")
+    write_text(path, "two")
+    assert path.read_text() == "two"
+    assert os.listdir(path.parent) == ["file.txt"]
+
+
+def test_failure_leaves_what_was_there(tmp_path, monkeypatch):
+    path = tmp_path / "file.txt"
+    write_text(path, "earlier")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_bytes(path, b"later")
+    assert path.read_text() == "earlier"
+    assert os.listdir(tmp_path) == ["file.txt"]
+
+
+def test_plain_data(capsys):
+    value = {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), True, None), 4: "ü"}
+    assert json.loads(to_json(value)) == {"a": None, "b": [1.0, None], "c": [3, True, None], "4": "ü"}
+    assert plain(np.bool_(True)) is True
+    write_json("-", {"x": 1})
+    assert json.loads(capsys.readouterr().out) == {"x": 1}
