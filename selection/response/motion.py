@@ -21,8 +21,8 @@ from selection.response.laws import Joint, Law, joints_of, law
 
 #: Pieces in one period beyond which the motion is not advancing.
 _MOST_PIECES = 2000
-#: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute one is this times the
-#: scale of the motion.
+#: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute one is this times
+#: the scale of the motion.
 _RTOL = 1e-11
 
 

@@ -1,0 +1,135 @@
+"""`damping sweep`: the record it writes, its options, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipelines.cli import main
+from pipelines.sweep import simulated_force, sweep
+from selection.errors import AnalysisError, InputError
+from selection.forces import CubicStiffness, Sum, Viscous
+from selection.records.mode import Mode
+from selection.records.reading import read_record
+from selection.response.ritz import steady_state
+
+MODEL = """
+[mode]
+name = "Configuration II, first mode"
+frequency = 1.664
+mass = 50.78
+
+[damping]
+viscous = 1.1
+displacement-velocity = 0.6
+"""
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    path = tmp_path / "model.toml"
+    path.write_text(MODEL)
+    return path
+
+
+def with_tables(model: Path, text: str) -> Path:
+    model.write_text(MODEL + text)
+    return model
+
+
+def test_record_holds_the_steady_states(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "record.csv"
+    sweep(model, [19.37, 28.98], "1.63:1.70:15", out, "up", "ritz")
+    table = read_record(out).table
+    assert list(table.columns) == ["sweep", "force", "frequency", "amplitude", "phase"]
+    assert table["sweep"].tolist() == ["A"] * 15 + ["B"] * 15
+    np.testing.assert_allclose(table["frequency"][:15], np.linspace(1.63, 1.70, 15), rtol=1e-15)
+    from selection.forces import DisplacementVelocity
+
+    force = Sum((Viscous(1.1), DisplacementVelocity(0.6)))
+    omega, omega_n = 2 * np.pi * table["frequency"].to_numpy(), 2 * np.pi * 1.664
+    expected = steady_state(force, table["force"].to_numpy(), omega, 50.78, omega_n)
+    # two searches for one root, each to rounding; numbers are written to the last digit
+    np.testing.assert_allclose(table["amplitude"], expected.amplitude, rtol=1e-11)
+    np.testing.assert_allclose(table["phase"], expected.phase, rtol=1e-10)
+
+
+def test_methods_agree(model: Path, tmp_path: Path) -> None:
+    for method in ("ritz", "time"):
+        sweep(model, [28.98], "1.655:1.675:5", tmp_path / f"{method}.csv", "down", method)
+    averaged, integrated = (read_record(tmp_path / f"{method}.csv").table for method in ("ritz", "time"))
+    assert averaged["frequency"].is_monotonic_decreasing
+    np.testing.assert_array_equal(averaged["frequency"], integrated["frequency"])
+    # damping of a fifth of a per cent of critical: the averages' error is of second order in amplitude, first in phase
+    np.testing.assert_allclose(averaged["amplitude"], integrated["amplitude"], rtol=1e-4)
+    np.testing.assert_allclose(averaged["phase"], integrated["phase"], rtol=0, atol=1e-3)
+
+
+def test_command_line(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "record.csv"
+    with pytest.raises(SystemExit) as ended:
+        main(["sweep", str(model), "--force", "5", "--force", "20", "--frequency", "1.6:1.7:11", "--out", str(out)])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == ""  # progress goes to standard error
+    assert len(read_record(out).table) == 22
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"forces": [-1.0]}, "--force -1.0; expected positive numbers"),
+        ({"forces": [float("nan")]}, "--force nan"),
+        ({"forces": [2.0, 2.0]}, "the same --force twice"),
+        ({"frequency": "1.6:1.7"}, "LO:HI:N"),
+        ({"frequency": "1.6:1.7:x"}, "LO:HI:N"),
+        ({"frequency": "1.7:1.6:5"}, "0 < LO < HI"),
+        ({"frequency": "1.6:1.7:1"}, "N >= 2"),
+        ({"frequency": "1.6:1.7:5:9"}, "LO:HI:N"),
+        ({"direction": "sideways"}, "expected up or down"),
+        ({"method": "magic"}, "expected ritz or time"),
+    ],
+)
+def test_bad_options_write_nothing(model: Path, tmp_path: Path, change: dict, message: str) -> None:
+    out = tmp_path / "record.csv"
+    options = {"forces": [5.0], "frequency": "1.6:1.7:5", "direction": "up", "method": "ritz"} | change
+    with pytest.raises(InputError) as caught:
+        sweep(model, out=out, **options)
+    assert message in str(caught.value)
+    assert not out.exists()
+
+
+def test_an_effect_that_is_not_simulated_is_refused(model: Path, tmp_path: Path) -> None:
+    with_tables(model, "\n[effects.planar-coupling]\nangle = 0.5\n")
+    with pytest.raises(AnalysisError, match="cannot simulate effect 'planar-coupling'"):
+        sweep(model, [5.0], "1.6:1.7:5", tmp_path / "record.csv", "up", "ritz")
+    assert not (tmp_path / "record.csv").exists()
+
+
+def test_stiffness_effects_are_cubic_springs() -> None:
+    def of(name: str) -> Sum:
+        mode = Mode("m", 1.0, 2.0, damping={"viscous": {"coefficient": 1.0}}, effects={name: {"coefficient": 3.0}})
+        return simulated_force(mode)  # type: ignore[return-value]  # it is a sum
+
+    assert of("stiffness-hardening") == Sum((Viscous(1.0), CubicStiffness(3.0)))
+    assert of("stiffness-softening") == Sum((Viscous(1.0), CubicStiffness(-3.0)))
+
+
+def test_stiffness_effects_name_their_parameter() -> None:
+    mode = Mode("m", 1.0, 2.0, effects={"stiffness-hardening": {"cubic": 3.0}}, source="model.toml")
+    with pytest.raises(InputError, match=r"model.toml: \[effects.stiffness-hardening\].*expected coefficient"):
+        simulated_force(mode)
+
+
+@pytest.mark.parametrize("method", ["ritz", "time"])
+def test_friction_that_holds_is_no_record(model: Path, tmp_path: Path, method: str) -> None:
+    with_tables(model, "coulomb = 30.0\n")
+    with pytest.raises(AnalysisError, match=r"no steady motion at force 20 and 1\.6 Hz"):
+        sweep(model, [20.0], "1.6:1.7:5", tmp_path / "record.csv", "up", method)
+
+
+def test_many_levels_are_labelled_like_columns_of_a_sheet(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "record.csv"
+    sweep(model, [1.0 + i for i in range(28)], "1.6:1.7:2", out, "up", "ritz")
+    assert read_record(out).table["sweep"].tolist()[50:] == ["Z", "Z", "AA", "AA", "AB", "AB"]
