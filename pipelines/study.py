@@ -108,7 +108,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         records=records,
         inputs=digests,
         versions=versions(),
-        tables=_source_tables(settings),
+        tables=_source_tables(settings, {one.settings.name: r for one, r in zip(inputs, rankings, strict=True)}),
     )
 
 
@@ -232,10 +232,10 @@ def _power_laws(data: Observations) -> tuple[PowerLaw, ...]:
         return ()
 
 
-def _source_tables(settings: StudySettings) -> dict[str, pd.DataFrame]:
+def _source_tables(settings: StudySettings, rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
     """Tables of the source report beside their recomputation, where the study is of it."""
     if not settings.source_report:
         return {}
     from pipelines.source_tables import source_tables  # noqa: PLC0415 - only the Saturn V study needs the report
 
-    return source_tables()
+    return source_tables(rankings)
