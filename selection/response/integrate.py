@@ -113,7 +113,7 @@ def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
             return (after, radius) if radius < 1.0 else None
         last = distance
         change = np.linalg.lstsq(np.eye(2) - jacobian, miss, rcond=1e-10)[0]
-        change *= min(1.0, 2.0 * size / float(np.hypot(*change)))
+        change *= min(1.0, 2.0 * size / max(float(np.hypot(*change)), 1e-300))
         correction = (state.q - after.q + change[0], state.v - after.v + change[1] * w)
         state = _moved(oscillator, after, *(float(c) for c in correction))
     return None
