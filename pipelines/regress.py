@@ -14,6 +14,7 @@ import pandas as pd
 
 from pipelines.store import plain, write_json, write_text
 from selection.arrays import FloatArray
+from selection.errors import InputError
 from selection.records.reading import read_table
 from selection.regression.columns import required_columns, take_columns
 from selection.regression.fit import Fit
@@ -65,6 +66,8 @@ def run_regress(
     """
     parsed = [parse_terms(curve) for curve in curves]
     wanted = response.strip()
+    if not wanted:
+        raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *columns_of(term for terms in parsed for term in terms)]))
     tables = [(path, _read(path, names, max_size)) for path in data]
     return [_one(path, table, wanted, terms, choice) for path, table in tables for terms in parsed]

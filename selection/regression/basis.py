@@ -66,7 +66,7 @@ def _check_shape(design: Design) -> None:
         raise AnalysisError(f"rank-deficient: {', '.join(zero)} is zero at every observation")
     if design.n < design.k:
         names = ", ".join(design.names)
-        raise AnalysisError(f"rank-deficient: {design.n} observations cannot determine {design.k} terms: {names}")
+        raise AnalysisError(f"rank-deficient: fewer observations ({design.n}) than terms ({design.k}): {names}")
 
 
 def _checked_condition(factor: FloatArray, design: Design) -> float:

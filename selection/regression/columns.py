@@ -25,11 +25,11 @@ _ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
 class Columns:
     """The numbers that a regression needs.
 
-    ``values`` maps each name asked for to its column (n,); ``rows`` (n,) are the rows of the table used, from 0;
+    ``numbers`` maps each name asked for to its column (n,); ``rows`` (n,) are the rows of the table used, from 0;
     ``notes`` say what was derived or left out.
     """
 
-    values: dict[str, FloatArray]
+    numbers: dict[str, FloatArray]
     rows: IntArray
     notes: tuple[str, ...]
 

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from selection.arrays import FloatArray, Floats, IntArray
 from selection.errors import InputError
 
+_ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # deviations below this share of the response say nothing
 #: Names on the command line, with the name in print.
 NAMES = {"bic": "BIC", "aic": "AIC", "aicc": "AICc", "adjusted-r2": "adjusted R^2", "loo": "leave-one-out error"}
 
@@ -57,15 +58,16 @@ def criteria(sse: Floats, press: Floats, k: int | IntArray, observed: FloatArray
         k: numbers of coefficients.
         observed: the response (n,).
     """
-    n, total = len(observed), float(observed @ observed)
-    rounding = total * float(np.finfo(np.float64).eps) ** 2
+    n = len(observed)
     K: npt.NDArray[np.float64] = np.asarray(k, dtype=np.float64) + 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        total = observed @ observed
+        rounding = total * _ROUNDING**2
         deviance = n * np.log(np.maximum(sse, rounding) / n) + n * (np.log(2.0 * np.pi) + 1.0)
         aic, bic = deviance + 2.0 * K, deviance + K * np.log(n)
         aicc = aic + 2.0 * K * (K + 1.0) / np.where(n > K + 1.0, n - K - 1.0, np.nan)
         freedom = np.where(n > K - 1.0, n - K + 1.0, np.nan)
-        adjusted = 1.0 - np.maximum(sse, rounding) / freedom * (n / total)
+        adjusted = 1.0 - np.maximum(sse, rounding) / freedom * np.divide(n, total)
     exists = np.isfinite(freedom)
     loo = np.sqrt(np.maximum(press, rounding) / n)
     return Criteria(*(np.where(exists, value, np.nan)[()] for value in (aic, aicc, bic, adjusted, loo)))

@@ -47,9 +47,9 @@ class Design:
 
 def design_of(columns: Columns, response: str, terms: Sequence[Term]) -> Design:
     """The design that terms make of a table's columns. AnalysisError if a term has no finite value somewhere."""
-    pairs = [term.values(columns.values.__getitem__, len(columns)) for term in terms]
+    pairs = [term.values(columns.numbers.__getitem__, len(columns)) for term in terms]
     heads, tails = (np.column_stack(parts) for parts in zip(*pairs, strict=True))
-    return Design(tuple(term.name for term in terms), heads, tails, response, columns.values[response])
+    return Design(tuple(term.name for term in terms), heads, tails, response, columns.numbers[response])
 
 
 def design_of_arrays(

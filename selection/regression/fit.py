@@ -116,10 +116,10 @@ def fit(design: Design, basis: Basis | None = None) -> Fit:
     left = deviations((design.columns / basis.scale, design.tails / basis.scale), first, observed)
     correction, covariance, left = _statistics(left, basis)
     coefficients = (first + correction) / basis.scale * unit
-    covariance = covariance / np.outer(basis.scale, basis.scale) * unit**2
-    std_errors = np.sqrt(np.diag(covariance))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    std_errors = np.sqrt(np.diag(covariance)) / basis.scale * unit
+    with np.errstate(all="ignore"):  # no deviations: no errors, and T-ratios that are infinite or NaN
         t_ratios = coefficients / std_errors
+        covariance = covariance * np.outer(unit / basis.scale, unit / basis.scale)
     p_values = 2.0 * stats.t.sf(np.abs(t_ratios), max(design.n - design.k, 1))
     return Fit(
         names=design.names,

@@ -73,7 +73,7 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) 
 
 def _heading(result: Regression) -> str:
     lines = [
-        f"{result.data or 'table'}: {result.design.n} observations",
+        f"{result.data or 'table'}, number of observations {result.design.n}",
         f"{result.design.response} = " + " + ".join(f"a{i + 1} {name}" for i, name in enumerate(result.design.names)),
     ]
     return _section("MULTIVARIATE REGRESSION PROGRAM I", lines)

@@ -63,7 +63,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     full = fit(design)
     selected = select(design, choice)
     deviations = deviations_of(selected.fit)
-    independent = {name: columns.values[name] for name in columns_of(terms)}
+    independent = {name: columns.numbers[name] for name in columns_of(terms)}
     plane, why_not = _plane(columns, response, tuple(independent))
     return Regression(
         data=data,
