@@ -24,13 +24,14 @@ class Fit:
     """Generalised least squares of a law.
 
     Attributes:
-        names: parameters, coefficients first. values, std_errors: in the units of the record; standard errors are NaN
-            where the data cannot tell the parameters apart. rows, parameters: counts.
+        names: parameters, coefficients first; coefficients: how many they are.
+        values, std_errors: in the units of the record; standard errors are NaN where the data cannot tell the parameters apart. rows, parameters: counts.
         rss: sum of squared relative residuals; aic, aicc, bic: of them, rows taken as independent and the scatter
             as one more parameter; NaN where there are too few rows.
     """
 
     names: tuple[str, ...]
+    coefficients: int
     values: FloatArray
     std_errors: FloatArray
     rows: int
@@ -39,6 +40,11 @@ class Fit:
     aic: float
     aicc: float
     bic: float
+
+    @property
+    def physical(self) -> bool:
+        """Whether no coefficient is negative."""
+        return bool(np.all(self.values[: self.coefficients] >= 0.0))
 
     @property
     def t_ratios(self) -> FloatArray:
@@ -80,6 +86,7 @@ def fit(coordinates: Coordinates, data: Observations, mode: FloatArray) -> Fit:
     rss, rows, k = float(n @ n), len(n), len(start)
     return Fit(
         names=_names(law),
+        coefficients=len(law.parts),
         values=result.x,
         std_errors=_standard_errors(np.asarray(result.jac) * scale, scale),
         rows=rows,

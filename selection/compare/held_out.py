@@ -5,24 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from selection.arrays import FloatArray
-from selection.posterior.evidence import find_mode
+from selection.compare.fit import Fit, fit, natural_force
+from selection.forces.contract import Force
 from selection.posterior.law import Coordinates, Law
+from selection.posterior.mode import find_mode
 from selection.posterior.observations import Observations
 from selection.response.ritz import resonant_amplitude
 
 
-def percent_errors(coordinates: Coordinates, x: FloatArray, data: Observations) -> FloatArray:
+def percent_errors(force: Force, data: Observations) -> FloatArray:
     """100 (predicted/measured - 1) of the resonant amplitude of each sweep at its tested force, (sweeps,).
 
-    Args:
-        x: one point (dimension,). Where the law has no resonance at a tested force the error is NaN.
+    Where the force has no resonance at a tested force the error is NaN.
     """
-    amplitude = resonant_amplitude(coordinates.force(x), data.tested_force, data.tested_omega)
+    amplitude = resonant_amplitude(force, data.tested_force, data.tested_omega)
     return 100.0 * (amplitude / data.tested_amplitude - 1.0)
 
 
+def fitted_force(coordinates: Coordinates, least_squares: Fit, mode: FloatArray) -> Force:
+    """The law as least squares gives it, or at its posterior mode where that would have a negative coefficient."""
+    if least_squares.physical:
+        return natural_force(coordinates.law, least_squares.values)
+    return coordinates.force(mode)
+
+
 def held_out_errors(law: Law, data: Observations) -> FloatArray:
-    """Percent errors of each sweep predicted by the law fitted (posterior mode) to all other sweeps, (sweeps,).
+    """Percent errors of each sweep predicted by the law fitted to all other sweeps, (sweeps,).
 
     Raises:
         AnalysisError: the law cannot carry the forces of the other sweeps.
@@ -32,8 +40,9 @@ def held_out_errors(law: Law, data: Observations) -> FloatArray:
         keep = np.arange(len(data.sweeps)) != level
         others = data.keep_sweeps(keep)
         coordinates = Coordinates.of(law, others)
-        out = data.keep_sweeps(~keep)
-        errors[level] = percent_errors(coordinates, find_mode(coordinates, others), out)[0]
+        mode = find_mode(coordinates, others)
+        force = fitted_force(coordinates, fit(coordinates, others, mode), mode)
+        errors[level] = percent_errors(force, data.keep_sweeps(~keep))[0]
     return errors
 
 

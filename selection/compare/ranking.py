@@ -15,7 +15,7 @@ import numpy as np
 
 from selection.compare.candidates import candidate_laws
 from selection.compare.fit import Fit, fit
-from selection.compare.held_out import held_out_errors, percent_errors, root_mean_square
+from selection.compare.held_out import fitted_force, held_out_errors, percent_errors, root_mean_square
 from selection.errors import AnalysisError
 from selection.posterior.evidence import Evidence, evidence
 from selection.posterior.law import EXPONENT_RANGE, Coordinates, Law
@@ -139,7 +139,7 @@ def _candidate(law: Law, data: Observations, seed: int) -> Candidate:
         return replace(nothing, cautions=(str(error),))
     least_squares = fit(coordinates, data, found.mode)
     parts = len(law.parts)
-    errors = percent_errors(coordinates, found.mode, data)
+    errors = percent_errors(fitted_force(coordinates, least_squares, found.mode), data)
     held_out, held_out_caution = _held_out(law, data)
     return Candidate(
         law=law,
@@ -149,7 +149,7 @@ def _candidate(law: Law, data: Observations, seed: int) -> Candidate:
         weight=0.0,
         held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(errors))),
-        physical=bool(np.all(least_squares.values[:parts] >= 0.0)),
+        physical=least_squares.physical,
         cautions=(*_cautions(least_squares, parts, found, data), *held_out_caution),
         fit=least_squares,
         evidence=found,

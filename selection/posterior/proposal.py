@@ -47,7 +47,7 @@ class Proposal:
             halves = _halve(parts.pop(0))
             parts += halves
         # a part is cut off where the next begins: twice its covariance lets them overlap
-        covariances = np.array([2.0 * np.cov(p.T).reshape(d, d) + 1e-6 * np.eye(d) for p in parts])
+        covariances = np.array([_widened(np.cov(p.T).reshape(d, d)) for p in parts])
         shares = np.array([len(p) / len(draws) for p in parts])
         return cls._with_wide(shares, np.array([p.mean(axis=0) for p in parts]), covariances)
 
@@ -91,6 +91,11 @@ class Proposal:
         """The part that a uniform variable falls into."""
         edges = np.cumsum(self.shares)[:-1]
         return np.searchsorted(edges, u).astype(np.int64)
+
+
+def _widened(covariance: FloatArray) -> FloatArray:
+    """Twice a covariance, its diagonal raised a little so that few different draws still give a density."""
+    return 2.0 * covariance + np.diag(1e-6 * np.diag(covariance) + 1e-16)
 
 
 def _halve(draws: FloatArray) -> list[FloatArray]:

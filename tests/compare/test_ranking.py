@@ -12,8 +12,9 @@ from selection.compare.held_out import held_out_errors, percent_errors
 from selection.compare.ranking import rank_laws
 from selection.errors import AnalysisError
 from selection.forces.catalogue import CATALOGUE, make
-from selection.posterior.evidence import evidence, find_mode
+from selection.posterior.evidence import evidence
 from selection.posterior.law import Coordinates, Law
+from selection.posterior.mode import find_mode
 
 OMEGA = 12.0
 LEVELS = np.geomspace(0.4, 2.0, 8)
@@ -104,7 +105,7 @@ def test_held_out_error_is_refitting_without_the_level(saturn):
     keep = np.array([True, True, False])
     others = data.keep_sweeps(keep)
     c = Coordinates.of(law, others)
-    coefficient = float(c.parameters(find_mode(c, others))["velocity-squared"])
+    coefficient = float(fit(c, others, find_mode(c, others)).values[0])
     # C = (8/3 pi) c (omega A)^2 = F solved for A
     predicted = np.sqrt(data.tested_force[2] * 3.0 * np.pi / (8.0 * coefficient)) / data.tested_omega[2]
     np.testing.assert_allclose(
@@ -118,7 +119,7 @@ def test_percent_errors_of_the_linear_law_of_sweep_c(saturn):
     top = data.keep_sweeps(np.array([False, False, True]))
     x = np.array([0.0, 0.0])  # total = 1: carries the force of sweep C exactly
     expected = 1.567 * data.tested_force / 28.98 * data.tested_omega[2] / data.tested_omega
-    errors = percent_errors(Coordinates.of(Law(("viscous",)), top), x, data)
+    errors = percent_errors(Coordinates.of(Law(("viscous",)), top).force(x), data)
     np.testing.assert_allclose(errors, 100.0 * (expected / data.tested_amplitude - 1.0), rtol=1e-9, atol=1e-9)
 
 

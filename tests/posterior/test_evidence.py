@@ -5,9 +5,10 @@ import pytest
 from scipy.integrate import simpson
 
 from selection.errors import AnalysisError
-from selection.posterior.evidence import evidence, find_mode
+from selection.posterior.evidence import evidence
 from selection.posterior.law import Coordinates, Law
 from selection.posterior.likelihood import log_posterior
+from selection.posterior.mode import find_mode
 
 
 @pytest.mark.parametrize("name", ["viscous", "velocity-squared", "displacement-velocity"])

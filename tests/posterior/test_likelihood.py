@@ -57,7 +57,9 @@ def test_residual_at_resonance_is_the_relative_amplitude_error(peaks):
     A, omega, c = np.array([1.0, 1.4]), 10.0, 0.13
     from selection.forces.catalogue import make
 
-    n, h, _ = residuals(make("velocity-squared", coefficient=c), peaks(1.01 * A, 8.0 / (3.0 * np.pi) * c * (A * omega) ** 2, omega))
+    n, h, _ = residuals(
+        make("velocity-squared", coefficient=c), peaks(1.01 * A, 8.0 / (3.0 * np.pi) * c * (A * omega) ** 2, omega)
+    )
     np.testing.assert_allclose(n, -0.01, rtol=0.02)
     np.testing.assert_allclose(h, 1.0, rtol=1e-12)
 
