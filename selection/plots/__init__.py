@@ -1,0 +1,1 @@
+"""Plotting functions: tables and arrays in, a matplotlib Figure out; style in one place."""

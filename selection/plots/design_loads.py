@@ -1,0 +1,162 @@
+"""Resonant amplitude against force, from the tested range to the design loads: what the design review looks at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from selection.arrays import FloatArray
+from selection.plots.style import (
+    AVERAGE,
+    BEYOND,
+    CREDIBLE,
+    INK,
+    LINEAR,
+    MEASURED,
+    MUTED,
+    PREDICTIVE,
+    WIDTH,
+    law_style,
+    styled,
+    with_unit,
+)
+
+_LONG_DASH = (0, (7, 2))
+
+
+@styled
+def design_loads(
+    band: pd.DataFrame,
+    models: pd.DataFrame,
+    tested: pd.DataFrame,
+    design: pd.DataFrame,
+    level: float,
+    force_unit: str = "",
+    length_unit: str = "",
+) -> Figure:
+    """Draw the bands, each model's median, the linear prediction and the tested points.
+
+    Args:
+        band: over a grid of forces, ``force, median, low, high, credible_low, credible_high, linear``.
+        models: ``law, weight, force, median``, rows of a law together, on the same grid.
+        tested: ``sweep, force, amplitude``.
+        design: at the design forces, ``force, median, low, high, linear, overprediction``.
+        level: content of both bands.
+    """
+    figure = Figure(figsize=(WIDTH, 5.0))
+    axes = figure.add_subplot()
+    force = band["force"].to_numpy(float)
+    top = _top(band, tested, design)
+    _regions(axes, tested["force"].to_numpy(float), force)
+    axes.vlines(tested["force"], 0.0, tested["amplitude"], color=MUTED, linewidth=0.7, linestyle=(0, (2, 2)))
+    axes.fill_between(force, band["low"], band["high"], facecolor=PREDICTIVE, edgecolor=AVERAGE, linewidth=0.5)
+    axes.fill_between(force, band["credible_low"], band["credible_high"], color=CREDIBLE, linewidth=0)
+    for law, rows in models.groupby("law", sort=False):
+        colour, line = law_style(str(law))
+        axes.plot(rows["force"], rows["median"], color=colour, linestyle=line, linewidth=1.0)
+    axes.plot(force, band["linear"], color=LINEAR, linewidth=1.6, linestyle=_LONG_DASH)
+    axes.plot(force, band["median"], color=AVERAGE, linewidth=2.2)
+    _tested(axes, tested)
+    _mark_design(axes, design)
+    _say_numbers(axes, band, design, level, length_unit)
+    axes.set_xlim(force[0], force[-1])
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel(with_unit("modal force at resonance", force_unit))
+    axes.set_ylabel(with_unit("resonant amplitude", length_unit))
+    _legends(figure, axes, models, level)
+    return figure
+
+
+def _top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
+    """Upper limit of the amplitude axis: the linear line stays in sight, a band that runs away sets no scale."""
+    values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
+    likely = np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])
+    return float(1.12 * np.nanmax([*values, likely]))
+
+
+def _regions(axes: Axes, tested: FloatArray, force: FloatArray) -> None:
+    """Shade what lies beyond the test and say which is which along the bottom."""
+    low, high = tested.min(), tested.max()
+    axes.axvspan(high, force[-1], color=BEYOND, linewidth=0, zorder=0)
+    style: dict[str, Any] = {
+        "transform": axes.get_xaxis_transform(),
+        "color": MUTED,
+        "fontsize": 8,
+        "va": "bottom",
+        "ha": "center",
+    }
+    axes.text(0.5 * (low + high), 0.02, "tested", **style)
+    if force[-1] > high:
+        axes.text(0.5 * (high + force[-1]), 0.02, "extrapolated, not tested", **style)
+
+
+def _tested(axes: Axes, tested: pd.DataFrame) -> None:
+    """Tested points with their sweeps."""
+    axes.plot(
+        tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=6, markeredgecolor="white", zorder=5
+    )
+    for sweep, force, amplitude in tested[["sweep", "force", "amplitude"]].itertuples(index=False):
+        axes.annotate(str(sweep), (force, amplitude), (6, -10), textcoords="offset points", color=MEASURED, fontsize=8)
+
+
+def _mark_design(axes: Axes, design: pd.DataFrame) -> None:
+    """Median with its predictive interval, and the linear prediction, at each design force."""
+    axes.vlines(design["force"], design["low"], design["high"], color=AVERAGE, linewidth=1.2, zorder=4)
+    for column, colour in (("median", AVERAGE), ("linear", LINEAR)):
+        axes.plot(design["force"], design[column], "D", color="white", markeredgecolor=colour, markersize=5.5, zorder=6)
+
+
+def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: float, unit: str) -> None:
+    """The numbers at the largest design force that has a prediction."""
+    rows = design[np.isfinite(design["median"])]
+    if rows.empty:
+        return
+    last = rows.iloc[int(rows["force"].argmax())]
+    space = f" {unit}" if unit else ""
+    style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 8.5, "zorder": 7}
+    axes.annotate(
+        f"linear {last['linear']:.2f}{space}\n{last['overprediction']:+.0f} % over the median",
+        (last["force"], last["linear"]),
+        (-10, 3),
+        va="bottom",
+        color=LINEAR,
+        **style,
+    )
+    # under the band where the text begins, a fifth of the axis to the left
+    left = last["force"] - 0.2 * np.ptp(band["force"])
+    axes.annotate(
+        f"{last['median']:.2f}{space}\n{100 * level:g} %: {last['low']:.2f} to {last['high']:.2f}",
+        (last["force"], np.interp(left, band["force"], band["low"])),
+        (4, -6),
+        va="top",
+        color=AVERAGE,
+        **style,
+    )
+
+
+def _legends(figure: Figure, axes: Axes, models: pd.DataFrame, level: float) -> None:
+    """What the marks mean, in the corner above the linear line; below the axes the models with their weights."""
+    percent = f"{100 * level:g} %"
+    marks = [
+        Line2D([], [], marker="o", color=MEASURED, linestyle="", label="tested, by sweep"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, averaged over the models"),
+        Patch(color=CREDIBLE, linewidth=0, label=f"{percent} credible band: the law's own amplitude"),
+        Patch(fc=PREDICTIVE, ec=AVERAGE, linewidth=0.5, label=f"{percent} predictive band: the next test"),
+        Line2D([], [], color=LINEAR, linewidth=1.6, ls=_LONG_DASH, label="linear: viscous, from the largest level"),
+        Line2D([], [], marker="D", color="white", markeredgecolor=INK, linestyle="", label="design force"),
+    ]
+    laws = models.drop_duplicates("law")
+    medians = [
+        Line2D([], [], color=law_style(law).colour, ls=law_style(law).line, linewidth=1.1, label=f"{law}  {w:.2f}")
+        for law, w in zip(laws["law"], laws["weight"], strict=True)
+    ]
+    axes.legend(handles=marks, loc="upper left", borderaxespad=0.2)
+    title = "median of each model, and its weight (models that predict the same lie on one another)"
+    legend = figure.legend(handles=medians, loc="outside lower center", ncols=2, title=title)
+    legend.set_alignment("left")

@@ -1,0 +1,209 @@
+"""One place for the look of every figure: sizes, colours, lines, fonts, and the way to SVG.
+
+A law has one colour and one line everywhere. A force alone is solid; viscous with another force has that force's
+colour, dashed; any other sum (a selected polynomial) is dash-dotted or dotted in a colour found from its name. The
+colours are of the Okabe-Ito and Tol sets, which people with the common colour deficiencies can tell apart; line
+styles, labels and position say the same thing once more.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec
+from xml.etree import ElementTree
+from zlib import crc32
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+#: Width of a full figure, inches: 17 cm, the text width of an A4 page.
+WIDTH = 6.7
+INK, MUTED, GRID = "#1f2328", "#5c6670", "#e3e6e9"
+#: Measured values, the average over models, its bands, what is linear, what lies beyond the test, what needs attention.
+MEASURED, AVERAGE, LINEAR, BEYOND, ALERT = "#1f2328", "#0b2545", "#a3123a", "#f6f1e6", "#c8500a"
+CREDIBLE, PREDICTIVE = "#93b3d1", "#cddcea"
+
+_FORCE_COLOURS = {
+    "viscous": "#5c6670",
+    "displacement": "#e69f00",
+    "velocity-squared": "#d55e00",
+    "displacement-velocity": "#0072b2",
+    "quadratic-displacement": "#009e73",
+    "velocity-power": "#aa4499",
+    "displacement-velocity-power": "#332288",
+    "coulomb": "#999933",
+    "slip": "#56b4e9",
+}
+_OTHER_COLOURS = (
+    *("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677"),
+    *("#3d5a80", "#c774b8", "#7a3e12", "#44aa99"),
+)
+_OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+
+_STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 5,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "svg.fonttype": "none",
+}
+
+Parameters = ParamSpec("Parameters")
+
+
+class LawStyle(NamedTuple):
+    """Colour and matplotlib line style of a law."""
+
+    colour: str
+    line: Any
+
+
+def styled(draw: Callable[Parameters, Figure]) -> Callable[Parameters, Figure]:
+    """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
+
+    @wraps(draw)
+    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Figure:
+        with rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def law_style(name: str) -> LawStyle:
+    """Colour and line of the law called ``name`` (component names joined by `` + ``), the same in every figure."""
+    parts = name.split(" + ")
+    others = [part for part in parts if part != "viscous"] or ["viscous"]
+    if len(others) == 1 and others[0] in _FORCE_COLOURS:
+        return LawStyle(_FORCE_COLOURS[others[0]], "-" if len(parts) == 1 else (0, (4.5, 1.6)))
+    number = crc32(name.encode())
+    lines, colours = len(_OTHER_LINES), len(_OTHER_COLOURS)
+    return LawStyle(_OTHER_COLOURS[number % colours], _OTHER_LINES[number // colours % lines])
+
+
+def with_unit(what: str, unit: str) -> str:
+    """An axis label: ``what`` with its unit in parentheses, where it has one."""
+    return f"{what} ({unit})" if unit else what
+
+
+def weight_text(weight: float) -> str:
+    """A posterior probability for a label: three decimals where it is small."""
+    if weight >= 0.0095 or weight == 0.0:
+        return f"{weight:.2f}" if weight else "0"
+    return f"{weight:.3f}" if weight >= 0.0005 else "< 0.001"
+
+
+def plain_log(axis: Axis) -> None:
+    """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
+    low, high = sorted(axis.get_view_interval())
+    short = high < 15.0 * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=7))
+    axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
+    axis.set_minor_locator(NullLocator())
+
+
+def plain_rows(axes: Axes, labels: list[str]) -> None:
+    """Label a vertical axis with one row per label, the first on top, and no ticks or horizontal grid."""
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+
+
+def identifier(name: str) -> str:
+    """``name`` as an id in a page and a file stem: letters, digits, underscores and hyphens, starting with a letter."""
+    slug = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")
+    return slug if slug[:1].isalpha() else f"n-{slug}"
+
+
+def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
+    """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
+
+    Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
+    so figures with different names can share a page.
+    """
+    prefix = identifier(name)
+    buffer = io.BytesIO()
+    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with rc_context({**_STYLE, "svg.hashsalt": prefix}):
+        figure.savefig(buffer, format="svg", metadata=nothing)
+    return _standing_alone(buffer.getvalue(), prefix, title, description)
+
+
+_SVG = "http://www.w3.org/2000/svg"
+_XLINK = "http://www.w3.org/1999/xlink"
+
+
+def _standing_alone(svg: bytes, prefix: str, title: str, description: str) -> str:
+    """Matplotlib's SVG with a text alternative, ids of its own only where they are used, and two decimals."""
+    ElementTree.register_namespace("", _SVG)
+    ElementTree.register_namespace("xlink", _XLINK)
+    root = ElementTree.fromstring(svg)
+    _shorten(root, prefix)
+    for container in root.iter():
+        # matplotlib's style sheet and metadata would reach beyond the figure: the same is said on the root
+        for child in [c for c in container if c.tag in (f"{{{_SVG}}}style", f"{{{_SVG}}}metadata")]:
+            container.remove(child)
+    root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt", "role": "img"}
+    root.set("aria-labelledby", f"{prefix}-title {prefix}-desc")
+    for position, (tag, text) in enumerate((("title", title), ("desc", description))):
+        element = ElementTree.Element(f"{{{_SVG}}}{tag}", {"id": f"{prefix}-{tag}"})
+        element.text = text
+        root.insert(position, element)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+_REFERENCE = re.compile(r"url\(#([^)]+)\)")
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_NUMBERS = ("d", "x", "y", "width", "height", "transform")
+
+
+def _shorten(root: ElementTree.Element, prefix: str) -> None:
+    """Prefix the ids that are referred to, drop the others, round coordinates to 0.01 point."""
+    href = f"{{{_XLINK}}}href"
+    elements = list(root.iter())
+    used = {e.get(href, "").removeprefix("#") for e in elements}
+    used |= {found for e in elements for value in e.attrib.values() for found in _REFERENCE.findall(value)}
+    for element in elements:
+        attributes = element.attrib
+        own = attributes.pop("id", None)
+        if own in used:
+            attributes["id"] = f"{prefix}-{own}"
+        for key, value in list(attributes.items()):
+            if key == href:
+                attributes[key] = f"#{prefix}-{value.removeprefix('#')}"
+            elif "url(#" in value:
+                attributes[key] = _REFERENCE.sub(rf"url(#{prefix}-\1)", value)
+            elif key in _NUMBERS:
+                attributes[key] = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.2f}", value)

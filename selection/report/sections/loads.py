@@ -1,0 +1,118 @@
+"""Design loads: resonant amplitude beyond the test, with bands, the linear prediction, and every model's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from selection.loads.prediction import Loads
+from selection.report.page import Block, Format, Heading, List, Section, Table, Text
+from selection.report.results import RecordResult, StudyResult
+from selection.report.sections.answer import bands_caption
+from selection.report.sections.common import Svgs, figure, file_stem
+from selection.report.tables import loads_table
+from selection.report.words import between, force_text, joined, number, share, signed
+
+
+def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
+    """The section; none where the study asks for no design loads."""
+    asked = [result for result in study.records if result.design is not None]
+    if not asked:
+        return []
+    blocks: list[Block] = [
+        Text(
+            "Resonant amplitude is the amplitude at phase resonance under the force given. Median and bands are "
+            "averaged over the models by weight; linear takes the viscous coefficient of the sweep with the largest "
+            "tested force."
+        )
+    ]
+    first = next((r for r in asked if file_stem(r, "design_loads") in svgs), None)
+    for result in asked:
+        assert result.design is not None  # chosen so above
+        blocks.append(Heading(result.title))
+        if result is first:
+            blocks.append(Text("The figure stands with the answer, at the top."))
+        else:
+            blocks += figure(svgs, file_stem(result, "design_loads"), bands_caption(result))
+        blocks += [
+            _predictions(result, result.design),
+            _by_model(result, result.design),
+            *_cautions(result, result.design),
+        ]
+    return [Section("loads", "Design loads", blocks)]
+
+
+def _predictions(result: RecordResult, design: Loads) -> Table:
+    table = loads_table(design)
+    spoken = pd.DataFrame(
+        {
+            "force": table["force"],
+            "times tested": table["extrapolation_ratio"],
+            "median": table["median"],
+            "predictive": [between(a, b) for a, b in zip(table["low"], table["high"], strict=True)],
+            "credible": [between(a, b) for a, b in zip(table["credible_low"], table["credible_high"], strict=True)],
+            "linear": table["linear"],
+            "over": table["overprediction"],
+            "over_interval": [
+                f"{signed(a)} to {signed(b)}"
+                for a, b in zip(table["overprediction_low"], table["overprediction_high"], strict=True)
+            ],
+        }
+    )
+    level = f"{100 * design.level:g} %"
+    headings = {
+        "force": _headed("force", result.mode.units.force),
+        "median": _headed("median", result.mode.units.length),
+        "predictive": f"{level} predictive",
+        "credible": f"{level} credible",
+        "linear": _headed("linear", result.mode.units.length),
+        "over": "linear over median",
+        "over_interval": f"its {level} interval",
+    }
+    formats: dict[str, Format] = dict.fromkeys(("times tested", "median", "linear"), number)
+    formats |= {"force": lambda force: f"{force:.6g}", "over": signed}
+    caption = (
+        "Resonant amplitude at the design forces; the last columns say by how much the linear prediction exceeds it."
+    )
+    return Table(spoken, caption, formats, headings, key=file_stem(result, "design_loads"))
+
+
+def _headed(what: str, unit: str) -> str:
+    return f"{what} ({unit})" if unit else what
+
+
+def _by_model(result: RecordResult, design: Loads) -> Table:
+    """A row a model, a column a force: median and predictive interval."""
+    unit = result.mode.units.force
+    columns: dict[str, list[str]] = {
+        "model": [band.name for band in design.by_model],
+        "weight": [share(band.weight) for band in design.by_model],
+    }
+    for i, force in enumerate(design.force):
+        columns[f"at {force_text(force, unit)}"] = [
+            f"{number(band.median[i])} ({between(band.low[i], band.high[i])})" for band in design.by_model
+        ]
+    caption = f"Each model's own median, and its {100 * design.level:g} % predictive interval in parentheses."
+    return Table(pd.DataFrame(columns), caption, key=file_stem(result, "design_loads_by_model"))
+
+
+def _cautions(result: RecordResult, design: Loads) -> list[Block]:
+    """What to know before using a prediction; said once with the forces it holds for."""
+    said: dict[str, list[str]] = {}
+    for force, cautions in zip(design.force, design.cautions, strict=True):
+        for caution in cautions:
+            said.setdefault(caution, []).append(f"{force:g}")
+    if not said:
+        return []
+    unit, everywhere = result.mode.units.force, len(design.force)
+    items = [
+        _capital(caution) + ("." if len(forces) == everywhere and everywhere > 1 else f" (at {joined(forces)} {unit}).")
+        for caution, forces in said.items()
+    ]
+    inside = np.isfinite(design.average.median)
+    alone = [] if inside.all() else ["A dash stands where no prediction is given."]
+    return [List([*items, *alone])]
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,122 @@
+"""Further tables of a study, whatever they are; those of the source report get a title and an explanation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from selection.report.page import Block, Fold, Heading, Section, Table, Text
+from selection.report.results import StudyResult
+from selection.report.sections.common import Svgs, figure
+
+#: A table with more rows than this is folded away.
+MOST_ROWS = 24
+
+
+@dataclass(frozen=True)
+class Known:
+    """A table that is known by name: its title, what it says, and the columns that the page shows (all if empty)."""
+
+    title: str
+    said: str
+    columns: tuple[str, ...] = ()
+
+
+KNOWN = {
+    "section_6_1": Known(
+        "Damping forces of section 6.1, printed and ours",
+        "Each printed coefficient beside its recomputation by the report's own method on corrected tables, and "
+        "beside our fit with its 90 per cent credible interval. A law reproduces the tests when its amplitudes are "
+        "within 5 per cent.",
+        (
+            *("configuration", "mode", "equation", "force", "parameter", "unit", "printed", "recomputed", "ours"),
+            *("low", "high", "printed_in_interval", "printed_percent_resonance", "recomputed_percent_resonance"),
+            *("ours_percent_resonance", "printed_reproduces", "recomputed_reproduces", "ours_reproduces", "erratum"),
+        ),
+    ),
+    "section_6_1_errors": Known(
+        "Errors of the laws of section 6.1, point by point",
+        "Per cent error of resonant amplitude and of energy per cycle at each tested point, for each version of "
+        "each law.",
+    ),
+    "section_4_3_example": Known(
+        "The example of section 4.3: what becomes of 67 per cent",
+        "The report extrapolates the first mode of Configuration II to 90 lb. Its numbers beside their "
+        "recomputation, with intervals where there are any.",
+    ),
+    "power_laws": Known(
+        "Power laws of section 4.3, printed and recomputed",
+        "Exponent and coefficient from the printed and from the corrected tables, beside the printed values.",
+        (
+            *("mode", "form", "equation", "inputs", "p_printed", "p", "p_std_error", "p_low", "p_high"),
+            *("alpha_printed", "alpha_at_printed_p", "alpha", "erratum"),
+        ),
+    ),
+    "linear_coefficients": Known(
+        "Linear coefficients against amplitude, section 4.1",
+        "The amplitude-dependent linear coefficient and the forces it is converted to, from one degree of freedom.",
+        (
+            *("mode", "model", "inputs", "parameter", "unit", "coefficient", "std_error", "t_ratio", "low", "high"),
+            *("report_method", "printed", "force", "force_coefficient", "printed_force", "erratum"),
+        ),
+    ),
+    "regressions": Known(
+        "Regressions of chapter V, printed and recomputed",
+        "Every energy polynomial the report fitted, from printed, corrected and recovered inputs. R² is without a "
+        "constant.",
+        (
+            *("fit", "equation", "inputs", "cells_changed", "points", "term", "coefficient", "std_error", "t_ratio"),
+            *("printed", "force", "force_coefficient", "printed_force", "r_squared_without_constant"),
+            *("average_absolute_percent", "largest_absolute_percent", "erratum"),
+        ),
+    ),
+    "regression_deviations": Known(
+        "Per cent deviations of Tables 5.II to 5.IV",
+        "The report's own column of per cent deviations beside those of our fits to printed, corrected and "
+        "recovered inputs.",
+    ),
+    "errata": Known(
+        "Errata of the report",
+        "Misprints, misreadings and derivation errors with their proofs. Severity A changes results, B changes "
+        "numbers, C is minor.",
+        ("id", "severity", "where", "as_printed", "should_be"),
+    ),
+    "reproduction": Known(
+        "Every printed result recomputed",
+        "Printed values beside what their own recipe gives, from the tables as printed and after correction.",
+        ("id", "where", "printed", "computed", "computed_after_correction", "agreement", "erratum", "reason"),
+    ),
+}
+_ORDER = tuple(KNOWN)
+
+
+def source(study: StudyResult, svgs: Svgs) -> list[Section]:
+    """The section; none where the study has no further tables."""
+    if not study.tables:
+        return []
+    names = sorted(study.tables, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+    blocks: list[Block] = []
+    for name in names:
+        known = KNOWN.get(name, Known(name.replace("_", " ").capitalize(), ""))
+        blocks += [Heading(known.title), *([Text(known.said)] if known.said else [])]
+        if name == "reproduction":
+            blocks += figure(
+                svgs,
+                "reproduction",
+                "Per cent difference between each printed number and its recomputation, by group of ids (count).",
+            )
+        blocks += _table(name, study.tables[name], known)
+    return [Section("source", "Beside the source report", blocks)]
+
+
+def _table(name: str, frame: pd.DataFrame, known: Known) -> list[Block]:
+    """A table, folded where it is long; errata that change results come first and stay open."""
+    shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
+    if name == "errata" and "severity" in frame:
+        serious = frame["severity"] == "A"
+        open_, rest = shown[serious].drop(columns="severity"), shown[~serious]
+        folded = Fold(f"The other {len(rest)}", [Table(rest, "Errata that change numbers, and minor ones.")])
+        return [Table(open_, "Errata that change results.", key=name), folded]
+    table = Table(shown, known.title, key=name)
+    return [table] if len(shown) <= MOST_ROWS else [Fold(f"{known.title}: {len(shown)} rows", [table])]
