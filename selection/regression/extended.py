@@ -67,11 +67,11 @@ def times_matrix(columns: Pair, matrix: FloatArray) -> FloatArray:
     """
     head, tail = columns
     total = np.zeros((len(head), matrix.shape[1]))
-    loss = np.zeros_like(total)
+    loss = tail @ matrix
     for i, row in enumerate(matrix):
         product, product_loss = exact_product(head[:, i, None], row)
         total, sum_loss = exact_sum(total, product)
-        loss += product_loss + sum_loss + tail[:, i, None] * row
+        loss += product_loss + sum_loss
     return np.asarray(total + loss)
 
 

@@ -39,7 +39,8 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected terms (indices into the design) and the whole way to them, first "start"."""
+    """The selected terms (indices into the design) and the whole way to them: "start" from all terms, or "add" the
+    first to none."""
 
     chosen: tuple[int, ...]
     steps: tuple[Step, ...]
@@ -78,11 +79,13 @@ def stepwise(
     """
     _check(design, direction, criterion)
     search = _Search(design, criterion, t_stop, fitter)
-    mask = np.ones(design.k, dtype=np.bool_)
-    if direction != "backward":
-        sizes = [one.sse for one in (fitter(design.take([i])) for i in range(design.k))]
-        mask = np.arange(design.k) == int(np.argmin(sizes))
-    steps = [search.step("start", None, mask, np.nan, f"{int(mask.sum())} of {design.k} terms")]
+    if direction == "backward":
+        mask = np.ones(design.k, dtype=np.bool_)
+        steps = [search.step("start", None, mask, np.nan, f"all {design.k} terms")]
+    else:
+        first = int(np.argmin([fitter(design.take([i])).sse for i in range(design.k)]))
+        mask = np.arange(design.k) == first
+        steps = [search.step("add", first, mask, np.nan, "the most significant when taken by itself")]
     seen: set[bytes] = set()
     while mask.tobytes() not in seen:
         seen.add(mask.tobytes())

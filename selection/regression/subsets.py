@@ -24,6 +24,7 @@ from selection.regression.design import Design
 
 #: So many terms and no more are searched (2^22 models take a minute).
 MOST_TERMS = 22
+_ONE_THREAD = 2**18  # multiplications
 _BLOCK, _BLOCK_SIZE = 9, 2e6  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
 
 
@@ -245,8 +246,16 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
     variances[new, upto] += last**2
     rest[new, upto] -= direction * amount
     if leverages.size:
-        leverages[new] += (direction @ basis.orthonormal[:, upto].T) ** 2
+        leverages[new] += _times(direction, basis.orthonormal[:, upto].T) ** 2
     members[new, j] = 1.0
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a @ b in pieces that BLAS does not share among threads: on a busy machine waking those takes far longer."""
+    rows = max(_ONE_THREAD // b.size, 1)
+    if len(a) <= rows:
+        return a @ b
+    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
 
 
 def _project(directions: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -265,7 +274,7 @@ def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets
     _, _, coefficients, variances, rest, leverages, members = (part[drop:] for part in state)
     beyond = design.observed - basis.orthonormal @ (design.observed @ basis.orthonormal)  # no subset reaches it
     none = np.full(len(rest), np.nan)
-    press = leave_one_out(beyond + rest @ basis.orthonormal.T, leverages) if leverages.size else none
+    press = leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages) if leverages.size else none
     return Subsets(
         names=design.names,
         observed=design.observed,

@@ -34,8 +34,9 @@ def t_ratios(design: Design, terms: list[int]) -> np.ndarray:
 
 
 def replay(design: Design, found: Selection) -> list[int]:
-    """The terms after all steps, from the start."""
+    """The terms after all steps, from all or the first."""
     terms = {design.names.index(name) for name in found.steps[0].fit.names}
+    assert found.steps[0].action == ("add" if len(terms) == 1 < design.k else "start")
     for step in found.steps[1:]:
         terms ^= {design.names.index(step.term)}
         assert set(step.fit.names) == {design.names[i] for i in terms}

@@ -13,7 +13,6 @@ from selection.errors import AnalysisError, InputError
 from selection.regression.extended import deviations, multiply, times_matrix, whole_power
 from selection.regression.terms import Term, columns_of, parse_term, parse_terms
 
-
 few = settings(max_examples=30, deadline=None)  # a busy machine is no failure
 
 

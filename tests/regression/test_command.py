@@ -1,0 +1,274 @@
+"""``damping regress``: what it prints, writes and draws, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from pipelines.cli import main
+from selection.records.report_tables import data_folder, load_table
+
+Run = Callable[..., tuple[int, str, str]]
+RECORDS = data_folder() / "saturn-v" / "records"
+SHOE = "x,y,z,label\n1,2,0.5,a\n2,3,0.1,b\n3,5,0.4,c\n4,4,0.8,d\n5,8,0.2,e\n"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command in this process: exit code, standard output, standard error."""
+
+    def command(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as end:
+            main(["regress", *map(str, arguments)])
+        printed = capsys.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err
+
+    return command
+
+
+@pytest.fixture
+def shoe(tmp_path: Path) -> Path:
+    path = tmp_path / "shoe.csv"
+    path.write_text(SHOE)
+    return path
+
+
+@pytest.fixture
+def rough(tmp_path: Path) -> Path:
+    """Table 5.III as its regression used it."""
+    path = tmp_path / "rough.csv"
+    table = load_table("5_III", "used")[["omega_rad_s", "A2bar_in", "E_in_lb"]]
+    path.write_text(table.set_axis(["omega", "A", "E"], axis=1).to_csv(index=False))
+    return path
+
+
+def form_of(run: Run, *arguments: object) -> Any:
+    code, out, err = run(*arguments, "--json", "-")
+    assert (code, err) == (0, "")
+    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
+
+
+def test_the_form(run: Run, rough: Path) -> None:
+    form = form_of(run, rough, "--response", "E", "--terms", "A^2*omega, A^3*omega")
+    assert (form["format"], form["n"], form["response"]) == ("regress/1", 15, "E")
+    assert [term["name"] for term in form["terms"]] == ["A^2*omega", "A^3*omega"]
+    assert set(form["terms"][0]) == {"name", "coefficient", "std_error", "t_ratio", "p_value"}
+    # Eq. 5.3.9, printed digits
+    np.testing.assert_allclose([t["coefficient"] for t in form["terms"]], [5.221, 5.538], atol=5e-4, rtol=0)
+    assert set(form["one_term_fits"][0]) == {"name", "coefficient", "t_ratio", "rms_error", "r_squared"}
+    assert {
+        "rms_error", "average_absolute_deviation", "average_absolute_percent", "standard_error",
+        "largest_absolute_deviation", "largest_absolute_percent", "r_squared", "r_squared_centred",
+        "correlation_fitted_observed", "condition_number",
+    } <= set(form["summary"])  # fmt: skip
+    for row in form["deviations"]:
+        assert row["deviation"] == pytest.approx(row["observed"] - row["fitted"], abs=1e-12)
+        assert row["percent"] == pytest.approx(100 * row["deviation"] / row["observed"], rel=1e-12)
+    assert form["steps"] == []
+    assert [v["name"] for v in form["variables"]] == ["A^2*omega", "A^3*omega", "E"]
+    assert np.array(form["correlations"]["matrix"]).shape == (3, 3)
+    assert [row["name"] for row in form["plane"]] == ["1", "A", "omega"]
+
+
+@pytest.mark.parametrize("select", ["backward", "forward", "stepwise", "best"])
+@pytest.mark.parametrize("more", [[], ["--nonnegative"], ["--criterion", "loo"]])
+def test_selected_terms_follow_from_the_steps(
+    run: Run, rough: Path, nine_terms: str, select: str, more: list[str]
+) -> None:
+    form = form_of(run, rough, "--response", "E", "--terms", nine_terms, "--select", select, *more)
+    names = {term["name"] for term in form["terms"]}
+    assert len(form["one_term_fits"]) == len(form["all_terms"]) == 9
+    everything = {term.strip() for term in nine_terms.split(",")}
+    terms = set() if select in ("forward", "stepwise") else everything
+    for step in form["steps"]:
+        assert step["reason"]
+        assert (step["term"] in terms) == (step["action"] == "drop")
+        terms ^= {step["term"]}
+    assert terms == names
+    if "--nonnegative" in more:
+        assert all(term["coefficient"] >= 0 for term in form["terms"])
+    if select == "best":
+        assert form["subsets"][0]["terms"] == [term["name"] for term in form["terms"]]
+        assert len(form["subsets"]) == 511 or "--nonnegative" in more
+
+
+def test_percent_is_null_where_the_observation_is_zero(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "zero.csv").write_text("x,y\n1,0\n2,2\n3,3\n")
+    form = form_of(run, tmp_path / "zero.csv", "--response", "y", "--terms", "x")
+    assert form["deviations"][0]["percent"] is None
+    expected = np.mean([abs(form["deviations"][i]["percent"]) for i in (1, 2)])
+    assert form["summary"]["average_absolute_percent"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_what_does_not_exist_is_null(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("x,y\n2,0\n")
+    form = form_of(run, tmp_path / "one.csv", "--response", "y", "--terms", "x")
+    assert [form["terms"][0][name] for name in ("std_error", "t_ratio", "p_value")] == [None] * 3
+    summary = form["summary"]
+    missing = ("standard_error", "r_squared", "r_squared_centred", "correlation_fitted_observed")
+    assert [summary[name] for name in (*missing, "average_absolute_percent")] == [None] * 5
+    assert form["plane"] is None
+
+
+def test_the_print_out_has_every_statistic(run: Run, rough: Path, nine_terms: str) -> None:
+    """The list of section 5.2, in its words."""
+    code, out, err = run(rough, "--response", "E", "--terms", nine_terms, "--select", "best")
+    assert (code, err) == (0, "")
+    for words in (
+        "sum ", "average value", "standard deviation", "sum of squares", "CORRELATION COEFFICIENTS",
+        "ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", "PLANE", "T-RATIO", "standard error", "p-value",
+        "DESCENDING ORDER OF T-RATIO", "fitted E", "observed E", "a) root-mean-square error",
+        "b) average absolute deviation", "c) average absolute per cent", "d) standard error of the regression",
+        "e) largest absolute deviation", "f) largest absolute per cent", "g) square of the correlation",
+        "h) correlation coefficient", "i) |per cent deviation|", "R^2 about zero", "R^2 about the mean", "AICc", "BIC",
+        "leave-one-out", "Scaled condition number", "DEVIATIONS", "drop", "best subsets",
+    ):  # fmt: skip
+        assert words in out, words
+
+
+def test_several_curves_on_several_tables(run: Run) -> None:
+    tables = [RECORDS / "config-2-mode-1.csv", RECORDS / "config-2-mode-2.csv"]
+    curves = ["--terms", "A^2*omega", "--terms", "A^2*omega, A^3*omega"]
+    forms = form_of(run, *tables, "--response", "energy", *curves)
+    assert [(form["data"], len(form["terms"])) for form in forms] == [
+        ("config-2-mode-1.csv", 1),
+        ("config-2-mode-1.csv", 2),
+        ("config-2-mode-2.csv", 1),
+        ("config-2-mode-2.csv", 2),
+    ]
+    code, out, _ = run(*tables, "--response", "energy", *curves)
+    assert code == 0
+    assert out.count("MULTIVARIATE REGRESSION PROGRAM I") == 4
+    assert "COMPARISON OF FITS" in out
+
+
+def test_energy_of_resonance_peaks(run: Run) -> None:
+    """Without phase and energy, energy = pi F A: the coefficient of A^2*omega averages pi C_1 = pi F/(A omega)."""
+    record = RECORDS / "config-2-mode-1.csv"
+    form = form_of(run, record, "--response", "energy", "--terms", "A^2*omega")
+    F, f, A = np.loadtxt(record, delimiter=",", skiprows=1, usecols=(1, 2, 3), unpack=True)
+    np.testing.assert_allclose([row["observed"] for row in form["deviations"]], np.pi * F * A, rtol=1e-14)
+    C1 = F / (A * 2 * np.pi * f)
+    assert C1.min() < form["terms"][0]["coefficient"] / np.pi < C1.max()
+
+
+def test_plots(run: Run, shoe: Path, tmp_path: Path) -> None:
+    arguments = (shoe, "--response", "y", "--terms", "x, z^2, 1", "--plots", tmp_path / "plots")
+    assert run(*arguments)[0] == 0
+    files = sorted((tmp_path / "plots").iterdir())
+    variables = ("1", "fitted_y", "row", "x", "z", "z2")
+    assert [path.name for path in files] == [f"shoe-deviations-{name}.svg" for name in variables]
+    drawn = {path: path.read_bytes() for path in files}
+    for content in drawn.values():
+        texts = [element.text or "" for element in ElementTree.fromstring(content).iter() if element.text]
+        assert any("deviation of y" in text for text in texts)
+    assert run(*arguments)[0] == 0
+    assert {path: path.read_bytes() for path in files} == drawn  # the same each time
+
+
+def test_names_that_make_no_file_name(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("a/b,A/B,y\n1,4,1\n2,3,2\n4,1,3\n3,7,4\n")
+    assert run(tmp_path / "t.csv", "--response", "y", "--terms", "a/b, A/B", "--plots", tmp_path / "p")[0] == 0
+    names = {path.name.lower() for path in (tmp_path / "p").iterdir()}
+    assert {"t-deviations-a_b.svg", "t-deviations-a_b-2.svg"} <= names
+
+
+BAD = {
+    "term ends early": ("--terms", "x*", "character 3"),
+    "no terms": ("--terms", " ", "character"),
+    "nothing between commas": ("--terms", "x,,z", "character 3"),
+    "power of nothing": ("--terms", "^2", "character 1"),
+    "power that is a word": ("--terms", "x^two", "character 3"),
+    "power of a power": ("--terms", "x^2^2", "character 3"),
+    "power that is not finite": ("--terms", "x^inf", "character 3"),
+    "code": ("--terms", "__import__('os').getcwd()", "missing column"),
+    "a number for a column": ("--terms", "2*x", "missing column 2"),
+    "unknown column": ("--terms", "xx", "missing column xx"),
+    "text column": ("--terms", "x, label", "line 2, column label: 'a' is not a number"),
+    "unknown response": ("--response", "w", "missing column w"),
+    "text response": ("--response", "label", "line 2, column label"),
+    "empty response": ("--response", "", "name of the response is empty"),
+    "unknown selection": ("--select", "all", "none, backward, forward, stepwise, best"),
+    "unknown criterion": ("--criterion", "press", "bic, aic, aicc, adjusted-r2, loo"),
+    "T-ratio without steps": ("--t-stop", "2", "backward, forward, stepwise"),
+    "T-ratio that is a word": ("--t-stop", "two", "--t-stop"),
+    "file too large": ("--max-size", "5", "5 bytes"),
+    "unknown option": ("--colour", "red", "--colour"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_usage(run: Run, shoe: Path, case: str) -> None:
+    option, value, said = BAD[case]
+    options = {"--response": "y", "--terms": "x", option: value}
+    code, out, err = run(shoe, *(part for pair in options.items() for part in pair))
+    assert (code, out) == (2, "")
+    assert said in err
+    assert len(err.splitlines()) == 1
+
+
+FILES = {
+    "missing": (None, "no such file"),
+    "empty": (b"", "empty"),
+    "header only": (b"x,y\n", "no data rows"),
+    "not UTF-8": (b"x,y\n1,\xff\n", "UTF-8"),
+    "doubled column": (b"x,y,x\n1,2,3\n", "column x"),
+    "text": (b"x,y\n1,2\n3,many\n", "line 3, column y: 'many' is not a number"),
+    "nan": (b"x,y\n1,2\n3,nan\n", "line 3, column y"),
+    "infinity": (b"x,y\n1,2\ninf,2\n", "line 3, column x"),
+    "empty cell": (b"x,y\n1,2\n,2\n", "line 3, column x: empty cell"),
+    "ragged": (b"x,y\n1,2\n3\n", "line 3"),
+    "semicolons": (b"x;y\n1;2\n", "semicolons"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_bad_tables(run: Run, tmp_path: Path, case: str) -> None:
+    content, said = FILES[case]
+    path = tmp_path / "bad.csv"
+    if content is not None:
+        path.write_bytes(content)
+    code, out, err = run(path, "--response", "y", "--terms", "x")
+    assert (code, out) == (2, "")
+    assert said in err
+    assert "bad.csv" in err
+    assert len(err.splitlines()) == 1
+
+
+CANNOT = {
+    "copied column": ("x, x^1", ["x", "x^1"]),
+    "the same term twice": ("x*z, z*x", ["x*z", "z*x"]),
+    "scaled sum": ("x, double, 1", ["x", "double"]),
+    "zero column": ("x, none", ["none"]),
+    "too few rows": ("x, z, 1, x^2, z^2, x*z", ["5", "6"]),
+    "no value": ("none^-1", ["none^-1", "observation 1"]),
+}
+
+
+@pytest.mark.parametrize("case", CANNOT)
+def test_what_cannot_be_fitted(run: Run, tmp_path: Path, case: str) -> None:
+    path = tmp_path / "shoe.csv"
+    lines = SHOE.splitlines()
+    path.write_text("\n".join([f"{lines[0]},double,none", *(f"{x},{2 * int(x[0])},0" for x in lines[1:])]))
+    terms, named = CANNOT[case]
+    code, out, err = run(path, "--response", "y", "--terms", terms)
+    assert (code, out) == (1, "")
+    assert all(name in err for name in named)
+    assert len(err.splitlines()) == 1
+
+
+def test_a_failed_run_leaves_earlier_results(run: Run, shoe: Path, tmp_path: Path) -> None:
+    target = tmp_path / "fit.json"
+    assert run(shoe, "--response", "y", "--terms", "x", "--json", target)[0] == 0
+    before = target.read_bytes()
+    plots = tmp_path / "plots"
+    curves = ("--terms", "z", "--terms", "x, x^1")  # the second cannot be fitted
+    assert run(shoe, "--response", "y", *curves, "--json", target, "--plots", plots)[0] == 1
+    assert target.read_bytes() == before
+    assert not plots.exists()
