@@ -115,3 +115,35 @@ def _rows(mode: int, inputs: str, model: Model, A: FloatArray, C_1: FloatArray) 
             "erratum": ERRATA.get(key, ""),
         }
     )
+
+
+@dataclass(frozen=True)
+class CoefficientLines:
+    """Fig. 4.1 or 4.2 with what the lines are worth.
+
+    ``points``: ``sweep, amplitude_in, C_1_lb_s_per_in``. ``lines``: ``amplitude_in`` and, for each model by its cases,
+    fitted C_1 with the t interval of the line (``low``, ``high``); ``printed`` is Eq. 4.1.10.
+    """
+
+    mode: int
+    points: pd.DataFrame
+    lines: pd.DataFrame
+
+
+def coefficient_lines(mode: int, version: Version = "corrected") -> CoefficientLines:
+    """Linear coefficient of a mode against resonant amplitude, from rest to half as far again as tested."""
+    A, C_1 = coefficients_against_amplitude(mode, version)
+    grid = np.linspace(0.0, 1.5 * A.max(), 100)
+    C_01, C_11 = PRINTED[IV.name, mode]
+    parts = []
+    for model in MODELS:
+        found = fit_model(model, A, C_1)
+        basis = np.column_stack([np.ones_like(grid), grid**model.power])
+        line = basis @ found.coefficients
+        error = np.sqrt(np.einsum("nk,kl,nl->n", basis, found.covariance, basis))
+        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * error
+        columns_ = {"cases": model.cases, "amplitude_in": grid, "C_1_lb_s_per_in": line}
+        parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
+    printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})
+    points = pd.DataFrame({"sweep": list("ABC"), "amplitude_in": A, "C_1_lb_s_per_in": C_1})
+    return CoefficientLines(mode, points, pd.concat([*parts, printed], ignore_index=True))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
@@ -126,3 +128,36 @@ def averaged(ranking: Ranking, level: float, seed: int) -> Loads:
 
 def _at(*values: np.ndarray) -> tuple[float, ...]:
     return tuple(float(value[0]) for value in values)
+
+
+@dataclass(frozen=True)
+class ForceAmplitudeLines:
+    """Fig. 4.10 for one mode, over amplitudes from below the test to the force of the example or three times the test.
+
+    ``points``: ``sweep, force_lb, amplitude_in``. ``lines``: ``force_lb``, amplitude of the refitted line with its t
+    interval (``low``, ``high``), of the printed slope through sweep C, and of slope 1 (linear) through sweep C, all in.
+    """
+
+    mode: int
+    law: PowerLaw
+    p_printed: float
+    points: pd.DataFrame
+    lines: pd.DataFrame
+
+
+def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
+    """Resonant force against amplitude of a mode with the lines through it, from the corrected tables."""
+    F, A, _ = resonances(mode, "corrected")
+    law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED["velocity-power", mode][0]
+    force = np.geomspace(0.85 * F.min(), 1.05 * max(F_EXAMPLE, 3.0 * F.max()), 80)
+    interval = np.array([law.amplitude_interval(float(f)) for f in force])
+    lines = {
+        "force_lb": force,
+        "refitted": law.amplitude(force),
+        "low": interval[:, 0],
+        "high": interval[:, 1],
+        "printed_slope": A[2] * (force / F[2]) ** (1.0 / p),
+        "linear": A[2] * force / F[2],
+    }
+    points = pd.DataFrame({"sweep": list("ABC"), "force_lb": F, "amplitude_in": A})
+    return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
