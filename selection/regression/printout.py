@@ -28,7 +28,7 @@ def printout(result: Regression) -> str:
     parts += [_goodness(result), _criteria(result), _bands(result), _deviations(result)]
     if result.notes:
         parts.append(_section("NOTES", [f"- {note}" for note in result.notes]))
-    return "\n".join(parts)
+    return _shown("\n".join(parts))
 
 
 def comparison(results: Sequence[Regression]) -> str:
@@ -44,7 +44,12 @@ def comparison(results: Sequence[Regression]) -> str:
         for result in results
     ]
     header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
-    return _section("COMPARISON OF FITS", _table(header, rows, left=2))
+    return _shown(_section("COMPARISON OF FITS", _table(header, rows, left=2)))
+
+
+def _shown(text: str) -> str:
+    """Control characters in names of the input are shown, not sent to the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def _one(result: Regression, criterion: str) -> float:

@@ -179,6 +179,14 @@ def test_names_that_make_no_file_name(run: Run, tmp_path: Path) -> None:
     assert {"t-deviations-a_b.svg", "t-deviations-a_b-2.svg"} <= names
 
 
+def test_control_characters_of_the_input_are_shown(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("x\x1b[2J,y\n1,2\n2,3\n3,5\n")
+    code, out, _ = run(tmp_path / "t.csv", "--response", "y", "--terms", "x\x1b[2J")
+    assert code == 0
+    assert "\x1b" not in out
+    assert "x\\x1b[2J" in out
+
+
 BAD = {
     "term ends early": ("--terms", "x*", "character 3"),
     "no terms": ("--terms", " ", "character"),
