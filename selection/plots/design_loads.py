@@ -23,6 +23,7 @@ from selection.plots.style import (
     PREDICTIVE,
     WIDTH,
     law_style,
+    short,
     styled,
     with_unit,
 )
@@ -102,7 +103,9 @@ def _tested(axes: Axes, tested: pd.DataFrame) -> None:
         tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=6, markeredgecolor="white", zorder=5
     )
     for sweep, force, amplitude in tested[["sweep", "force", "amplitude"]].itertuples(index=False):
-        axes.annotate(str(sweep), (force, amplitude), (6, -10), textcoords="offset points", color=MEASURED, fontsize=8)
+        axes.annotate(
+            short(sweep), (force, amplitude), (6, -10), textcoords="offset points", color=MEASURED, fontsize=8
+        )
 
 
 def _mark_design(axes: Axes, design: pd.DataFrame) -> None:

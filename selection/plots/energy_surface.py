@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from selection.arrays import FloatArray
-from selection.plots.style import INK, WIDTH, styled
+from selection.plots.style import INK, MOST_LABELS, WIDTH, styled
 
 
 @styled
@@ -45,7 +45,8 @@ def energy_surface(
         linewidths=1.3,
         zorder=4,
     )
-    for frequency_, amplitude_, energy_ in points[["frequency", "amplitude", "energy"]].itertuples(index=False):
+    labelled = points.head(MOST_LABELS)[["frequency", "amplitude", "energy"]]
+    for frequency_, amplitude_, energy_ in labelled.itertuples(index=False):
         place = (frequency_, amplitude_), (7, -3)
         colour = "white" if energy_ < 0.55 * levels[-1] else INK
         axes.annotate(f"{energy_:.3g}", *place, textcoords="offset points", fontsize=7, color=colour)

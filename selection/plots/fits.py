@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from selection.plots.style import MEASURED, MUTED, WIDTH, law_style, styled, weight_text
+from selection.plots.style import MEASURED, MOST_LABELS, MUTED, WIDTH, law_style, short, styled, weight_text
 
 #: More stems than this are a thicket: dots alone then.
 _MOST_STEMS = 40
@@ -36,8 +37,9 @@ def fits(
             rows["x"], rows["y"], color=colour, linestyle=line, label=f"{law}  {weight_text(rows['weight'].iloc[0])}"
         )
     upper.plot(measured["x"], measured["y"], "o", color=MEASURED, markeredgecolor="white", markersize=6, zorder=5)
-    for x, y, label in measured[["x", "y", "label"]].itertuples(index=False):
-        upper.annotate(str(label), (x, y), (6, -9), textcoords="offset points", fontsize=7.5)
+    if len(measured) <= MOST_LABELS:
+        for x, y, label in measured[["x", "y", "label"]].itertuples(index=False):
+            upper.annotate(short(label), (x, y), (6, -9), textcoords="offset points", fontsize=7.5)
     upper.set_ylabel(y_label)
     upper.margins(y=0.08)
     _deviations(lower, deviations)
@@ -52,15 +54,17 @@ def fits(
 def _deviations(axes: Axes, deviations: pd.DataFrame) -> None:
     """Deviations of every law beside one another at each point, so that none hides another."""
     laws = list(deviations["law"].unique())
-    step = 0.012 * (deviations["x"].max() - deviations["x"].min())
+    x = np.unique(deviations["x"].to_numpy(float))
+    nearest = float(np.diff(x).min()) if len(x) > 1 else 1.0
+    step = min(0.012 * float(np.ptp(x)), 0.5 * nearest / len(laws))
     axes.axhline(0.0, color=MUTED, linewidth=0.8)
     for number, law in enumerate(laws):
         rows = deviations[deviations["law"] == law]
-        x = rows["x"] + (number - 0.5 * (len(laws) - 1)) * step
+        places = rows["x"] + (number - 0.5 * (len(laws) - 1)) * step
         colour = law_style(str(law)).colour
         if len(rows) * len(laws) <= _MOST_STEMS:
-            axes.vlines(x, 0.0, rows["percent"], color=colour, linewidth=1.0)
+            axes.vlines(places, 0.0, rows["percent"], color=colour, linewidth=1.0)
         filled = "none" if "+" in law else colour
-        axes.plot(x, rows["percent"], "o", color=colour, markerfacecolor=filled, markersize=3.5)
+        axes.plot(places, rows["percent"], "o", color=colour, markerfacecolor=filled, markersize=3.5)
     reach = max(1.0, 1.15 * float(deviations["percent"].abs().max()))
     axes.set_ylim(-reach, reach)

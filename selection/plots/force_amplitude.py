@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
 
-from selection.plots.style import AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, styled, with_unit
+from selection.plots.style import AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, short, styled, with_unit
 
 
 class ForceAmplitude(NamedTuple):
@@ -48,11 +49,11 @@ def _panel(axes: Axes, panel: ForceAmplitude) -> None:
     axes.plot(amplitude, slope_one, color=LINEAR, linestyle=(0, (7, 2)), linewidth=1.1, label="slope 1: linear damping")
     axes.plot(points["amplitude"], points["force"], "o", color=MEASURED, markersize=6, markeredgecolor="white")
     for sweep, force, x in points[["sweep", "force", "amplitude"]].itertuples(index=False):
-        axes.annotate(str(sweep), (x, force), (-8, 5), textcoords="offset points", ha="right", fontsize=8)
+        axes.annotate(short(sweep), (x, force), (-8, 5), textcoords="offset points", ha="right", fontsize=8)
     low, high = points["force"].min(), points["force"].max()
     axes.set_xlim(amplitude[0], amplitude[-1])
     axes.set_ylim(low * (low / high) ** 0.35, high * (high / low) ** 0.75)
-    axes.set_title(panel.title)
+    axes.set_title(fill(panel.title, 38))
     axes.set_xlabel(with_unit("resonant amplitude", panel.length_unit))
     axes.set_ylabel(with_unit("modal force", panel.force_unit))
     _plain_numbers(axes)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from selection.plots.style import MUTED, WIDTH, law_style, styled
+from selection.plots.style import MOST_LABELS, MUTED, WIDTH, law_style, short, styled
 
 
 @styled
@@ -29,7 +29,8 @@ def percent_deviations(table: pd.DataFrame) -> Figure:
         mean = float(np.abs(rows["percent"]).mean())
         axes.set_title(f"{fit}: mean |deviation| {mean:.1f} %", fontsize=8.5)
         axes.grid(visible=False, axis="x")
-    panels[-1].set_xticks(range(len(points)), points)
+    every = -(-len(points) // MOST_LABELS)
+    panels[-1].set_xticks(range(0, len(points), every), [short(point, 8) for point in points[::every]])
     panels[-1].set_xlabel("point")
     figure.supylabel("deviation (% of the measured)", fontsize=8.5)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from selection.plots.style import MEASURED, WIDTH, law_style, plain_rows, styled
+from selection.plots.style import MEASURED, WIDTH, law_style, plain_rows, short, styled
 
 #: Panels beside one another.
 _COLUMNS = 4
@@ -34,6 +34,6 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
             row, colour = laws.index(str(law)), law_style(str(law)).colour
             axes.plot([low, high], [row, row], color=colour, linewidth=2.0)
             axes.plot(median, row, "o", color=colour, markersize=4.5, markeredgecolor="white")
-        axes.set_title(f"sweep {sweep}")
+        axes.set_title(f"sweep {short(sweep)}")
     figure.supxlabel(f"{100 * level:g} % predictive interval of resonant amplitude (% of the measured)", fontsize=8.5)
     return figure

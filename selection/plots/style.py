@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec
@@ -24,6 +25,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 #: Width of a full figure, inches: 17 cm, the text width of an A4 page.
 WIDTH = 6.7
+#: Labels beside points: more hide the points.
+MOST_LABELS = 40
 INK, MUTED, GRID = "#1f2328", "#5c6670", "#e3e6e9"
 #: Measured values, the average over models, its bands, what is linear, what lies beyond the test, what needs attention.
 MEASURED, AVERAGE, LINEAR, BEYOND, ALERT = "#1f2328", "#0b2545", "#a3123a", "#f6f1e6", "#c8500a"
@@ -33,9 +36,9 @@ _FORCE_COLOURS = {
     "viscous": "#5c6670",
     "displacement": "#e69f00",
     "velocity-squared": "#d55e00",
-    "displacement-velocity": "#0072b2",
+    "displacement-velocity": "#0060a8",
     "quadratic-displacement": "#009e73",
-    "velocity-power": "#aa4499",
+    "velocity-power": "#d45fb0",
     "displacement-velocity-power": "#332288",
     "coulomb": "#999933",
     "slip": "#56b4e9",
@@ -78,6 +81,8 @@ _STYLE: Any = {
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
     "svg.fonttype": "none",
+    # a dollar sign in a label is a dollar sign
+    "text.parse_math": False,
 }
 
 Parameters = ParamSpec("Parameters")
@@ -141,6 +146,12 @@ def plain_rows(axes: Axes, labels: list[str]) -> None:
     axes.grid(visible=False, axis="y")
 
 
+def short(label: object, most: int = 14) -> str:
+    """A label for beside a point: one line of at most ``most`` characters."""
+    text = " ".join(str(label).split())
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
 def identifier(name: str) -> str:
     """``name`` as an id in a page and a file stem: letters, digits, underscores and hyphens, starting with a letter."""
     slug = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")
@@ -156,16 +167,27 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     prefix = identifier(name)
     buffer = io.BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with rc_context({**_STYLE, "svg.hashsalt": prefix}):
+    with rc_context({**_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
+        # the reader's fonts may have what the bundled one lacks
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(buffer, format="svg", metadata=nothing)
-    return _standing_alone(buffer.getvalue(), prefix, title, description)
+    svg = _printable(buffer.getvalue().decode("utf-8"))
+    return _standing_alone(svg, prefix, _printable(title), _printable(description))
+
+
+def _printable(text: str) -> str:
+    """The text without the characters that XML does not allow."""
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+_NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 
 
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 
 
-def _standing_alone(svg: bytes, prefix: str, title: str, description: str) -> str:
+def _standing_alone(svg: str, prefix: str, title: str, description: str) -> str:
     """Matplotlib's SVG with a text alternative, ids of its own only where they are used, and two decimals."""
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)

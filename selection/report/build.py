@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import pandas as pd
 
@@ -26,15 +26,24 @@ class Rendered:
     figures: dict[str, str]
 
 
-def render(study: StudyResult, further: Sequence[Section] = ()) -> Rendered:
-    """Render a study; equal studies give equal text. ``further``: sections to add to the page, before the cautions."""
-    figures = _figures(study)
-    html = page(
-        study.title,
-        study_sections(study, figures, further),
-        Footer(seed=study.seed, versions=study.versions, inputs=study.inputs),
-    )
-    return Rendered(html, _tables(study), figures)
+@dataclass(frozen=True)
+class Part:
+    """A further section with the figures (SVG) and tables that belong to it, by the names of their files."""
+
+    section: Section
+    figures: Mapping[str, str] = field(default_factory=dict)
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+
+
+def render(study: StudyResult, further: Sequence[Part] = ()) -> Rendered:
+    """Render a study; equal studies give equal text. ``further``: parts to add to the page, before the cautions."""
+    figures, tables = _figures(study), _tables(study)
+    sections = study_sections(study, figures, [part.section for part in further])
+    for part in further:
+        figures |= part.figures
+        tables |= part.tables
+    footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
+    return Rendered(page(study.title, sections, footer), tables, figures)
 
 
 def _figures(study: StudyResult) -> dict[str, str]:

@@ -27,6 +27,8 @@ from selection.report.words import force_text, joined, number, share
 
 #: Laws whose fits are drawn: more curves cannot be told apart.
 MOST_LAWS = 5
+#: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
+MOST_SWEEPS = 8
 
 
 class Drawn(NamedTuple):
@@ -206,10 +208,13 @@ def _predictive_check(result: RecordResult, level: float) -> Drawn | None:
     table = tables.predictive_check_table(result)
     if table.empty:
         return None
+    by_force = np.argsort(result.data.tested_force, kind="stable")
+    chosen = np.unique(np.linspace(0, len(by_force) - 1, MOST_SWEEPS).round().astype(int))
+    table = table[table["sweep"].isin([result.data.sweeps[s] for s in by_force[chosen]])]
     inside = ((table["low"] <= 100.0) & (table["high"] >= 100.0)).sum()
     description = (
-        f"Predictive intervals of {table['law'].nunique()} laws at each tested sweep, per cent of the measured "
-        f"amplitude; {inside} of {len(table)} hold the measured value."
+        f"Predictive intervals of {table['law'].nunique()} laws at {table['sweep'].nunique()} tested sweeps, per "
+        f"cent of the measured amplitude; {inside} of {len(table)} hold the measured value."
     )
     return Drawn(predictive_check(table, level), f"{result.title}: predictive check", description)
 

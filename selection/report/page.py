@@ -50,10 +50,11 @@ class Text(Block):
 
 @dataclass(frozen=True)
 class List(Block):
-    """Sentences one below the other."""
+    """Sentences one below the other, with numbers to refer to or without."""
 
     kind: ClassVar[str] = "list"
     items: Sequence[str]
+    numbered: bool = False
 
 
 @dataclass(frozen=True)

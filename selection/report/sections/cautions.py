@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 from selection.report.page import Block, Callout, Heading, List, Section, Text
 from selection.report.results import RecordResult, StudyResult
+from selection.report.sections.answer import largest
 from selection.report.sections.common import failed_chains, weighted
+from selection.report.words import count
 
 #: Cautions of laws with less weight change nothing.
 LEAST_WEIGHT = 0.01
@@ -42,11 +44,12 @@ def _of(result: RecordResult) -> Iterator[str]:
     for candidate in weighted(result):
         if candidate.weight > LEAST_WEIGHT:
             yield from candidate.cautions
-    for sampled in result.posteriors:
-        if sampled.leave_one_out.caution and sampled.weight > LEAST_WEIGHT:
-            yield f"PSIS-LOO of {sampled.law.name}: {sampled.leave_one_out.caution}"
-    for said in result.design.cautions if result.design else ():
-        yield from said
+    rough = [s for s in result.posteriors if s.leave_one_out.caution]
+    if rough:
+        yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
+    i = largest(result.design)
+    if result.design is not None:
+        yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
 
 
 def _sentence(caution: str, titles: list[str]) -> str:

@@ -11,7 +11,7 @@ from selection.report.results import RecordResult, StudyResult
 from selection.report.sections.answer import bands_caption
 from selection.report.sections.common import Svgs, figure, file_stem
 from selection.report.tables import loads_table
-from selection.report.words import between, force_text, joined, number, share, signed
+from selection.report.words import between, force_text, number, share, signed
 
 
 def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
@@ -37,13 +37,13 @@ def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
         blocks += [
             _predictions(result, result.design),
             _by_model(result, result.design),
-            *_cautions(result, result.design),
+            *_cautions(result.design),
         ]
     return [Section("loads", "Design loads", blocks)]
 
 
 def _predictions(result: RecordResult, design: Loads) -> Table:
-    table = loads_table(design)
+    table, shared = loads_table(design), _shared(design)
     spoken = pd.DataFrame(
         {
             "force": table["force"],
@@ -57,6 +57,7 @@ def _predictions(result: RecordResult, design: Loads) -> Table:
                 f"{signed(a)} to {signed(b)}"
                 for a, b in zip(table["overprediction_low"], table["overprediction_high"], strict=True)
             ],
+            "caution": ["; ".join(c for c in said if c not in shared) for said in design.cautions],
         }
     )
     level = f"{100 * design.level:g} %"
@@ -96,22 +97,16 @@ def _by_model(result: RecordResult, design: Loads) -> Table:
     return Table(pd.DataFrame(columns), caption, key=file_stem(result, "design_loads_by_model"))
 
 
-def _cautions(result: RecordResult, design: Loads) -> list[Block]:
-    """What to know before using a prediction; said once with the forces it holds for."""
-    said: dict[str, list[str]] = {}
-    for force, cautions in zip(design.force, design.cautions, strict=True):
-        for caution in cautions:
-            said.setdefault(caution, []).append(f"{force:g}")
-    if not said:
-        return []
-    unit, everywhere = result.mode.units.force, len(design.force)
-    items = [
-        _capital(caution) + ("." if len(forces) == everywhere and everywhere > 1 else f" (at {joined(forces)} {unit}).")
-        for caution, forces in said.items()
-    ]
-    inside = np.isfinite(design.average.median)
-    alone = [] if inside.all() else ["A dash stands where no prediction is given."]
-    return [List([*items, *alone])]
+def _shared(design: Loads) -> list[str]:
+    """Cautions that hold at every design force."""
+    return [c for c in design.cautions[0] if all(c in others for others in design.cautions)] if design.cautions else []
+
+
+def _cautions(design: Loads) -> list[Block]:
+    """What to know before using any of the predictions."""
+    shared = [f"{_capital(caution)}." for caution in _shared(design)]
+    dash = [] if np.isfinite(design.average.median).all() else ["A dash stands where no prediction is given."]
+    return [List([*shared, *dash])] if shared or dash else []
 
 
 def _capital(text: str) -> str:

@@ -6,10 +6,13 @@ import pandas as pd
 
 from selection.report import tables
 from selection.report.figures import leading
-from selection.report.page import Block, Callout, Fold, Heading, Section, Table, Text
+from selection.report.page import Block, Callout, Fold, Heading, List, Section, Table, Text
 from selection.report.results import RecordResult
 from selection.report.sections.common import Svgs, failed_chains, figure, file_stem
 from selection.report.words import count, joined, number, percent, share
+
+#: A table of deviations has a column for each of so many points, not of more.
+MOST_POINTS = 24
 
 
 def record_section(result: RecordResult, svgs: Svgs) -> Section:
@@ -20,10 +23,9 @@ def record_section(result: RecordResult, svgs: Svgs) -> Section:
 
 def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
     table = tables.ranking_table(result)
-    common = _common_cautions(result)
-    table["cautions"] = [
-        "; ".join(c for c in candidate.cautions if c not in common) for candidate in result.ranking.candidates
-    ]
+    candidates = result.ranking.candidates
+    notes = list(dict.fromkeys(caution for candidate in candidates for caution in candidate.cautions))
+    table["cautions"] = [joined(str(1 + notes.index(c)) for c in candidate.cautions) for candidate in candidates]
     table.insert(2, "coefficients", [_coefficients(result, law) for law in table["law"]])
     headings = {
         "coefficients": "coefficients (T-ratio)",
@@ -41,7 +43,6 @@ def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
         "least squares, free to be negative; held-out error: root mean square per cent error of resonant amplitude, "
         "each level predicted from the others; mean |%|: as fitted."
     )
-    said = [f"Said of every candidate: {'; '.join(common)}."] if common else []
     blocks: list[Block] = [
         Heading("Ranking"),
         *figure(
@@ -52,7 +53,7 @@ def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
             "with the level held out.",
         ),
         Table(table.drop(columns="score_standard_error"), caption, formats, headings, key=file_stem(result, "ranking")),
-        *(Text(sentence) for sentence in said),
+        *([Text("Cautions, by the numbers in the table:"), List(notes, numbered=True)] if notes else []),
         Fold("All coefficients with standard errors and credible intervals", [_coefficient_table(result)]),
     ]
     return blocks
@@ -60,12 +61,6 @@ def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
 
 def _decimals(value: float) -> str:
     return f"{value:.1f}".replace("-", "−") if value == value else "–"
-
-
-def _common_cautions(result: RecordResult) -> list[str]:
-    """Cautions that every fitted candidate has."""
-    fitted = [candidate for candidate in result.ranking.candidates if candidate.rank is not None]
-    return [c for c in fitted[0].cautions if all(c in other.cautions for other in fitted)] if fitted else []
 
 
 def _coefficients(result: RecordResult, law: str) -> str:
@@ -94,16 +89,6 @@ def _fits(result: RecordResult, svgs: Svgs) -> list[Block]:
         if one_sweep
         else "Damping force (force in quadrature) against amplitude, and the curves of the laws."
     )
-    deviations = tables.deviations_table(result)
-    wide = deviations.pivot_table(index="point", columns="law", values="percent", sort=False)
-    laws = [c.name for c in result.ranking.candidates if c.name in wide.columns]
-    table = wide[laws].reset_index()
-    means = deviations.groupby("law", sort=False)["percent"].agg(lambda values: values.abs().mean())
-    last = pd.DataFrame({"point": ["mean |%|"]} | {law: [means[law]] for law in laws})
-    table = pd.concat([table, last], ignore_index=True)
-    caption = (
-        "Per cent deviation 100 (measured − fitted)/measured of the energy per cycle, every fitted law at every point."
-    )
     blocks: list[Block] = [
         Heading("Fits"),
         *figure(svgs, file_stem(result, "fits"), f"{what} Below: what is left over, in per cent of the measured."),
@@ -119,12 +104,23 @@ def _fits(result: RecordResult, svgs: Svgs) -> list[Block]:
             "Energy per cycle by the leading law over amplitude and frequency; the points carry the measured "
             "energy, in its colour.",
         ),
-        Fold(
-            "Per cent deviations of every law",
-            [Table(table, caption, dict.fromkeys(laws, percent), key=file_stem(result, "deviations"))],
-        ),
+        _deviations(result),
     ]
     return blocks
+
+
+def _deviations(result: RecordResult) -> Table:
+    """A row a law, a column a point; for many points the mean and the largest only."""
+    deviations = tables.deviations_table(result)
+    by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
+    many = len(result.data.A) > MOST_POINTS
+    table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})
+    if not many:
+        points = list(dict.fromkeys(deviations["point"]))
+        table = table.join(deviations.pivot_table(index="law", columns="point", values="percent")[points])
+    caption = "Per cent deviation 100 (measured − fitted)/measured of the energy per cycle of every law."
+    formats = dict.fromkeys(map(str, table.columns), percent)
+    return Table(table.rename_axis("law").reset_index(), caption, formats, key=file_stem(result, "deviations"))
 
 
 def _posteriors(result: RecordResult, svgs: Svgs) -> list[Block]:

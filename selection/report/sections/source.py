@@ -99,7 +99,7 @@ def source(study: StudyResult, svgs: Svgs) -> list[Section]:
     blocks: list[Block] = []
     for name in names:
         known = KNOWN.get(name, Known(name.replace("_", " ").capitalize(), ""))
-        blocks += [Heading(known.title), *([Text(known.said)] if known.said else [])]
+        blocks.append(Heading(known.title))
         if name == "reproduction":
             blocks += figure(
                 svgs,
@@ -116,7 +116,9 @@ def _table(name: str, frame: pd.DataFrame, known: Known) -> list[Block]:
     if name == "errata" and "severity" in frame:
         serious = frame["severity"] == "A"
         open_, rest = shown[serious].drop(columns="severity"), shown[~serious]
-        folded = Fold(f"The other {len(rest)}", [Table(rest, "Errata that change numbers, and minor ones.")])
-        return [Table(open_, "Errata that change results.", key=name), folded]
-    table = Table(shown, known.title, key=name)
-    return [table] if len(shown) <= MOST_ROWS else [Fold(f"{known.title}: {len(shown)} rows", [table])]
+        folded = Fold(f"The other {len(rest)} errata", [Table(rest, "Errata that change numbers, and minor ones.")])
+        return [Table(open_, f"{known.said} Here: those that change results.", key=name), folded]
+    if len(shown) <= MOST_ROWS:
+        return [Table(shown, known.said or known.title, key=name)]
+    said = [Text(known.said)] if known.said else []
+    return [*said, Fold(f"All {len(shown)} rows", [Table(shown, known.title, key=name)])]

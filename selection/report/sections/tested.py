@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from selection.report.page import Block, Heading, Section, Table, Text
+from selection.report.page import Block, Fold, Heading, Section, Table, Text
 from selection.report.results import RecordResult, StudyResult
 from selection.report.sections.common import file_stem
 from selection.report.tables import observations_table
 from selection.report.words import count, number, quantity
+
+#: More points are folded away; of still more, the page shows the first.
+FOLDED_POINTS, MOST_POINTS = 30, 300
 
 
 def tested(study: StudyResult) -> Section:
@@ -69,4 +72,7 @@ def _points(result: RecordResult) -> list[Block]:
         return []
     table = observations_table(result).drop(columns="omega")
     caption = "Points used: frequency (Hz), amplitude, force in quadrature E/(π A), and energy per cycle E."
-    return [Table(table, caption, key=file_stem(result, "observations"))]
+    block = Table(table.head(MOST_POINTS), caption, key=file_stem(result, "observations"))
+    if len(table) <= FOLDED_POINTS:
+        return [block]
+    return [Fold(f"The first {len(block.frame)} of {count(len(table), 'point')}; the file has all", [block])]

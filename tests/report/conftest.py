@@ -1,0 +1,137 @@
+"""A small study: three resonances of the report, four candidates, one converged chain and one that fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selection.compare.ranking import rank_laws
+from selection.loads.prediction import Member, amplitude_draws, predict
+from selection.posterior.checks import leave_one_out, predictive_check
+from selection.posterior.law import Law
+from selection.posterior.observations import Observations, observe
+from selection.posterior.sampling import Settings, sample
+from selection.records.mode import Mode, read_mode
+from selection.records.reading import read_record
+from selection.records.record import Record
+from selection.records.report_tables import data_folder
+from selection.regression.power_law import fit_power_law
+from selection.report.results import LawPosterior, RecordResult, StudyResult
+
+LAWS = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)), Law(("viscous",)), Law(("coulomb",)))
+FORCES = np.array([45.0, 90.0])
+SAMPLED = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)))
+
+
+def record_result(name: str, title: str, record: Record, mode: Mode, forces: np.ndarray) -> RecordResult:
+    """Rank, sample and predict; the second law gets too few steps and fails."""
+    data = observe(record)
+    ranking = rank_laws(data, 0, LAWS)
+    posteriors = tuple(_sampled(ranking.find(law), data, failing=law is SAMPLED[1]) for law in SAMPLED)
+    members = [
+        Member(p.law.name, p.weight, p.posterior.coordinates, p.posterior.draws)
+        for p in posteriors
+        if p.posterior.converged
+    ]
+    grid = np.linspace(15.0, 95.0, 12)
+    several = len(data.sweeps) > 1
+    return RecordResult(
+        name=name,
+        title=title,
+        record=record,
+        mode=mode,
+        data=data,
+        ranking=ranking,
+        posteriors=posteriors,
+        bands=predict(members, grid, data, 0.9, 0) if len(forces) else None,
+        design=predict(members, forces, data, 0.9, 0) if len(forces) else None,
+        power_laws=(fit_power_law(data.tested_force, data.tested_amplitude, data.tested_omega),) if several else (),
+    )
+
+
+def _sampled(candidate, data: Observations, failing: bool) -> LawPosterior:
+    settings = Settings(block=60, budget=60, kept=50) if failing else Settings()
+    coordinates = candidate.coordinates
+    posterior = sample(coordinates, data, candidate.evidence, lambda x: {}, seed=1, settings=settings)
+    assert posterior.converged is not failing
+    member = Member(candidate.name, 1.0, coordinates, posterior.draws)
+    amplitude = amplitude_draws(member, data.tested_force, data)
+    return LawPosterior(
+        law=candidate.law,
+        weight=candidate.weight,
+        posterior=posterior,
+        leave_one_out=leave_one_out(posterior, data),
+        check=predictive_check(posterior, data, amplitude, 0.9, 0),
+        of_source=True,
+    )
+
+
+@pytest.fixture(scope="session")
+def peaks() -> RecordResult:
+    """Configuration II, first mode: three resonances, two design forces."""
+    folder = data_folder() / "saturn-v"
+    record = read_record(folder / "records" / "config-2-mode-1.csv")
+    mode = read_mode(folder / "modes" / "config-2-mode-1.toml")
+    return record_result("config-2-mode-1", "Configuration II, first mode", record, mode, FORCES)
+
+
+@pytest.fixture(scope="session")
+def sweep() -> RecordResult:
+    """Configuration I, second mode: fifteen points of one sweep, no design forces."""
+    folder = data_folder() / "saturn-v"
+    record = read_record(folder / "records" / "config-1-mode-2-rough.csv")
+    mode = read_mode(folder / "modes" / "config-1-mode-2-rough.toml")
+    return record_result("rough", "Configuration I, second mode", record, mode, np.empty(0))
+
+
+@pytest.fixture(scope="session")
+def study(peaks: RecordResult, sweep: RecordResult) -> StudyResult:
+    """Both records, with further tables known by name and not."""
+    reproduction = pd.DataFrame(
+        {
+            "id": ["eq4313", "tab2II.energy_factor[I]"],
+            "where": ["4.3.13", "Table 2.II"],
+            "printed": ["1.859", "3.1416"],
+            "computed": [1.6515, 3.14159],
+            "computed_after_correction": [np.nan, np.nan],
+            "erratum": ["E43-1", ""],
+        }
+    )
+    return StudyResult(
+        title="A study",
+        seed=1970,
+        level=0.9,
+        records=(peaks, sweep),
+        inputs={"config-2-mode-1.csv": "0" * 64},
+        versions={"numpy": np.__version__},
+        tables={"reproduction": reproduction, "something_else": pd.DataFrame({"a": [1.5, np.nan], "b": ["x", ""]})},
+    )
+
+
+HOSTILE = "<img src=x onerror=alert(1)>&\"'$x$</script>"
+
+
+@pytest.fixture(scope="session")
+def hostile(study: StudyResult) -> StudyResult:
+    """The same study with markup in every text that can come from input."""
+    peaks = study.records[0]
+    record = Record(peaks.record.table, f"folder/{HOSTILE}.csv")
+    units = replace(peaks.mode.units, force=HOSTILE, length=HOSTILE)
+    changed = replace(
+        peaks,
+        title=HOSTILE,
+        record=record,
+        mode=replace(peaks.mode, name=HOSTILE, units=units),
+        data=replace(peaks.data, sweeps=(HOSTILE, "B", "C")),
+    )
+    return replace(
+        study,
+        title=HOSTILE,
+        records=(changed,),
+        inputs={HOSTILE: HOSTILE},
+        versions={HOSTILE: HOSTILE},
+        tables={HOSTILE: pd.DataFrame({HOSTILE: [HOSTILE]})},
+    )

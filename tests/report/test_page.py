@@ -1,0 +1,200 @@
+"""The page: escaping, self-containment, structure, and that it says what the results say."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+
+import pandas as pd
+import pytest
+
+from selection.plots.style import to_svg
+from selection.report.build import Part, Rendered, render
+from selection.report.figures import record_figures
+from selection.report.page import Fold, Footer, Heading, List, Section, Table, Text, page, written
+from selection.report.results import StudyResult
+from selection.report.words import force_text, number, signed
+
+VOID = {"meta", "br", "img", "link", "input", "hr"}
+
+
+class Reader(HTMLParser):
+    """Elements with their attributes in order, the text, and whether every element is closed."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.open: list[str] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+    def count(self, tag: str) -> int:
+        return sum(name == tag for name, _ in self.elements)
+
+
+@pytest.fixture(scope="module")
+def rendered(study: StudyResult) -> Rendered:
+    return render(study)
+
+
+@pytest.fixture(scope="module")
+def reader(rendered: Rendered) -> Reader:
+    return Reader(rendered.html)
+
+
+def test_every_element_is_closed_and_ids_are_unique(reader: Reader) -> None:
+    assert not reader.open
+    ids = [attributes["id"] for _, attributes in reader.elements if "id" in attributes]
+    assert [key for key, n in Counter(ids).items() if n > 1] == []
+
+
+def test_page_loads_nothing(rendered: Rendered, reader: Reader) -> None:
+    bare = re.sub(r'xmlns(:\w+)?="[^"]*"', "", rendered.html)
+    assert not re.search(r"(https?:)?//\w", bare)
+    assert not re.search(r"@import|url\((?!#)", bare)
+    for tag, attributes in reader.elements:
+        assert tag not in {"script", "link", "img", "iframe", "object", "embed", "base"}
+        assert "src" not in attributes
+        for name in ("href", "xlink:href"):
+            assert (attributes.get(name) or "#").startswith("#")
+    policy = [a["content"] for _, a in reader.elements if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policy == ["default-src 'none'; style-src 'unsafe-inline'"]
+
+
+def test_links_lead_somewhere_and_contents_list_every_section(reader: Reader) -> None:
+    ids = {attributes.get("id") for _, attributes in reader.elements}
+    links = [a["href"].removeprefix("#") for tag, a in reader.elements if tag == "a" and a.get("href")]
+    assert set(links) <= ids
+    sections = [attributes["id"] for tag, attributes in reader.elements if tag == "section"]
+    assert links[1:] == sections  # the first link skips to the answer
+    assert sections[0] == "answer"
+
+
+def test_headings_descend_one_level_at_a_time(reader: Reader) -> None:
+    levels = [int(tag[1]) for tag, _ in reader.elements if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(below <= above + 1 for above, below in pairwise(levels))
+
+
+def test_every_figure_has_a_text_alternative_and_a_caption(rendered: Rendered, reader: Reader) -> None:
+    figures = [attributes for tag, attributes in reader.elements if tag == "svg"]
+    assert len(figures) == len(rendered.figures) == reader.count("figure") == reader.count("figcaption")
+    ids = {attributes.get("id") for _, attributes in reader.elements}
+    for attributes in figures:
+        assert attributes["role"] == "img"
+        assert set((attributes["aria-labelledby"] or "").split()) <= ids
+    assert reader.count("table") == reader.count("caption")
+    assert all(re.search(r"<desc [^>]*>[^<]{40,}", svg) for svg in rendered.figures.values())
+
+
+def test_files_named_on_the_page_exist(rendered: Rendered) -> None:
+    named = re.findall(r'<span class="file">([^<]+)\.csv</span>', rendered.html)
+    assert named
+    assert set(named) <= set(rendered.tables)
+
+
+def test_hostile_text_is_text(hostile: StudyResult) -> None:
+    out = render(hostile)
+    reader = Reader(out.html)
+    assert not reader.open
+    assert reader.count("img") == 0
+    assert reader.count("script") == 0
+    assert "<img" not in out.html
+    assert any("<img src=x onerror=alert(1)>" in text for text in reader.texts)
+
+
+@pytest.fixture(scope="module")
+def bare(study: StudyResult) -> StudyResult:
+    """One record with no posterior and no further table: quick to render."""
+    return replace(study, records=(replace(study.records[0], posteriors=(), bands=None, design=None),), tables={})
+
+
+def test_rendering_is_deterministic(bare: StudyResult, study: StudyResult, rendered: Rendered) -> None:
+    first, second = render(bare), render(bare)
+    assert first.html == second.html
+    again = record_figures(study.records[0], study.level)["corner"]
+    name = "config-2-mode-1-corner"
+    assert to_svg(again.figure, name, again.title, again.description) == rendered.figures[name]
+
+
+def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None:
+    design, text = study.records[0].design, " ".join(reader.texts)
+    assert design is not None
+    for said in (
+        f"At {force_text(design.force[1], 'lb')}, {number(design.ratio[1])} times the largest tested force",
+        f"{number(design.average.median[1])} in",
+        f"{number(design.average.low[1])} to {number(design.average.high[1])} in",
+        f"{number(design.linear[1])} in",
+        signed(design.overprediction[1]),
+        study.records[0].ranking.candidates[0].name,
+    ):
+        assert said in text, said
+    assert text.index("The answer first") < text.index("What was tested")
+
+
+def test_failed_chains_are_shown_as_failed(study: StudyResult, rendered: Rendered, reader: Reader) -> None:
+    failure = study.records[0].posteriors[1].posterior.failure
+    assert failure
+    assert any(f"velocity-power: {failure}" in text for text in reader.texts)
+    assert "FAILED" in rendered.html
+    table = rendered.tables["config-2-mode-1-posteriors"].set_index("law")
+    assert table.loc["velocity-power", ["low", "median", "high"]].isna().all(axis=None)
+    assert table.loc["viscous + displacement-velocity", ["low", "median", "high"]].notna().all(axis=None)
+
+
+def test_every_candidate_and_every_caution_is_on_the_page(study: StudyResult, reader: Reader) -> None:
+    text = " ".join(reader.texts)
+    for result in study.records:
+        for candidate in result.ranking.candidates:
+            assert candidate.name in text
+            assert all(caution in text for caution in candidate.cautions)
+
+
+def test_further_parts_stand_before_the_cautions(bare: StudyResult) -> None:
+    part = Part(
+        Section("more", "More & more", [Text("here")]), {"extra": "<svg/>"}, {"extra": pd.DataFrame({"a": [1]})}
+    )
+    out = render(bare, [part])
+    assert out.html.index("More &amp; more</h2>") < out.html.index('id="cautions"')
+    assert "extra" in out.tables
+    assert "extra" in out.figures
+
+
+def test_footer_says_what_results_depend_on(study: StudyResult, reader: Reader) -> None:
+    text = " ".join(reader.texts)
+    assert "1970" in text
+    assert "numpy " + study.versions["numpy"] in text
+    assert "0" * 64 in text
+
+
+def test_blocks_are_escaped_one_by_one() -> None:
+    bad = "<i>&"
+    blocks = [Heading(bad), Text(bad), List([bad], numbered=True), Fold(bad, [Text(bad)])]
+    blocks.append(Table(pd.DataFrame({bad: [bad]}), bad, headings={bad: bad}, key=bad))
+    html = page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
+    assert "<i>" not in html
+    # page title, heading, contents; section, heading, text, list; fold 2; table 4; footer 4
+    assert html.count("&lt;i&gt;&amp;") == 17
+
+
+def test_cells_are_written_for_people() -> None:
+    values = [True, False, None, float("nan"), pd.NA, "", 3, 2.5, "text"]
+    assert [written(value) for value in values] == ["yes", "no", "–", "–", "–", "–", "3", "2.500", "text"]

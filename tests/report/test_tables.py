@@ -1,0 +1,189 @@
+"""Tables hold the results, number by number, and what is computed here agrees with a closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+
+from selection.posterior.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN
+from selection.records.mode import Units
+from selection.report.build import render
+from selection.report.figures import leading, record_figures, shown_laws
+from selection.report.labels import energy_unit, parameter_label, parameter_unit
+from selection.report.results import RecordResult, StudyResult
+from selection.report.study_figures import power_line
+from selection.report.tables import PRIOR_DRAWS, prior_draws, record_tables
+from selection.report.words import between, count, joined, number, percent, share, signed
+from selection.reproduction.force_laws import UNITS
+
+POUND = Units("lb", "in", "s")
+
+
+@pytest.fixture(scope="module")
+def tables(peaks: RecordResult) -> dict[str, pd.DataFrame]:
+    return record_tables(peaks)
+
+
+def test_all_tables_are_there(tables: dict[str, pd.DataFrame], sweep: RecordResult) -> None:
+    loads = {"design_loads", "design_loads_by_model", "power_laws"}
+    assert set(tables) == {
+        *("ranking", "coefficients", "posteriors", "checks", "convergence", "predictive_check"),
+        *("observations", "deviations"),
+        *loads,
+    }
+    assert set(record_tables(sweep)) == set(tables) - loads
+
+
+def test_ranking_is_the_ranking(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    table = tables["ranking"]
+    for row, candidate in zip(table.itertuples(), peaks.ranking.candidates, strict=True):
+        assert row.law == candidate.name
+        assert row.cautions == "; ".join(candidate.cautions)
+        assert pd.isna(row.rank) if candidate.rank is None else row.rank == candidate.rank
+        for name in ("weight", "score", "held_out_error", "average_absolute_percent"):
+            np.testing.assert_array_equal(getattr(row, name), getattr(candidate, name))
+    assert table["law"].iloc[-1] == "coulomb"  # cannot be fitted, is listed with its reason
+    assert table["cautions"].iloc[-1]
+
+
+def test_coefficients_are_those_of_the_candidates(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    expected = [(c.name, x.value, x.t_ratio, x.low, x.high) for c in peaks.ranking.candidates for x in c.coefficients]
+    columns = ["law", "value", "t_ratio", "credible_low", "credible_high"]
+    assert list(tables["coefficients"][columns].itertuples(index=False, name=None)) == expected
+
+
+def test_design_loads_are_the_predictions(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    design, table = peaks.design, tables["design_loads"]
+    assert design is not None
+    for name in ("median", "low", "high", "credible_low", "credible_high"):
+        np.testing.assert_array_equal(table[name], getattr(design.average, name))
+    for name in ("force", "linear", "overprediction", "overprediction_low", "overprediction_high"):
+        np.testing.assert_array_equal(table[name], getattr(design, name))
+    by_model = tables["design_loads_by_model"]
+    for band in design.by_model:
+        np.testing.assert_array_equal(by_model[by_model["law"] == band.name]["median"], band.median)
+
+
+def test_convergence_and_checks_are_those_of_the_chains(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    expected = [(p.law.name, d.name, d.r_hat, d.lengths) for p in peaks.posteriors for d in p.posterior.diagnoses]
+    columns = ["law", "quantity", "r_hat", "lengths"]
+    assert list(tables["convergence"][columns].itertuples(index=False, name=None)) == expected
+    assert list(tables["checks"]["converged"]) == [True, False]
+    assert list(tables["checks"]["elpd_loo"]) == [p.leave_one_out.elpd for p in peaks.posteriors]
+
+
+def test_predictive_check_leaves_failed_chains_out(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    table = tables["predictive_check"]
+    assert set(table["law"]) == {peaks.posteriors[0].law.name}
+    np.testing.assert_array_equal(table["median"], peaks.posteriors[0].check.median)
+
+
+def test_deviations_of_viscous_damping_are_its_energy_formula(
+    peaks: RecordResult, tables: dict[str, pd.DataFrame]
+) -> None:
+    """Energy of case I is pi C A^2 omega (Table 2.II), C at the posterior mode."""
+    candidate = next(c for c in peaks.ranking.candidates if c.name == "viscous")
+    C = float(candidate.coordinates.parameters(candidate.evidence.mode)["viscous"])
+    rows = tables["deviations"].query("law == 'viscous'")
+    fitted = np.pi * C * peaks.data.A**2 * peaks.data.omega
+    # two orders of the same products: rounding
+    np.testing.assert_allclose(rows["fitted"], fitted, rtol=1e-13)
+    measured = np.pi * peaks.data.A * peaks.data.D
+    # a difference of nearly equal numbers, per cent: 1e-13 of 100
+    np.testing.assert_allclose(rows["percent"], 100.0 * (measured - fitted) / measured, rtol=0.0, atol=1e-11)
+
+
+def test_priors_have_their_closed_forms(peaks: RecordResult) -> None:
+    """One force: coefficient F/(A omega) exp(N(0,1)); exponent uniform; scatter log-normal."""
+    z = norm.ppf([0.05, 0.5, 0.95])
+    viscous = next(c for c in peaks.ranking.candidates if c.name == "viscous")
+    A, omega, force = peaks.data.reference
+    drawn = prior_draws(viscous.coordinates)
+    # standard error of a 5 % quantile of n normal draws: sqrt(.05 .95/n)/phi(1.645) = 2.1/sqrt(n); five of them
+    tolerance = 5.0 * 2.1 / np.sqrt(PRIOR_DRAWS)
+    quantiles = np.quantile(drawn["viscous"], [0.05, 0.5, 0.95])
+    np.testing.assert_allclose(np.log(quantiles * A * omega / force), z, rtol=0.0, atol=tolerance)
+    scatter = np.log(np.quantile(drawn["scatter"], [0.05, 0.5, 0.95]) / SCATTER_MEDIAN)
+    np.testing.assert_allclose(scatter, SCATTER_LOG_SD * z, rtol=0.0, atol=SCATTER_LOG_SD * tolerance)
+    power = next(c for c in peaks.ranking.candidates if c.name == "velocity-power")
+    low, high = EXPONENT_RANGE
+    exponent = np.quantile(prior_draws(power.coordinates)["velocity-power exponent"], [0.25, 0.75])
+    # standard error of a quartile of a uniform: sqrt(3/16/n) of its range; five of them
+    uniform = 5.0 * np.sqrt(3.0 / 16.0 / PRIOR_DRAWS) * (high - low)
+    np.testing.assert_allclose(exponent, low + np.array([0.25, 0.75]) * (high - low), rtol=0.0, atol=uniform)
+
+
+def test_power_law_row_is_the_fit(peaks: RecordResult, tables: dict[str, pd.DataFrame]) -> None:
+    row = tables["power_laws"].iloc[0]
+    # p of the first mode and its standard error, erratum E43-1: 1.6515 +- 0.0389, to the digits given
+    np.testing.assert_allclose([row["p"], row["std_error"]], [1.6515, 0.0389], rtol=0.0, atol=5e-5)
+    assert np.isnan(row["posterior_p"])  # the chain of the power law failed: nothing of it is used
+    assert [row[f"alpha_{s}"] for s in "ABC"] == list(peaks.power_laws[0].alphas)
+
+
+def test_power_line_passes_through_the_fit_and_widens(peaks: RecordResult) -> None:
+    law, A = peaks.power_laws[0], peaks.data.tested_amplitude
+    line = power_line(law, A)
+    np.testing.assert_allclose(law.amplitude(line["force"].to_numpy()), A, rtol=1e-12)  # inverse of one another
+    width = np.log(line["high"] / line["low"]).to_numpy()
+    assert width.argmin() == np.abs(np.log(A) - np.log(A).mean()).argmin()  # narrowest near the mean of ln A
+
+
+def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: RecordResult) -> None:
+    common = {"ranking", "fits", "corner", "prior_posterior", "priors", "predictive_check", "convergence"}
+    assert set(record_figures(peaks, 0.9)) == common | {"design_loads"}
+    assert set(record_figures(sweep, 0.9)) == common | {"deviations", "energy_surface"}
+
+
+def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: RecordResult) -> None:
+    bare = replace(peaks, posteriors=(), bands=None, design=None, power_laws=())
+    assert leading(bare) is None
+    out = render(replace(study, records=(bare,), tables={}))
+    assert set(out.figures) == {"config-2-mode-1-ranking", "config-2-mode-1-fits"}
+    assert "Design loads</h2>" not in out.html
+
+
+def test_viscous_is_always_drawn_for_comparison(peaks: RecordResult) -> None:
+    assert "viscous" in [law.name for law in shown_laws(peaks)]
+
+
+@pytest.mark.parametrize("force", UNITS)
+def test_units_are_those_of_the_report(force: str) -> None:
+    ours = parameter_unit(force, POUND).replace("²", "^2").replace("³", "^3").replace("·", " ")
+    assert ours == UNITS[force]
+
+
+def test_other_units_and_labels() -> None:
+    said = [parameter_unit(name, POUND) for name in ("displacement", "coulomb", "slip", "slip limit", "A^3*omega^2")]
+    # E = a A^3 omega^2 in lb in: a in lb s^2/in^2
+    assert said == ["lb/in", "lb", "lb/in", "in", "lb·s²/in²"]
+    assert parameter_unit("velocity-power exponent", POUND) == parameter_unit("scatter", POUND) == ""
+    assert parameter_unit("viscous", Units()) == energy_unit(Units()) == ""
+    assert parameter_label("viscous", POUND) == "viscous (lb·s/in)"
+    assert parameter_label("viscous", Units()) == "viscous"
+
+
+def test_numbers_as_people_write_them() -> None:
+    numbers = [2.9, 0.8654, 28.98, 1234.5, 1.25e6, -3.1e-7, 0.0, float("nan"), 0.0999999]
+    assert [number(x) for x in numbers] == [
+        "2.90",
+        "0.865",
+        "29.0",
+        "1234",
+        "1.25×10⁶",
+        "−3.10×10⁻⁷",
+        "0",
+        "–",
+        "0.100",
+    ]
+    assert [share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", "< 0.001", "0"]
+    assert [percent(x) for x in (67.6, -9.96, 1.234, float("inf"))] == ["68", "−10", "1.2", "–"]
+    assert [signed(x) for x in (67.6, -3.2, 0.0)] == ["+68 %", "−3.2 %", "0 %"]
+    assert between(2.587, 3.2557, "in") == "2.59 to 3.26 in"
+    assert joined(["a", "b", "c"]) == "a, b and c"
+    assert joined(["a, b", "c", "d"]) == "a, b; c and d"
+    assert [count(n, "sweep") for n in (1, 3)] == ["1 sweep", "3 sweeps"]
