@@ -18,7 +18,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from selection.errors import InputError
 from selection.forces.catalogue import force_class
@@ -31,7 +31,7 @@ DEFAULT_SEED = 1970
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class RecordSettings(_Table):
@@ -41,8 +41,8 @@ class RecordSettings(_Table):
     title: str = ""
     record: str
     mode: str
-    design_forces: tuple[PositiveFloat, ...] = Field(default=(), strict=False)
-    laws: tuple[tuple[str, ...], ...] = Field(default=(), strict=False)
+    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()
+    laws: tuple[tuple[str, ...], ...] = ()
 
     @field_validator("laws")
     @classmethod
@@ -60,10 +60,10 @@ class StudySettings(_Table):
     """A study: its records in order."""
 
     title: str
-    seed: Annotated[int, Field(ge=0)] = DEFAULT_SEED
-    level: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9
+    seed: Annotated[int, Field(ge=0, strict=True)] = DEFAULT_SEED
+    level: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)] = 0.9
     source_report: bool = False
-    records: Annotated[tuple[RecordSettings, ...], Field(min_length=1, strict=False)]
+    records: Annotated[tuple[RecordSettings, ...], Field(min_length=1)]
 
     @field_validator("records")
     @classmethod
@@ -90,7 +90,9 @@ def read_settings(path: Path) -> StudySettings:
     try:
         return StudySettings.model_validate(table.values)
     except ValidationError as error:
-        raise _input_error(error.errors()[0], path, table.content) from None
+        # a misspelt key explains a missing one, so it comes first
+        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+        raise _input_error(problems[0], path, table.content) from None
 
 
 def _input_error(problem: Any, path: Path, content: str) -> InputError:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
 import pytest
 
-import pipelines  # sets one thread for the linear algebra before numpy's first product  # noqa: F401 - for that effect
 from selection.posterior.observations import Observations, observe
 from selection.records.reading import read_record
 from selection.records.report_tables import data_folder
+
+assert pipelines.__doc__  # imported for its effect
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:

@@ -25,7 +25,8 @@ class Fit:
 
     Attributes:
         names: parameters, coefficients first; coefficients: how many they are.
-        values, std_errors: in the units of the record; standard errors are NaN where the data cannot tell the parameters apart. rows, parameters: counts.
+        values, std_errors: in the units of the record; standard errors are NaN where the data cannot tell the
+            parameters apart. rows, parameters: counts.
         rss: sum of squared relative residuals; aic, aicc, bic: of them, rows taken as independent and the scatter
             as one more parameter; NaN where there are too few rows.
     """

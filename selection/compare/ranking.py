@@ -107,8 +107,8 @@ def rank_laws(
         AnalysisError: no candidate could be fitted.
     """
     rows = []
-    for number, law in enumerate(candidate_laws(data) if laws is None else laws):
-        rows.append(_candidate(law, data, seed + 1000 * number))
+    for law in candidate_laws(data) if laws is None else laws:
+        rows.append(_candidate(law, data, seed))
         done(law.name)
     fitted = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not fitted:

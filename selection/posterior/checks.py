@@ -52,13 +52,16 @@ class PredictiveCheck:
 
 
 def inference_data(posterior: Posterior, data: Observations) -> arviz.InferenceData:
-    """Draws, log likelihood and data as ArviZ groups; chains are the independent ensembles."""
+    """Draws, log likelihood and data as ArviZ groups; chains are the independent ensembles.
+
+    Single precision: seven digits are far more than the Monte Carlo error leaves.
+    """
     chains, kept = posterior.x.shape[:2]
     by_unit = pointwise_log_likelihood(posterior.draws, posterior.coordinates, data)
     values = {name.replace(" ", "_").replace("*", "."): value for name, value in posterior.parameters().items()}
     return arviz.from_dict(
-        posterior=values,
-        log_likelihood={"resonance": by_unit.reshape(chains, kept, -1)},
+        posterior={name: value.astype(np.float32) for name, value in values.items()},
+        log_likelihood={"resonance": by_unit.reshape(chains, kept, -1).astype(np.float32)},
         observed_data={"amplitude": data.A, "omega": data.omega, "force_in_quadrature": data.D},
         attrs={"law": posterior.coordinates.law.name, "converged": str(posterior.converged)},
     )

@@ -6,9 +6,10 @@ It is both the proposal of importance sampling and an independence move of the M
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import gammaln, logsumexp, ndtri
+from scipy.special import gammaln, ndtri
 from scipy.stats import chi2, qmc
 
 from selection.arrays import FloatArray, IntArray
@@ -65,19 +66,29 @@ class Proposal:
         t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
         return self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t)
 
+    @cached_property
+    def _inverse_roots(self) -> FloatArray:
+        return np.linalg.inv(self.roots)
+
+    @cached_property
+    def _log_norms(self) -> FloatArray:
+        """Log of each part's share times its density at its centre."""
+        d, nu = self.means.shape[1], DEGREES_OF_FREEDOM
+        norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
+        return np.asarray(norm - np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1) + np.log(self.shares))
+
     def log_density(self, x: FloatArray) -> FloatArray:
         """Log density at x (n, d)."""
         d, nu = x.shape[1], DEGREES_OF_FREEDOM
-        inverse = np.linalg.inv(self.roots)
-        z = np.einsum("kij,nkj->nki", inverse, x[:, None, :] - self.means)
-        norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
-        norm = norm - np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1) + np.log(self.shares)
-        return np.asarray(logsumexp(norm - 0.5 * (nu + d) * np.log1p(np.sum(z**2, axis=2) / nu), axis=1))
+        z = self._inverse_roots @ (x[:, None, :] - self.means)[..., None]
+        parts = self._log_norms - 0.5 * (nu + d) * np.log1p(np.sum(z[..., 0] ** 2, axis=2) / nu)
+        top = parts.max(axis=1)
+        return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
 
     def sobol(self, power: int, seed: int) -> FloatArray:
         """2^power draws on scrambled Sobol points."""
-        u = sobol(self.means.shape[1] + 2, power, seed)
-        return self.transform(ndtri(u[:, 2:]), chi2.ppf(u[:, 1], DEGREES_OF_FREEDOM), self._part(u[:, 0]))
+        z, chi_square, u = _standard_draws(self.means.shape[1], power, seed)
+        return self.transform(z, chi_square, self._part(u))
 
     def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
         """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
@@ -104,6 +115,13 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
     axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     order = np.argsort(centred @ axis, kind="stable")
     return [draws[order[: len(order) // 2]], draws[order[len(order) // 2 :]]]
+
+
+@lru_cache(maxsize=32)  # every law of as many parameters asks for the same points
+def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Standard normals (n, d), chi-squares (n,) and uniforms (n,) on one set of Sobol points."""
+    u = sobol(dimension + 2, power, seed)
+    return ndtri(u[:, 2:]), chi2.ppf(u[:, 1], DEGREES_OF_FREEDOM), u[:, 0]
 
 
 def sobol(dimension: int, power: int, seed: int) -> FloatArray:

@@ -44,7 +44,7 @@ class Settings:
     effective_size: float = 1000.0
     lengths: float = 50.0
     r_hat: float = 1.01
-    kept: int = 500
+    kept: int = 400
 
 
 @dataclass(frozen=True)
