@@ -228,17 +228,17 @@ def _force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
 
 
 @styled
-def level_variation(variations: pd.DataFrame, held: str, length_unit: str = "") -> Figure:
+def level_variation(variations: pd.DataFrame, held: str) -> Figure:
     """Draw by how much each case's coefficient varies from level to level, with every choice of base (Table 4.V).
 
     Args:
         variations: ``case, alpha, free, base, largest_percent, spread_percent``, as ``level_methods`` gives them.
-        held: what is kept from level to level, for the axis. length_unit: of alpha.
+        held: what is kept from level to level, for the axis.
     """
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(order)))
     axes = figure.add_subplot()
-    plain_rows(axes, [_alpha_label(case, alpha, free, length_unit) for case, alpha, free in
+    plain_rows(axes, [_alpha_label(case, alpha, free) for case, alpha, free in
                       order[["case", "alpha", "free"]].itertuples(index=False)])  # fmt: skip
     markers = "osD^vPX"
     for number, (base, rows) in enumerate(variations.groupby("base", sort=False)):
@@ -254,11 +254,11 @@ def level_variation(variations: pd.DataFrame, held: str, length_unit: str = "") 
     return figure
 
 
-def _alpha_label(case: str, alpha: float, free: bool, unit: str) -> str:
+def _alpha_label(case: str, alpha: float, free: bool) -> str:
     if not free:
         return case.replace("alpha", "α")
     value = "∞" if np.isinf(alpha) else f"{alpha:.3g}"
-    return f"{case.replace('alpha free', 'α')} = {value} {unit}".rstrip() + " (free)"
+    return f"{case.replace('alpha free', 'α')} = {value} (free)"
 
 
 def _split(result: AmplitudeFrequency) -> tuple[list[CaseCurve], list[CaseCurve]]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr, ndtri
 
 from selection.compare.ranking import Ranking
 from selection.loads.prediction import Loads, Member, predict
@@ -161,3 +163,18 @@ def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
     }
     points = pd.DataFrame({"sweep": list("ABC"), "force_lb": F, "amplitude_in": A})
     return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
+
+
+def chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
+    """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
+
+    With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),
+    z standard normal, to first order. ``needed_percent``: scatter at which p as found or more has a chance of 1 in 20.
+    """
+    rows = []
+    for mode in (1, 2):
+        A, p = resonances(mode, "corrected")[1], fit_mode(mode, "velocity-power", "corrected").p
+        root = float(np.std(np.log(A)) * np.sqrt(A.size))
+        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
+        rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
+    return pd.DataFrame(rows)

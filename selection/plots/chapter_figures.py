@@ -1,0 +1,153 @@
+"""Every figure of chapters II, IV, V and VI of the source report, redrawn: name, number, title, words, drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from selection.plots import chapter_2, chapter_4, chapter_5
+from selection.reproduction.amplitude_frequency import PRINTED, amplitude_frequency
+from selection.reproduction.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
+from selection.reproduction.circularity import ROUTES
+from selection.reproduction.hysteresis_loops import REFERENCE
+from selection.reproduction.studies import Studies
+
+
+class ChapterFigure(NamedTuple):
+    """A figure: ``counterpart`` is its number in the source report (empty: it goes further than the report)."""
+
+    name: str
+    counterpart: str
+    title: str
+    description: str
+    draw: Callable[[], Figure]
+
+
+def chapter_figures(found: Studies, law_errors: pd.DataFrame) -> list[ChapterFigure]:
+    """All figures in the order of the chapters.
+
+    Args:
+        found: the studies. law_errors: ``section_6_1_errors`` of the rankings.
+    """
+    return [*_chapter_2(found), *_chapter_4(found), *_chapter_5_and_6(found, law_errors)]
+
+
+def _chapter_2(found: Studies) -> list[ChapterFigure]:
+    slip = found.slip
+    return [
+        ChapterFigure(
+            "hysteresis-loops", "2.4", "Hysteresis loops of every damping force",
+            "Force against displacement over one cycle, about a spring of unit stiffness; all but the slip joint lose "
+            "the same energy per cycle.",
+            lambda: chapter_2.hysteresis_loops(found.loops.loops),
+        ),
+        ChapterFigure(
+            "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
+            f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
+            "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
+            "The printed energy is right at three times that amplitude only; a coefficient fixed at one amplitude "
+            "is wrong at every other.",
+            lambda: chapter_2.slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
+        ),
+        ChapterFigure(
+            "slip-energy", "", "Energy per cycle of a slip joint against amplitude",
+            "The exact energy grows like the amplitude, the printed one like its square, velocity-squared damping "
+            "like its cube.",
+            lambda: chapter_2.slip_energy(slip.energies),
+        ),
+    ]  # fmt: skip
+
+
+def _chapter_4(found: Studies) -> list[ChapterFigure]:
+    curves = found.curves
+    explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())
+    levels = [
+        ChapterFigure(
+            f"level-variation-mode-{mode}-{held}", "", f"Mode {mode}: variation of the {said} from level to level",
+            f"For each damping case the largest variation of the {said} with each sweep as base (Table 4.V) and its "
+            "standard deviation over the sweeps; least is best.",
+            lambda one=one, said=said: chapter_4.level_variation(one.variations, f"the {said}"),  # type: ignore[misc]  # bound now
+        )
+        for (mode, held), one in found.levels.items()
+        for said in ({"xi": "damping factor", "coefficient": "coefficient"}[held],)
+    ]  # fmt: skip
+    return [
+        ChapterFigure(
+            "linear-coefficient", "4.1, 4.2", "Linear coefficient against resonant amplitude",
+            "Three sweeps of each mode with the printed line and our two lines with 90 per cent intervals, from one "
+            "degree of freedom.",
+            lambda: chapter_4.linear_coefficients(found.lines),
+        ),
+        ChapterFigure(
+            "response-explained", "4.3", "Damped and undamped response, δ and ε",
+            "Amplitude against frequency ratio squared with the horizontal and the vertical difference of the curves.",
+            lambda: chapter_4.response_explained(explained),
+        ),
+        ChapterFigure(
+            "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
+            "First mode, sweep C: all cases pass through the one measured resonance; I and II are the narrowest, III "
+            "and IV wider, V depends on α.",
+            lambda: chapter_4.response_curves(curves),
+        ),
+        ChapterFigure(
+            "phase-curves", "4.6", "Phase against frequency ratio squared",
+            "Phase lag of the same cases.", lambda: chapter_4.phase_curves(curves),
+        ),
+        ChapterFigure(
+            "response-differences", "4.7, 4.8", "Difference of damped and undamped curves",
+            "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at 1.01 in.",
+            lambda: chapter_4.differences(curves, (PRINTED["A"], PRINTED["delta"])),
+        ),
+        ChapterFigure(
+            "undamped-error", "4.9", "Error of neglecting damping",
+            "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed 14 per "
+            "cent at one half.",
+            lambda: chapter_4.undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
+        ),
+        ChapterFigure(
+            "force-amplitude", "4.10", "Resonant force against amplitude",
+            "Least squares line with its 90 per cent interval, the printed slope, linear damping, and the printed "
+            "amplitudes at 90 lb.",
+            lambda: chapter_4.force_amplitude(found.force_lines, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
+        ),
+        *levels,
+    ]  # fmt: skip
+
+
+def _chapter_5_and_6(found: Studies, law_errors: pd.DataFrame) -> list[ChapterFigure]:
+    return [
+        ChapterFigure(
+            "configuration-1-energy", "5.1", "Energy surface of Configuration I",
+            "Fifteen measured energies over frequency and amplitude with the best law of coefficients above 0 and "
+            "with all nine terms, whose energy is negative in the hatched regions.",
+            lambda: chapter_5.energy_surfaces(found.surface),
+        ),
+        ChapterFigure(
+            "nine-terms", "", "Error of energy against number of terms",
+            "Best subsets of each size, free and with all coefficients above 0, and backward elimination with its "
+            "number of negative coefficients.",
+            lambda: chapter_5.terms_against_error(
+                found.nine.by_size, found.nine.elimination, ["5.III recovered", "5.IV recovered"]
+            ),
+        ),
+        ChapterFigure(
+            "false-terms", "", "Energy losses that do not exist",
+            "Data of a known law of two terms with noise: share of runs in which a term is selected that is not "
+            "there, and error of the energy at twice the amplitude, for three ways of selection.",
+            lambda: chapter_5.false_terms(found.false.selection),
+        ),
+        ChapterFigure(
+            "circularity", "", "Which law comes out when the truth is known",
+            "Kinds of law selected from simulated tests of known structures, by the route of Table 5.IV and from "
+            "measured energy and amplitude, beside what the measured data give.",
+            lambda: chapter_5.circularity(found.circular.laws, ROUTES),
+        ),
+        ChapterFigure(
+            "section-6-1", "", "Errors of the laws of section 6.1",
+            "Per cent error of resonant amplitude at the tested forces of every law: printed, recomputed, ours.",
+            lambda: chapter_5.force_laws(law_errors),
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,136 @@
+"""Section 5.3: "a danger exists in including energy losses which do not exist", in numbers.
+
+Energies of a known law, 1.571 A^2 omega + 1.067 A^3 omega on the frequencies and amplitudes of Table 5.II, with
+relative noise are given to three ways of selection among five (5.3.2) or nine terms (5.3.6): which terms that are not
+there come out, how often, and what that does to the energy at twice the largest amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from selection.arrays import FloatArray, IntArray
+from selection.records.report_tables import load_table
+from selection.reproduction.chapter_5 import GENERATOR
+from selection.reproduction.columns import columns
+from selection.reproduction.many_fits import ManyFits, fits_in_blocks
+from selection.reproduction.nine_terms import NINE_TERMS, nine_term_design
+
+#: Five terms of Eq. 5.3.2 by their place in the nine of Eq. 5.3.6; the first two are the true ones.
+POSITIONS = {"five terms (5.3.2)": (0, 3, 2, 1, 4), "nine terms (5.3.6)": (0, 3, 2, 1, 4, 5, 6, 7, 8)}
+TRUE_TERMS = 2
+#: Relative standard deviation of the noise of E, per cent: from the rounding of the print to Config. I's own scatter.
+NOISE = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
+#: Amplitude, over the largest of the data, at which what was selected is extrapolated.
+FARTHER = 2.0
+METHODS = ("backward elimination, |T| >= 2", "best subset, BIC", "best subset, BIC, coefficients > 0")
+
+
+@dataclass(frozen=True)
+class FalseTerms:
+    """What selection does to data of a known law.
+
+    Attributes:
+        selection: a row a set of terms, method and noise: ``share_false`` (at least one false term), ``share_exact``
+            (the true law and no more), ``share_missing`` (a true term is not there), ``mean_terms``,
+            ``share_negative`` (some coefficient below 0), ``energy_error_percent`` (root mean square error of the
+            energy at twice the largest amplitude), ``monte_carlo_error`` (standard, of a share of one half).
+        frequency: share of the runs in which each term is selected, and whether it is a true one.
+        inflation: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of the mean
+            energy, with the true terms, five and nine (closed form), and over that with the true terms.
+    """
+
+    selection: pd.DataFrame
+    frequency: pd.DataFrame
+    inflation: pd.DataFrame
+    replicates: int
+
+
+def false_terms(
+    noise: Sequence[float] = NOISE, replicates: int = 1000, seed: int = 0, terms: Sequence[str] = tuple(POSITIONS)
+) -> FalseTerms:
+    """Simulate selection.
+
+    Args:
+        noise: per cent. replicates: runs at each noise. seed: of the noise. terms: keys of ``POSITIONS``.
+    """
+    A, omega, true = known_law()
+    selection, frequency = [], []
+    for number, (name, percent) in enumerate(product(terms, noise)):
+        rng = np.random.default_rng([seed, number])
+        observed = true * (1.0 + 0.01 * percent * rng.standard_normal((replicates, len(true))))
+        X, farther = design(A, omega, name), design(FARTHER * A.max(), omega[A.argmax()], name)[0]
+        for method, (members, coefficients) in _select(X, observed).items():
+            head = {"terms": name, "method": method, "noise_percent": percent}
+            selection.append({**head, **_outcome(members, coefficients, farther)})
+            shares = members.mean(axis=0)
+            labels = [NINE_TERMS[i] for i in POSITIONS[name]]
+            frequency += [
+                {**head, "term": term, "true": k < TRUE_TERMS, "share": float(shares[k])}
+                for k, term in enumerate(labels)
+            ]
+    table = pd.DataFrame(selection).assign(monte_carlo_error=0.5 / np.sqrt(replicates))
+    return FalseTerms(table, pd.DataFrame(frequency), _inflation(A, omega, true), replicates)
+
+
+def known_law() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A and omega of the corrected Table 5.II and the energy of the law that made it, without noise."""
+    A, omega = columns(load_table("5_II", "corrected"), "A_in", "omega_rad_s")
+    return A, omega, GENERATOR["A2w"] * A**2 * omega + GENERATOR["A3w"] * A**3 * omega
+
+
+def design(A: FloatArray | float, omega: FloatArray | float, terms: str) -> FloatArray:
+    """Columns (n, k) of the five or nine terms, the true ones first."""
+    A, omega = np.atleast_1d(A), np.atleast_1d(omega)
+    return nine_term_design(A, omega, np.ones_like(A)).columns[:, POSITIONS[terms]]
+
+
+def _select(X: FloatArray, observed: FloatArray) -> dict[str, tuple[np.ndarray, FloatArray]]:
+    """Members (r, k) and coefficients (r, k) that each method selects; all False where it selects nothing."""
+    chosen: dict[str, list[tuple[np.ndarray, FloatArray]]] = {method: [] for method in METHODS}
+    for fits in fits_in_blocks(X, observed):
+        models = (fits.backward(2.0), fits.best(), fits.best(nonnegative=True))
+        for method, model in zip(METHODS, models, strict=True):
+            chosen[method].append(_chosen(fits, model))
+    return {
+        method: (np.concatenate([m for m, _ in parts]), np.concatenate([c for _, c in parts]))
+        for method, parts in chosen.items()
+    }
+
+
+def _chosen(fits: ManyFits, model: IntArray) -> tuple[np.ndarray, FloatArray]:
+    members = fits.members[model] & (model >= 0)[:, None]
+    return members, np.where(members, fits.coefficients[model, np.arange(len(model))], 0.0)
+
+
+def _outcome(members: np.ndarray, coefficients: FloatArray, farther: FloatArray) -> dict[str, float]:
+    false, true = members[:, TRUE_TERMS:].any(axis=1), members[:, :TRUE_TERMS].all(axis=1)
+    energy = float(farther[:TRUE_TERMS] @ list(GENERATOR.values()))
+    errors = coefficients @ farther / energy - 1.0
+    return {
+        "share_false": float(false.mean()),
+        "share_exact": float((true & ~false).mean()),
+        "share_missing": float((~true).mean()),
+        "mean_terms": float(members.sum(axis=1).mean()),
+        "share_negative": float((coefficients < 0.0).any(axis=1).mean()),
+        "energy_error_percent": 100.0 * float(np.sqrt(np.mean(errors**2))),
+    }
+
+
+def _inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> pd.DataFrame:
+    """sqrt of the first diagonal element of (X^T X)^-1, times noise, over the true coefficient."""
+    X = design(A, omega, "nine terms (5.3.6)")
+    sigma = 0.01 * float(true.mean())
+    rows = []
+    for name, k in (("true terms", TRUE_TERMS), ("five terms (5.3.2)", 5), ("nine terms (5.3.6)", 9)):
+        scale = np.linalg.norm(X[:, :k], axis=0)
+        inverse = np.linalg.inv(np.linalg.qr(X[:, :k] / scale)[1])
+        sd = sigma * float(np.linalg.norm(inverse[0])) / float(scale[0])
+        rows.append({"terms": name, "sd_percent": 100.0 * sd / GENERATOR["A2w"]})
+    table = pd.DataFrame(rows)
+    return table.assign(over_true_terms=table["sd_percent"] / table["sd_percent"].iloc[0])
