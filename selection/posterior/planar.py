@@ -92,16 +92,15 @@ class PlanarPrior:
 
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """Parameters that are free, and C and xi: arrays of shape ``x.shape[:-1]`` by name."""
-        values = self._all(x)
         free = {*self.names, "C"}
-        return {name: value for name, value in values.items() if name in free}
+        return {name: value for name, value in self.values(x).items() if name in free}
 
     def model(self, x: FloatArray) -> PlanarModel:
         """Models whose fields have shape (..., 1), to broadcast with frequencies."""
-        values = self._all(x)
-        return PlanarModel(*(values[name][..., None] for name in PlanarModel._fields))
+        return _model(self.values(x))
 
-    def _all(self, x: FloatArray) -> dict[str, FloatArray]:
+    def values(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Every parameter, free or held, and C and xi."""
         z = dict(zip(self.names, np.moveaxis(x, -1, 0), strict=True))
         # the larger of two uniforms is the root of a uniform, the smaller is uniform below it
         omega_y = self.low + (self.high - self.low) * np.sqrt(ndtr(z["omega_y"]))
@@ -115,6 +114,10 @@ class PlanarPrior:
         xi = XI_MEDIAN * np.exp(XI_LOG_SD * z["xi"])
         C, sigma = 2.0 * xi * values["M"] * omega_p, self.sigma * np.exp(SIGMA_LOG_SD * z["sigma"])
         return {"omega_p": omega_p, "omega_y": omega_y, **values, "C": C, "xi": xi, "sigma": sigma}
+
+
+def _model(values: Mapping[str, FloatArray]) -> PlanarModel:
+    return PlanarModel(*(values[name][..., None] for name in PlanarModel._fields))
 
 
 @dataclass(frozen=True)
@@ -137,8 +140,9 @@ class PlanarPosterior:
 
 def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
     """Circular normal log likelihood at points (points, dimension): -ln(2 pi s^2) - |q - model|^2/(2 s^2) a phasor."""
-    sigma = prior.parameters(x)["sigma"]
-    square = np.sum(np.abs(data.residuals(prior.model(x))) ** 2, axis=-1)
+    values = prior.values(x)
+    sigma = values["sigma"]
+    square = np.sum(np.abs(data.residuals(_model(values))) ** 2, axis=-1)
     norm = data.omega.size * np.log(2.0 * np.pi * sigma**2) + 2.0 * np.sum(np.log(data.shape))
     return np.asarray(-0.5 * square / sigma**2 - norm)
 
