@@ -1,7 +1,7 @@
 """Stage of ``damping blind``: cases whose effect is withheld, diagnosed from their files alone, then scored.
 
-Three steps that share nothing but files: the generator writes case folders and a sealed file of labels, whose SHA-256 is
-recorded before anything is diagnosed; the diagnosis reads the case folders; the scorer opens labels and answers.
+Three steps that share nothing but files: the generator writes case folders and a sealed file of labels, whose SHA-256
+is recorded before anything is diagnosed; the diagnosis reads the case folders; the scorer opens labels and answers.
 """
 
 from __future__ import annotations

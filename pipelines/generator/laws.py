@@ -53,5 +53,18 @@ VELOCITY_POWER: Mapping[str, int] = {
     "quadratic-displacement": 1,
 }
 
+#: Degree of each force in amplitude, where it is homogeneous.
+DEGREE: Mapping[str, int] = {
+    "displacement": 1,
+    "velocity-squared": 2,
+    "displacement-velocity": 2,
+    "quadratic-displacement": 3,
+    "coulomb": 0,
+    "cubic": 3,
+    "quadratic": 2,
+    "odd-square": 2,
+    "quintic": 5,
+}
+
 #: Forces that jump when the velocity changes sign.
 JUMPS = frozenset({"displacement", "coulomb"})
