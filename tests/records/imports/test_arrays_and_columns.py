@@ -1,0 +1,313 @@
+"""MAT, HDF5 and CSV files written by the libraries that people use are read back; so are lock-in readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from selection.errors import InputError
+from selection.records.imports.arrays import read_arrays
+from selection.records.imports.reading import read_file
+from selection.records.imports.series import Stated
+
+SI = {"units": {"response": "m/N", "force": "N"}, "response": "receptance"}
+#: Roundings of a few operations in double precision.
+CLOSE = 1e-13
+
+
+def close(record, truth) -> None:
+    np.testing.assert_allclose(record.column("frequency"), truth.f, rtol=CLOSE)
+    np.testing.assert_allclose(record.column("amplitude"), truth.amplitude, rtol=CLOSE)
+    np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=0, atol=CLOSE)
+
+
+def mat73(path: Path, **variables: np.ndarray) -> Path:
+    """A MAT file of version 7.3 as MATLAB writes it: HDF5 behind a text of 512 bytes, axes reversed, compounds."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in variables.items():
+            values = np.atleast_2d(values).T
+            if np.iscomplexobj(values):
+                pair = np.empty(values.shape, dtype=[("real", "<f8"), ("imag", "<f8")])
+                pair["real"], pair["imag"] = values.real, values.imag
+                values = pair
+            file.create_dataset(name, data=values).attrs["MATLAB_class"] = np.bytes_("double")
+    text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljust(116) + bytes(8) + b"\x00\x02IM"
+    with path.open("r+b") as stream:
+        stream.write(text)
+    return path
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_mat_of_version_5(truth, tmp_path, imported, compressed):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"f": truth.f, "frf": truth.H, "note": "text", "c": {"a": 1}}, do_compression=compressed)
+    found = imported(path, columns={"frequency": "f", "response": "frf"}, forces=(truth.F,), **SI)
+    close(found.record, truth)
+    assert ("format", "MAT file, version 5", "found in the file") in found.summary.rows
+
+
+def test_fields_of_a_structure(truth, tmp_path, imported):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"test": {"f": truth.f, "frf": {"H11": truth.H}}})
+    found = imported(path, columns={"frequency": "test.f", "response": "test.frf.H11"}, forces=(truth.F,), **SI)
+    close(found.record, truth)
+
+
+def test_mat_of_version_73(truth, tmp_path, imported):
+    path = mat73(tmp_path / "a.mat", f=truth.f, frf=truth.H)
+    found = imported(path, columns={"frequency": "f", "response": "frf"}, forces=(truth.F,), **SI)
+    close(found.record, truth)
+    assert ("format", "MAT file, version 7.3", "found in the file") in found.summary.rows
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"compression": "gzip", "shuffle": True, "chunks": (7,)}, {"compression": "lzf"}]
+)
+def test_hdf5(truth, tmp_path, imported, options):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("run/f", data=truth.f, **options)
+        file.create_dataset("run/frf", data=truth.H, **options)
+    found = imported(path, columns={"frequency": "run/f", "response": "/run/frf"}, forces=(truth.F,), **SI)
+    close(found.record, truth)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_column_a_sweep(truth, tmp_path, imported, turned):
+    path = tmp_path / "a.mat"
+    H = np.column_stack([truth.H, 2 * truth.H, 3 * truth.H])
+    scipy.io.savemat(path, {"frequency": truth.f, "response": H.T if turned else H, "force": [1.0, 2.0, 4.0]})
+    found = imported(path, labels=("a", "b", "c"), scaling="peak", **SI).record
+    assert found.sweeps == ("a", "b", "c")
+    for k, label in enumerate(found.sweeps):
+        one = found.of(label)
+        np.testing.assert_allclose(one.column("amplitude"), np.abs(truth.H) * (k + 1) * 2.0**k, rtol=CLOSE)
+        np.testing.assert_allclose(one.column("force"), 2.0**k, rtol=CLOSE)
+
+
+def test_names_of_roles_need_no_map_and_others_do(truth, tmp_path, imported):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"omega": 2 * np.pi * truth.f, "real": truth.H.real, "imag": truth.H.imag, "force": truth.F})
+    close(imported(path, scaling="peak", **SI).record, truth)
+    scipy.io.savemat(path, {"f1": truth.f, "h1": truth.H})
+    with pytest.raises(
+        InputError, match=r"no array has the name of a role; expected --column ROLE=NAME; it has f1 \(1 x 41\)"
+    ):
+        imported(path, **SI)
+    with pytest.raises(InputError, match=r"no array 'h2'; expected f1 \(1 x 41\), h1 \(1 x 41\)"):
+        imported(path, columns={"frequency": "f1", "response": "h2"}, **SI)
+
+
+def test_csv_with_a_column_map(truth, tmp_path, imported):
+    """Amplitude of acceleration in g and its lead in degrees, by level, semicolons, lines before the header."""
+    w = 2 * np.pi * truth.f
+    H = -(w**2) * truth.H
+    table = pd.DataFrame(
+        {
+            "Run": ["r1"] * len(w),
+            "Freq [Hz]": truth.f,
+            "Acc [g]": np.abs(H) * truth.F / 9.80665,
+            "Phase (deg)": np.degrees(np.angle(H)),
+            "Drive [N]": truth.F,
+        }
+    )
+    path = tmp_path / "a.csv"
+    path.write_text("made by a rig\nat noon\n" + table.to_csv(index=False, sep=";"))
+    columns = {"sweep": "Run", "frequency": "Freq", "amplitude": "Acc", "lead_deg": "Phase", "force": "Drive [N]"}
+    stated = {"columns": columns, "delimiter": "semicolon", "skip": 2}
+    found = imported(path, response="acceleration", **stated)
+    close(found.record, truth)
+    assert found.record.sweeps == ("r1",)
+    assert ("unit of response", "g", "found in the file") in found.summary.rows
+    assert ("column 'Acc [g]'", "amplitude: amplitude of the response", "stated") in found.summary.rows
+    rms = imported(path, response="acceleration", scaling="rms", **stated).record
+    np.testing.assert_allclose(rms.column("amplitude"), truth.amplitude * 2**0.5, rtol=CLOSE)
+    # 'g' is the unit of an acceleration and of nothing else here
+    assert ("response", "acceleration", "follows from its unit") in imported(path, **stated).summary.rows
+
+
+def test_csv_without_phases(truth, tmp_path, imported):
+    path = tmp_path / "a.csv"
+    pd.DataFrame({"frequency": truth.f, "amplitude": truth.amplitude, "force": truth.F}).to_csv(path, index=False)
+    found = imported(path, response="displacement", consistent=True)
+    assert not found.record.has_phase
+    assert any("no phases" in note for note in found.summary.notes)
+
+
+def test_standard_uncertainties_and_energies_are_converted(truth, tmp_path, imported):
+    path = tmp_path / "a.csv"
+    w = 2 * np.pi * truth.f
+    acceleration = truth.amplitude * w**2
+    energy = np.pi * truth.F * truth.amplitude * np.sin(truth.lag)
+    table = {
+        "frequency": truth.f,
+        "amplitude": acceleration,
+        "amplitude_sd": 0.01 * acceleration,
+        "lag_deg": np.degrees(truth.lag),
+    }
+    table |= {"force": truth.F, "force_sd": 0.02 * truth.F, "energy": energy, "mass": 2.0}
+    pd.DataFrame(table).to_csv(path, index=False)
+    # the lag of an acceleration is pi less than that of its displacement
+    table["lag_deg"] -= 180.0
+    pd.DataFrame(table).to_csv(path, index=False)
+    units = {"response": "m/s^2", "force": "N", "energy": "J", "mass": "kg"}
+    found = imported(path, response="acceleration", units=units).record
+    close(found, truth)
+    np.testing.assert_allclose(found.column("amplitude_sd"), 0.01 * truth.amplitude, rtol=CLOSE)
+    us = imported(path, response="acceleration", units=units, system="us").record
+    # 1 lbf = 4.4482216152605 N and 1 in = 0.0254 m by definition; mass lbf s^2/in
+    np.testing.assert_allclose(us.column("energy"), energy / (4.4482216152605 * 0.0254), rtol=CLOSE)
+    np.testing.assert_allclose(us.column("mass"), 2.0 * 0.0254 / 4.4482216152605, rtol=CLOSE)
+    np.testing.assert_allclose(us.column("force_sd"), 0.02 * truth.F / 4.4482216152605, rtol=CLOSE)
+    with pytest.raises(InputError, match="unit of mass is neither"):
+        imported(path, response="acceleration", units={k: v for k, v in units.items() if k != "mass"})
+
+
+def test_lock_in_readings(truth, tmp_path, imported):
+    """X and Y in volts rms at 100 mV per m/s^2, R and theta beside them; the drive as the reference."""
+    w = 2 * np.pi * truth.f
+    volts = -(w**2) * truth.H * truth.F / 2**0.5 * 0.1
+    table = {"Frequency (Hz)": truth.f, "X (V)": volts.real, "Y (V)": volts.imag, "R (V)": np.abs(volts)}
+    table["Theta"] = np.degrees(np.angle(volts))
+    path = tmp_path / "sweep.txt"
+    pd.DataFrame(table).to_csv(path, index=False, sep="\t")
+    stated = {"format": "lock-in", "delimiter": "tab", "response": "acceleration", "forces": (truth.F,)}
+    stated |= {"units": {"response": "m/s^2", "force": "N"}, "scale": {"response": 10.0}}
+    found = imported(path, scaling="rms", **stated)
+    close(found.record, truth)
+    with pytest.raises(InputError, match="peak or rms is neither"):
+        imported(path, **stated)
+    with pytest.raises(InputError, match="unit of response 'V' is not understood"):
+        imported(path, **(stated | {"units": {"force": "N"}, "scaling": "rms"}))
+
+
+def test_two_lock_in_channels(truth, tmp_path, imported):
+    """Response and force against one reference: their phases are subtracted."""
+    drive = truth.F * np.exp(-0.4j)
+    motion = truth.H * drive
+    table = {"f": truth.f, "X": motion.real, "Y": motion.imag, "X2": drive.real, "Y2": drive.imag}
+    path = tmp_path / "sweep.csv"
+    pd.DataFrame(table).to_csv(path, index=False)
+    found = imported(path, format="lock-in", response="displacement", consistent=True, scaling="peak").record
+    close(found, truth)
+    np.testing.assert_allclose(found.column("force"), truth.F, rtol=CLOSE)
+
+
+@pytest.mark.parametrize(
+    ("content", "columns", "message"),
+    [
+        ("a,b\n1,2\n", {"frequency": "f"}, r"line 1: no column 'f'; expected one of a, b"),
+        ("freq,b\n1,2\n", {"frequency": "frq"}, r"no column 'frq' \(is 'freq' meant\?\)"),
+        ("f,f\n1,2\n", {"frequency": "f"}, "several columns are 'f'"),
+        ("f,a\n1,2\n1,2,3\n", {"frequency": "f", "amplitude": "a"}, "line 3: 3 cells in the row; expected 2"),
+        ("f,a\n1,x\n", {"frequency": "f", "amplitude": "a"}, "line 2, column a: 'x' is not a number"),
+        ("f,a\n", {"frequency": "f", "amplitude": "a"}, "no data rows"),
+        ("f,a\n1,2\n", {"frequency": "f"}, "no response"),
+        ("f,a\n1,2\n", {"amplitude": "a"}, "no abscissa"),
+        ("f,a\n1,2\n", {"frequency": "f", "omega": "f", "amplitude": "a"}, "both frequency and omega"),
+        ("f,a\n1,2\n", {"frequency": "f", "x": "a"}, "x and y need each other"),
+        ("f,a\n1,2\n", {"frequency": "f", "response": "a"}, "a response of real values"),
+        ('f,a\n1,"2\n', {"frequency": "f", "amplitude": "a"}, "not CSV"),
+        ("f,a\n1,2\n1,2\n", {"frequency": "f", "amplitude": "a"}, "has a row twice, at 1 Hz"),
+        ("f,a\n1,1e60\n", {"frequency": "f", "amplitude": "a"}, "a magnitude of 1e-50 to 1e"),
+        ("f,a\n1,\n2,nan\n", {"frequency": "f", "amplitude": "a"}, "no row of 'a' is a steady state"),
+    ],
+)
+def test_bad_columns_are_named(tmp_path, imported, content, columns, message):
+    path = tmp_path / "a.csv"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        imported(path, columns=columns, response="displacement", consistent=True, forces=(1.0,))
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"format": "uf"}, r"--format 'uf' is unknown \(is 'uff' meant\?\)"),
+        ({"response": "accelerence"}, r"is 'accelerance' meant\?"),
+        ({"scaling": "RMS!"}, "--scaling"),
+        ({"columns": {"freqency": "a"}}, r"is 'frequency' meant\?"),
+        ({"units": {"lenght": "m"}}, "--unit 'lenght' is unknown"),
+        ({"units": {"force": "N"}, "consistent": True}, "--consistent beside --unit"),
+        ({"band": (3.0, 2.0)}, "--band is no band"),
+        ({"system": "cgs"}, "expected si, us"),
+    ],
+)
+def test_statements_are_checked_first(tmp_path, stated, message):
+    with pytest.raises(InputError, match=message):
+        read_file(tmp_path / "there is no such file", Stated(**stated))
+
+
+def test_what_is_no_array_of_numbers(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["text"] = "words"
+        file["objects"] = np.array([b"a", b"bc"], dtype=h5py.string_dtype())
+        file["reference"] = np.array([file["text"].ref], dtype=h5py.ref_dtype)
+        file["table"] = np.zeros(3, dtype=[("a", "f8"), ("b", "f8")])
+    for name in ("text", "objects", "reference", "table"):
+        with pytest.raises(InputError, match="no array of numbers"):
+            read_arrays(path, "hdf5", [name], 10**6)
+
+
+def test_nothing_outside_the_file_is_read(tmp_path):
+    """External and virtual data, external and soft links: a file must not make us read another one."""
+    secret = tmp_path / "secret"
+    secret.write_bytes(np.arange(4.0).tobytes())
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file["x"] = np.arange(4.0)
+    path = tmp_path / "a.h5"
+    layout = h5py.VirtualLayout(shape=(4,), dtype="f8")
+    layout[:] = h5py.VirtualSource(str(other), "x", shape=(4,))
+    with h5py.File(path, "w") as file:
+        file.create_dataset("external", shape=(4,), dtype="f8", external=[(str(secret), 0, 32)])
+        file.create_virtual_dataset("virtual", layout)
+        file["link"] = h5py.ExternalLink(str(other), "x")
+    for name in ("external", "virtual"):
+        with pytest.raises(InputError, match="outside the file"):
+            read_arrays(path, "hdf5", [name], 10**6)
+    arrays, known = read_arrays(path, "hdf5", ["link"], 10**6)
+    assert not arrays
+    assert "link" not in known
+
+
+def test_arrays_larger_than_the_file_warrants(tmp_path):
+    """A few kilobytes that unpack to gigabytes."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("huge", shape=(10**12,), dtype="f8", chunks=(10**6,), compression="gzip")
+    with pytest.raises(InputError, match="larger than the file warrants"):
+        read_arrays(path, "hdf5", ["huge"], 10**9)
+    mat = tmp_path / "a.mat"
+    scipy.io.savemat(mat, {"zeros": np.zeros(10**7)}, do_compression=True)
+    assert mat.stat().st_size < 10**6
+    with pytest.raises(InputError, match="than its size warrants"):  # the limit on the memory of the reader
+        read_arrays(mat, "mat5", ["zeros"], 10**9)
+
+
+def test_pickles_are_bytes_like_any_other(tmp_path, imported):
+    """A file that would run a command when unpickled is read as what it is: no CSV."""
+    path = tmp_path / "a.csv"
+    mark = tmp_path / "mark"
+    path.write_bytes(f"cos\nsystem\n(S'touch {mark}'\ntR.".encode())
+    with pytest.raises(InputError):
+        imported(path)
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(InputError):
+        imported(tmp_path / "a.npy")
+    assert not mark.exists()
+
+
+def test_what_is_no_file(tmp_path, imported):
+    import os
+
+    os.mkfifo(tmp_path / "pipe")
+    for name, message in (("none", "no such file"), (".", "no regular file"), ("pipe", "no regular file")):
+        with pytest.raises(InputError, match=message):
+            imported(tmp_path / name)
