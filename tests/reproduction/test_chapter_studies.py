@@ -134,9 +134,9 @@ def test_chance_of_the_exponents_by_simulation() -> None:
         x = np.log(A) + 0.01 * rng.standard_normal((runs, 3))  # linear damping: ln F = constant + ln A, A read with 1 %
         x = x - x.mean(axis=1, keepdims=True)
         slope = (x @ np.log(A)) / np.sum(x * x, axis=1)
-        # the spread of the slopes is known to 0.16 per cent from so many runs (0.65 at four standard errors), and to 0.3
-        # in first order of 1 per cent over the range of ln A; the chance, 2.3 to 2.6 standard deviations out, changes by
-        # up to 7.7 times as much
+        # the spread of the slopes is known to 0.16 per cent from so many runs (0.65 at four standard errors), and to
+        # 0.3 in first order of 1 per cent over the range of ln A; the chance, 2.3 to 2.6 standard deviations out,
+        # changes by up to 7.7 times as much
         chance = stats.norm.sf((row["p"] - 1.0) / (5.0 * slope.std()))
         np.testing.assert_allclose(row["chance_at_5_percent"], chance, rtol=0.075, atol=0.0)
         at_needed = stats.norm.sf((row["p"] - 1.0) / (row["needed_percent"] * slope.std()))
