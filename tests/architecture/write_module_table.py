@@ -6,9 +6,23 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 HEAD = "| where | what |\n|---|---|\n"
 #: The arrow of imports, in which the table lists the parts of ``selection``.
-ORDER = (
-    "errors arrays units records conditioning forces response regression posterior compare loads gap reproduction plots report"
-).split()
+ORDER = [
+    "errors",
+    "arrays",
+    "units",
+    "records",
+    "conditioning",
+    "forces",
+    "response",
+    "regression",
+    "posterior",
+    "compare",
+    "loads",
+    "gap",
+    "reproduction",
+    "plots",
+    "report",
+]
 
 
 def purpose(path: Path) -> str:
