@@ -8,37 +8,92 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pipelines.generator import Case, Stratum, draw_case, strata
 from pipelines.progress import progress
-from pipelines.store import to_json, write_text
+from pipelines.scorer import read_sealed, score
+from pipelines.scorer_output import write_scores
+from pipelines.store import to_json, write_json, write_text
+from selection.errors import InputError
+
+#: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
+DIAGNOSIS_SEED = 1970
+
+_REPORTED = 25  # cases between two lines of progress
+
+
+def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
+    """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
+
+    ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
+    written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.write_scores``).
+
+    Raises:
+        InputError: fewer than one case, or an ``out`` that holds the cases of another run.
+    """
+    if cases < 1:
+        raise InputError(f"{cases} cases", expected="one or more")
+    folder, labels = out / "cases", out / "labels.sealed.json"
+    strangers = {path.name for path in folder.glob("*")} - set(_names(cases, seed))
+    if strangers:
+        raise InputError("holds cases of another run", file=folder, expected="an empty --out, or the same run again")
+    sealed = make_cases(folder, labels, cases, seed, jobs=jobs, nearest=True)
+    write_json(out / "sealed.json", {"format": "sealed/1", "sha256": sealed, "cases": cases, "seed": seed})
+    from pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
+
+    before = _processor_time()
+    diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+    spent = _processor_time() - before
+    verdicts = read_sealed(labels, out / "answers", sealed)
+    write_scores(out, score(verdicts, spent), verdicts)
+
+
+def _processor_time() -> float:
+    """Processor time of this process and of its finished children, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+class _Task(NamedTuple):
+    stratum: Stratum
+    seed: tuple[int, int]
+    name: str
+    nearest: bool
 
 
 def make_cases(
-    folder: Path, labels: Path, n: int, seed: int, kinds: tuple[str, ...] | None = None, jobs: int | None = None
+    folder: Path,
+    labels: Path,
+    n: int,
+    seed: int,
+    kinds: tuple[str, ...] | None = None,
+    jobs: int | None = None,
+    nearest: bool = False,
 ) -> str:
     """Write ``n`` cases as ``folder/NAME/model.toml`` and ``data.csv`` and their labels as ``labels``; its SHA-256.
 
     Names are random and carry nothing. ``kinds`` chooses effects (or ``null:nothing``, ``null:parameters``,
     ``null:scatter``, ``pair:force-instrument``, ``pair:two-forces``, ``pair:force-structure``); all, in the shares of a
     blind run, without it. Half are drawn clean, half in field conditions. The seed alone decides every case.
+    ``nearest`` has the label say which other effect comes closest (seconds a case).
     """
-    plan = strata(n, kinds)
     names = _names(n, seed)
-    tasks = [(stratum, (seed, number), name) for number, (stratum, name) in enumerate(zip(plan, names, strict=True))]
+    drawn = zip(strata(n, kinds), names, strict=True)
+    tasks = [_Task(stratum, (seed, number), name, nearest) for number, (stratum, name) in enumerate(drawn)]
     sealed: dict[str, Any] = {}
-    with progress("cases", n) as advance:
-        for (_, _, name), case in zip(tasks, _drawn(tasks, jobs), strict=True):
-            write_text(folder / name / "model.toml", case.model)
-            write_text(folder / name / "data.csv", case.data)
-            sealed[name] = case.label
-            advance(name)
+    with progress("cases drawn", n) as advance:
+        for number, (task, case) in enumerate(zip(tasks, _cases(tasks, jobs), strict=True), start=1):
+            write_text(folder / task.name / "model.toml", case.model)
+            write_text(folder / task.name / "data.csv", case.data)
+            sealed[task.name] = case.label
+            if number % _REPORTED == 0 or number == n:
+                advance(task.name, (number - 1) % _REPORTED + 1)
     text = to_json({"format": "labels/1", "seed": seed, "cases": dict(sorted(sealed.items()))})
     write_text(labels, text)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -47,19 +102,17 @@ def make_cases(
 def _names(n: int, seed: int) -> list[str]:
     """Random names, all different, in no order."""
     rng = np.random.default_rng([seed, 0x6E616D65])
-    return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False)]
+    return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False).tolist()]
 
 
-def _drawn(tasks: list[tuple[Stratum, tuple[int, int], str]], jobs: int | None) -> Iterator[Case]:
-    workers = jobs or os.cpu_count() or 1
+def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[Case]:
+    workers = min(jobs or os.cpu_count() or 1, len(tasks))
     if workers == 1:
-        yield from map(_one, tasks)
+        yield from map(_drawn, tasks)
         return
     with ProcessPoolExecutor(workers) as pool:
-        results: Iterable[Case] = pool.map(_one, tasks, chunksize=4)
-        yield from results
+        yield from pool.map(_drawn, tasks, chunksize=4)
 
 
-def _one(task: tuple[Stratum, tuple[int, int], str]) -> Case:
-    stratum, seed, name = task
-    return draw_case(stratum.kind, stratum.field, seed, f"case {name}")
+def _drawn(task: _Task) -> Case:
+    return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}", task.nearest)

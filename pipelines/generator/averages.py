@@ -33,7 +33,8 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
 def _law_average(law: Law, A: Array) -> Complex:
     """By sampling; once and for all amplitudes where the force is homogeneous in q and v."""
     if law.kind in DEGREE:
-        return law.coefficient * _unit_average(law.kind) * A ** (DEGREE[law.kind] - 1.0) + 0j
+        shape: Complex = _unit_average(law.kind) * A.astype(complex) ** (DEGREE[law.kind] - 1)
+        return law.coefficient * shape
     return _sampled(law, A)
 
 

@@ -29,7 +29,8 @@ class Stratum:
 def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
     """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given."""
     if kinds is not None:
-        return [Stratum(kinds[n % len(kinds)], (n // len(kinds)) % 2 == 1) for n in range(cases)]
+        places = [divmod(n, len(kinds)) for n in range(cases)]
+        return [Stratum(kinds[kind], (turn + kind) % 2 == 1) for turn, kind in places]
     plan: list[Stratum] = []
     left = cases
     for number, (family, share) in enumerate(SHARES.items()):
