@@ -30,8 +30,8 @@ Noise = Literal["constant", "proportional"]
 #: Parameters that are always there, and those that are 0 unless they are asked for.
 PARAMETERS, EXTRAS = ("omega_p", "omega_y", "theta", "M", "C"), ("R", "lag")
 _LOGARITHMIC = ("M", "C")  # the minimiser sees their logarithms, so that they stay positive
-_GRID_STEPS, _GRID_THETA, _GRID_XI = 8, (0.2, 0.5, 0.8, 1.1), (0.001, 0.003, 0.01, 0.03)
-_REFINED = 8  # starts that are followed down: the best of the grid
+_GRID_STEPS, _GRID_THETA, _GRID_XI = 6, (0.2, 0.6, 1.0), (0.002, 0.006, 0.02)
+_REFINED = 5  # starts that are followed down: the best of the grid
 _SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at which errors have a digit
 
 

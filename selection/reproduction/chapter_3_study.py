@@ -1,0 +1,187 @@
+"""Chapter III as a whole: conditioning, planar coupling, damping factors. Tables, and what the figures draw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from selection.arrays import FloatArray
+from selection.conditioning.chain import Step, condition
+from selection.conditioning.description import Description
+from selection.conditioning.planar_fit import PlanarFit
+from selection.conditioning.principal import input_energy, nearest_root, plane_motion
+from selection.records.keys import read_toml
+from selection.records.reading import read_table
+from selection.records.report_tables import data_folder, load_table
+from selection.reproduction.chapter_3 import PLANES
+from selection.reproduction.chapter_3_branches import branch_table, fitted_planes, mean_table, points, roots_at
+from selection.reproduction.chapter_3_implications import implications
+from selection.reproduction.chapter_3_planar import energy_split, fit_table, phasors, planar_fits, yaw_table
+from selection.reproduction.chapter_3_posterior import (
+    SAMPLED,
+    Band,
+    Known,
+    band,
+    evidence_table,
+    planar_posteriors,
+    posterior_table,
+    prior_draws,
+)
+from selection.reproduction.columns import columns
+
+SEED = 1970
+
+
+@dataclass(frozen=True)
+class Chapter3:
+    """Results of chapter III.
+
+    Attributes:
+        steps: conditioning of the test of Configuration I, in order.
+        tables: for people, by name: ``conditioned`` (Tables 3.I and 3.III, printed and computed), ``removed`` (by
+            point), ``planar_fits``, ``planar_posteriors``, ``planar_evidence``, ``implications``, ``yaw``,
+            ``energy_split``, ``branches``, ``branches_fitted`` (Eq. 3.2.15 with the planes of the free fit),
+            ``branch_means``.
+        measured: by point, what figures draw beside the computed: see ``measured_table``.
+        principal: curves of the principal amplitudes over frequency: ``omega, pitch, yaw`` for one xi (the fit's).
+        fits, posteriors: of the planar oscillator, as in ``chapter_3_planar`` and ``chapter_3_posterior``.
+        bands: of the sampled posteriors by data. draws, prior: of the posterior of A2 and its prior, by parameter.
+    """
+
+    steps: tuple[Step, ...]
+    tables: Mapping[str, pd.DataFrame]
+    measured: pd.DataFrame
+    principal: pd.DataFrame
+    fits: Mapping[tuple[str, str, str], PlanarFit]
+    posteriors: Mapping[tuple[str, str], Known]
+    bands: Mapping[str, Band]
+    draws: Mapping[str, FloatArray]
+    prior: Mapping[str, FloatArray]
+
+
+def chapter_3_results(seed: int = SEED) -> Chapter3:
+    """Everything of chapter III, posteriors included; some seconds."""
+    steps = saturn_steps()
+    fits, posteriors = planar_fits(), planar_posteriors(seed)
+    free = fits["A2", "constant", "free"]
+    main = posteriors[SAMPLED[0]]
+    tables = {
+        "conditioned": conditioned_table(steps),
+        "removed": removed_table(steps),
+        "planar_fits": fit_table(fits),
+        "planar_posteriors": posterior_table(posteriors),
+        "planar_evidence": evidence_table(posteriors),
+        "yaw": yaw_table(fits),
+        "energy_split": energy_split(fits),
+        "branches": branch_table(),
+        "branches_fitted": branch_table(fitted_planes(free)),
+        "branch_means": mean_table(),
+        "implications": implications(fits, posteriors),
+    }
+    bands = {name: band(posteriors[name, variant]) for name, variant in SAMPLED}
+    return Chapter3(
+        steps=steps,
+        tables=tables,
+        measured=measured_table(steps),
+        principal=principal_curves(free),
+        fits=fits,
+        posteriors=posteriors,
+        bands=bands,
+        draws=main.parameters,
+        prior=prior_draws(main),
+    )
+
+
+def saturn_steps() -> tuple[Step, ...]:
+    """The chain on the raw table of Configuration I, as ``damping condition`` runs it."""
+    place = data_folder() / "saturn-v"
+    description = Description.model_validate(read_toml(place / "condition.toml").values)
+    raw = read_table(
+        place / "raw" / "config-1-mode-2.csv", required=description.columns, text_columns=description.raw.keep
+    )
+    return condition(raw, description)
+
+
+def conditioned_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+    """Tables 3.I and 3.III by point: ``NAME_printed`` (corrected where an erratum is known) and ``NAME``, computed.
+
+    Displacements of the tip in pitch and yaw, tail yaw, total correction C_t2, modal phase and amplitude.
+    """
+    by_name = {step.name: step.after for step in steps}
+    table_i, table_iii = load_table("3_I", "corrected"), load_table("3_III", "corrected")
+    moved, modal = by_name["yaw from pitch"], by_name["record"]
+    correction = -removed_table(steps)[["rigid body", "mode 1", "mode 3", "mode 4"]].sum(axis=1)
+    return pd.DataFrame(
+        {
+            "point": table_i["point"],
+            "tip_pitch_printed": table_i["tip_pitch_disp_in"],
+            "tip_pitch": moved["tip pitch"],
+            "tip_yaw_printed": table_i["tip_yaw_disp_in"],
+            "tip_yaw": moved["tip yaw"],
+            "tail_yaw_e2_printed": table_i["tail_yaw_disp_in_e2"],
+            "tail_yaw_e2": 100.0 * moved["tail yaw"],
+            "C_t2_printed": table_iii["correction_Ct2_in"],
+            "C_t2": correction,
+            "phi_2_printed": table_iii["modal_phase_rad"],
+            "phi_2": modal["phase"],
+            "A_2_printed": table_iii["modal_amplitude_A2_in"],
+            "A_2": modal["amplitude"],
+        }
+    )
+
+
+def removed_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+    """In-phase motion that each step removed, modal inches by point (positive: with the force)."""
+    parts = [step.removed for step in steps if step.name in ("rigid body", "adjacent modes")]
+    first = steps[0].before
+    return pd.concat([first[["point", "omega"]], *parts], axis=1)
+
+
+def measured_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+    """What the figures of the chapter show, by point.
+
+    ``point, omega``; ``tail`` (in), ``tail_phase`` (rad), ``A_2_printed, phi_2_printed`` and computed ``A_2, phi_2``;
+    ``energy_printed`` and ``energy`` = pi X_t F sin(phi_t) (in-lb); ``pitch_printed, yaw_printed`` of Table 3.IV and
+    ``pitch, yaw`` with the root of Eq. 3.2.15 nearest to the printed xi (NaN where there is none).
+    """
+    table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), points()
+    X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
+    F, omega = columns(motion, "force_lb", "omega_rad_s")
+    roots = roots_at(PLANES, rows)
+    xi = np.array([nearest_root(point.roots, near) for point, near in zip(roots, rows["xi"], strict=True)])
+    planes = plane_motion(PLANES, F, omega, xi)
+    record = steps[-1].after
+    return pd.DataFrame(
+        {
+            "point": motion["point"],
+            "omega": omega,
+            "tail": X,
+            "tail_phase": phase,
+            "A_2_printed": table["modal_amplitude_A2_in"],
+            "phi_2_printed": table["modal_phase_rad"],
+            "A_2": record["amplitude"],
+            "phi_2": record["phase"],
+            "energy_printed": rows["energy_input_in_lb"],
+            "energy": input_energy(X, F, phase),
+            "pitch_printed": rows["A2p_in"],
+            "yaw_printed": rows["A2y_in"],
+            "pitch": planes.A_p,
+            "yaw": planes.A_y,
+        }
+    )
+
+
+def principal_curves(fit: PlanarFit) -> pd.DataFrame:
+    """Amplitudes in the principal planes over frequency, one damping for all points (Eq. 3.2.12): the free fit, and
+    the report's planes with its mean xi of .005. Columns ``omega, pitch, yaw, pitch_report, yaw_report``.
+    """
+    data = phasors("A2")
+    omega = np.linspace(data.omega[0], data.omega[-1], 221)
+    F = np.interp(omega, data.omega, data.F) / PLANES.phi
+    fitted = plane_motion(fitted_planes(fit), F, omega, fit.xi)
+    report = plane_motion(PLANES, F, omega, 0.005)
+    columns_ = {"pitch": fitted.A_p, "yaw": fitted.A_y, "pitch_report": report.A_p, "yaw_report": report.A_y}
+    return pd.DataFrame({"omega": omega, **columns_})
