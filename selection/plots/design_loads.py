@@ -25,6 +25,7 @@ from selection.plots.style import (
     law_style,
     short,
     styled,
+    three,
     with_unit,
 )
 
@@ -40,6 +41,7 @@ def design_loads(
     level: float,
     force_unit: str = "",
     length_unit: str = "",
+    limit: float = np.inf,
 ) -> Figure:
     """Draw the bands, each model's median, the linear prediction and the tested points.
 
@@ -48,13 +50,13 @@ def design_loads(
         models: ``law, weight, force, median``, rows of a law together, on the same grid.
         tested: ``sweep, force, amplitude``.
         design: at the design forces, ``force, median, low, high, linear, overprediction``.
-        level: content of both bands.
+        level: content of both bands. limit: force beyond which no prediction is given.
     """
     figure = Figure(figsize=(WIDTH, 5.0))
     axes = figure.add_subplot()
     force = band["force"].to_numpy(float)
     top = _top(band, tested, design)
-    _regions(axes, tested["force"].to_numpy(float), force)
+    _regions(axes, tested["force"].to_numpy(float), force, limit)
     axes.vlines(tested["force"], 0.0, tested["amplitude"], color=MUTED, linewidth=0.7, linestyle=(0, (2, 2)))
     axes.fill_between(force, band["low"], band["high"], facecolor=PREDICTIVE, edgecolor=AVERAGE, linewidth=0.5)
     axes.fill_between(force, band["credible_low"], band["credible_high"], color=CREDIBLE, linewidth=0)
@@ -81,8 +83,8 @@ def _top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> floa
     return float(1.12 * np.nanmax([*values, likely]))
 
 
-def _regions(axes: Axes, tested: FloatArray, force: FloatArray) -> None:
-    """Shade what lies beyond the test and say which is which along the bottom."""
+def _regions(axes: Axes, tested: FloatArray, force: FloatArray, limit: float) -> None:
+    """Shade what lies beyond the test, hatch what is refused, and say which is which along the bottom."""
     low, high = tested.min(), tested.max()
     axes.axvspan(high, force[-1], color=BEYOND, linewidth=0, zorder=0)
     style: dict[str, Any] = {
@@ -92,9 +94,13 @@ def _regions(axes: Axes, tested: FloatArray, force: FloatArray) -> None:
         "va": "bottom",
         "ha": "center",
     }
-    axes.text(0.5 * (low + high), 0.02, "tested", **style)
-    if force[-1] > high:
-        axes.text(0.5 * (high + force[-1]), 0.02, "extrapolated, not tested", **style)
+    axes.text(0.5 * (low + high), 0.02, "tested", **style, bbox={"facecolor": "white", "linewidth": 0, "pad": 1})
+    end = min(limit, force[-1])
+    if end > high:
+        axes.text(0.5 * (high + end), 0.02, "extrapolated, not tested", **style)
+    if limit < force[-1]:
+        axes.axvspan(limit, force[-1], facecolor="none", edgecolor=MUTED, alpha=0.35, hatch="//", linewidth=0, zorder=0)
+        axes.text(0.5 * (limit + force[-1]), 0.06, "no prediction", **style, backgroundcolor=BEYOND)
 
 
 def _tested(axes: Axes, tested: pd.DataFrame) -> None:
@@ -116,27 +122,29 @@ def _mark_design(axes: Axes, design: pd.DataFrame) -> None:
 
 
 def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: float, unit: str) -> None:
-    """The numbers at the largest design force that has a prediction."""
+    """The numbers at the largest design force that has a prediction, on the side of it that is free."""
     rows = design[np.isfinite(design["median"])]
     if rows.empty:
         return
     last = rows.iloc[int(rows["force"].argmax())]
+    force, span = float(last["force"]), float(np.ptp(band["force"]))
+    left = force > band["force"].min() + 0.7 * span
+    style: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if left else "left", "fontsize": 8.5}
     space = f" {unit}" if unit else ""
-    style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 8.5, "zorder": 7}
     axes.annotate(
-        f"linear {last['linear']:.2f}{space}\n{last['overprediction']:+.0f} % over the median",
-        (last["force"], last["linear"]),
-        (-10, 3),
-        va="bottom",
+        f"linear {three(last['linear'])}{space}\n{last['overprediction']:+.0f} % over the median",
+        (force, last["linear"]),
+        (-10, 3) if left else (10, -8),
+        va="bottom" if left else "top",
         color=LINEAR,
         **style,
     )
-    # under the band where the text begins, a fifth of the axis to the left
-    left = last["force"] - 0.2 * np.ptp(band["force"])
+    # to the left, under the band where the text begins: a fifth of the axis away
+    low = np.interp(force - 0.2 * span, band["force"], band["low"]) if left else last["low"]
     axes.annotate(
-        f"{last['median']:.2f}{space}\n{100 * level:g} %: {last['low']:.2f} to {last['high']:.2f}",
-        (last["force"], np.interp(left, band["force"], band["low"])),
-        (4, -6),
+        f"{three(last['median'])}{space}\n{100 * level:g} %: {three(last['low'])} to {three(last['high'])}",
+        (force, low),
+        (4, -6) if left else (6, 0),
         va="top",
         color=AVERAGE,
         **style,

@@ -9,6 +9,9 @@ from matplotlib.figure import Figure
 
 from selection.plots.style import INK, MUTED, WIDTH, law_style, plain_log, plain_rows, styled, weight_text
 
+#: Errors below this many per cent are drawn at it: a law with as many parameters as points errs by rounding only.
+SMALLEST = 0.01
+
 
 @styled
 def ranking(table: pd.DataFrame) -> Figure:
@@ -42,7 +45,8 @@ def _weights(axes: Axes, table: pd.DataFrame) -> None:
 def _errors(axes: Axes, table: pd.DataFrame) -> None:
     """Errors on a logarithmic axis: candidates differ by decades."""
     rows = np.arange(len(table))
-    fitted, held_out = (table[name].to_numpy(float) for name in ("average_absolute_percent", "held_out_error"))
+    columns = table[["average_absolute_percent", "held_out_error"]].to_numpy(float)
+    fitted, held_out = np.maximum(columns, SMALLEST).T
     axes.set_xscale("log")
     axes.hlines(rows, fitted, held_out, color=MUTED, linewidth=0.7)
     axes.plot(fitted, rows, "o", color="white", markeredgecolor=INK, markersize=5, label="fitted, mean absolute")
@@ -50,7 +54,8 @@ def _errors(axes: Axes, table: pd.DataFrame) -> None:
         axes.plot(held_out, rows, "o", color=INK, markersize=5, label="level held out, root mean square")
     axes.tick_params(axis="y", labelleft=False)
     plain_log(axes.xaxis)
-    axes.set_xlabel("error of resonant amplitude (%)")
+    exact = " (a law through every point: at the edge)" if np.nanmin(columns, initial=1.0) < SMALLEST else ""
+    axes.set_xlabel("error of resonant amplitude (%)" + exact.replace(" (", "\n("))
 
 
 def _weight(weight: float) -> str:

@@ -20,6 +20,7 @@ from zlib import crc32
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
@@ -122,6 +123,11 @@ def with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
+def three(value: float) -> str:
+    """A number to three digits for a label: 2.90, 0.865, 1234."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:#.3g}"
+
+
 def weight_text(weight: float) -> str:
     """A posterior probability for a label: three decimals where it is small."""
     if weight >= 0.0095 or weight == 0.0:
@@ -170,7 +176,8 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     with rc_context({**_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
         # the reader's fonts may have what the bundled one lacks
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(buffer, format="svg", metadata=nothing)
+        # print_svg lays the figure out and draws it once, where savefig does so twice
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
     svg = _printable(buffer.getvalue().decode("utf-8"))
     return _standing_alone(svg, prefix, _printable(title), _printable(description))
 

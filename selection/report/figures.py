@@ -246,6 +246,7 @@ def _design_loads(result: RecordResult) -> Drawn | None:
         result.bands.level,
         units.force,
         units.length,
+        result.bands.limit,
     )
     said = joined(
         f"at {force_text(force, units.force)} median {number(median)} {units.length} "

@@ -181,6 +181,7 @@ def loads_table(loads: Loads | None) -> pd.DataFrame:
             "overprediction": loads.overprediction,
             "overprediction_low": loads.overprediction_low,
             "overprediction_high": loads.overprediction_high,
+            **{f"sd_percent_{part}": values for part, values in loads.parts.items()},
             "cautions": ["; ".join(said) for said in loads.cautions],
         }
     )

@@ -65,10 +65,12 @@ def between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int
 
 
 def percent(value: SupportsFloat) -> str:
-    """Per cent: whole numbers from 10, two digits below; the sign is kept."""
+    """Per cent: whole numbers from 10, two digits below, and ``< 0.01`` for less than that either way."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
+    if 0.0 < abs(x) < 0.01:
+        return "< 0.01"
     return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
 
 

@@ -168,15 +168,26 @@ def test_figure_is_deterministic_and_escapes_labels(draw: Callable[[], Figure]) 
 def test_design_loads_draws_the_numbers_it_says() -> None:
     figure = _loads()
     texts = [text.get_text() for text in figure.axes[0].texts]
-    # FORCE[-1]**0.6 = 90**0.6 = 14.88 and 90/7 = 12.86
-    assert any("14.88" in text and f"{0.9 * 90**0.6:.2f} to {1.1 * 90**0.6:.2f}" in text for text in texts)
-    assert any("12.86" in text and "+60 %" in text for text in texts)
+    # FORCE[-1]**0.6 = 90**0.6 = 14.88 and 90/7 = 12.86, to three digits
+    assert any("14.9" in text and f"{0.9 * 90**0.6:.1f} to {1.1 * 90**0.6:.1f}" in text for text in texts)
+    assert any("12.9" in text and "+60 %" in text for text in texts)
     medians = [line for line in figure.axes[0].lines if np.array_equal(line.get_ydata(), FORCE**0.6)]
     assert len(medians) == 5  # four models and the average
     legends = [figure.axes[0].get_legend(), *figure.legends]
     said = [text.get_text() for legend in legends for text in legend.get_texts()]
     assert any("90 % credible" in text for text in said)
     assert any("90 % predictive" in text for text in said)
+
+
+def test_design_loads_says_where_it_stops() -> None:
+    band = pd.DataFrame({"force": FORCE, "linear": FORCE / 7.0})
+    for name in ("median", "low", "high", "credible_low", "credible_high"):
+        band[name] = np.where(FORCE <= 60.0, FORCE**0.6, np.nan)
+    models = band[["force", "median"]].assign(law="viscous", weight=1.0)
+    tested = pd.DataFrame({"sweep": ["A"], "force": [20.0], "amplitude": [6.0]})
+    design = band.iloc[[10, 19]].assign(overprediction=[10.0, np.nan])
+    axes = design_loads(band, models, tested, design, 0.9, limit=60.0).axes[0]
+    assert "no prediction" in [text.get_text() for text in axes.texts]
 
 
 def test_design_loads_without_any_prediction() -> None:
@@ -195,6 +206,13 @@ def test_ranking_bars_are_the_weights() -> None:
     np.testing.assert_array_equal([bar.get_width() for bar in bars], RANKING["weight"])
     said = [text.get_text() for text in _ranking().axes[0].texts]
     assert said == ["0.75", "0.25", "not fitted"]
+
+
+def test_ranking_draws_an_exact_fit_at_the_edge() -> None:
+    figure = ranking(RANKING.assign(average_absolute_percent=[1e-12, 1.0, np.nan]))
+    fitted = figure.axes[1].lines[0].get_xdata()
+    np.testing.assert_array_equal(fitted, [0.01, 1.0, np.nan])
+    assert "edge" in figure.axes[1].get_xlabel()
 
 
 def test_percent_deviations_bars_are_the_per_cents() -> None:

@@ -63,6 +63,8 @@ def test_design_loads_are_the_predictions(peaks: RecordResult, tables: dict[str,
         np.testing.assert_array_equal(table[name], getattr(design.average, name))
     for name in ("force", "linear", "overprediction", "overprediction_low", "overprediction_high"):
         np.testing.assert_array_equal(table[name], getattr(design, name))
+    for name, values in design.parts.items():
+        np.testing.assert_array_equal(table[f"sd_percent_{name}"], values)
     by_model = tables["design_loads_by_model"]
     for band in design.by_model:
         np.testing.assert_array_equal(by_model[by_model["law"] == band.name]["median"], band.median)
@@ -181,7 +183,7 @@ def test_numbers_as_people_write_them() -> None:
         "0.100",
     ]
     assert [share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", "< 0.001", "0"]
-    assert [percent(x) for x in (67.6, -9.96, 1.234, float("inf"))] == ["68", "−10", "1.2", "–"]
+    assert [percent(x) for x in (67.6, -9.96, 1.234, 1e-9, float("inf"))] == ["68", "−10", "1.2", "< 0.01", "–"]
     assert [signed(x) for x in (67.6, -3.2, 0.0)] == ["+68 %", "−3.2 %", "0 %"]
     assert between(2.587, 3.2557, "in") == "2.59 to 3.26 in"
     assert joined(["a", "b", "c"]) == "a, b and c"

@@ -153,13 +153,11 @@ def _exponent(result: RecordResult) -> list[str]:
         return [
             f"Force grows as the {number(law.p)} power of resonant amplitude, from two points: without an interval."
         ]
-    verdict = (
-        "1, linear damping, is outside" if law.p_low > 1.0 or law.p_high < 1.0 else "1, linear damping, is still inside"
-    )
+    verdict = "which excludes" if law.p_low > 1.0 or law.p_high < 1.0 else "which still holds"
     return [
-        f"Force grows as the {number(law.p)} power of resonant amplitude; the {100 * law.level:g} per cent t "
-        f"interval from {count(law.degrees_of_freedom, 'degree')} of freedom is {between(law.p_low, law.p_high)}: "
-        f"{verdict}."
+        f"Force grows as the {number(law.p)} power of resonant amplitude; the {100 * law.level:g} per cent t interval "
+        f"from {count(law.degrees_of_freedom, 'degree')} of freedom is {between(law.p_low, law.p_high)}, {verdict} "
+        "the 1 of linear damping."
     ]
 
 
@@ -167,7 +165,8 @@ def _loads(result: RecordResult) -> list[str]:
     """The amplitude at the largest design force against the linear prediction."""
     i, design, units = largest(result.design), result.design, result.mode.units
     if i is None or design is None:
-        return ["No amplitude can be predicted at the design forces: see the cautions there."]
+        why = joined(dict.fromkeys(said[0] for said in design.cautions if said)) if design else ""
+        return [f"No amplitude is predicted at the design forces: {why}."]
     band, force, length = design.average, force_text(design.force[i], units.force), units.length
     content, ratio = f"{100 * design.level:g} per cent", design.ratio[i]
     beyond = f", {number(ratio)} times the largest tested force," if ratio > 1.0 else ", within the tested range,"

@@ -11,7 +11,7 @@ from selection.report.results import RecordResult, StudyResult
 from selection.report.sections.answer import bands_caption
 from selection.report.sections.common import Svgs, figure, file_stem
 from selection.report.tables import loads_table
-from selection.report.words import between, force_text, number, share, signed
+from selection.report.words import between, force_text, number, percent, share, signed
 
 
 def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
@@ -37,6 +37,7 @@ def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
         blocks += [
             _predictions(result, result.design),
             _by_model(result, result.design),
+            _parts(result, result.design),
             *_cautions(result.design),
         ]
     return [Section("loads", "Design loads", blocks)]
@@ -95,6 +96,19 @@ def _by_model(result: RecordResult, design: Loads) -> Table:
         ]
     caption = f"Each model's own median, and its {100 * design.level:g} % predictive interval in parentheses."
     return Table(pd.DataFrame(columns), caption, key=file_stem(result, "design_loads_by_model"))
+
+
+def _parts(result: RecordResult, design: Loads) -> Table:
+    """What the predictive band is made of, in per cent of amplitude."""
+    table = pd.DataFrame({"force": design.force, **design.parts})
+    table["together"] = np.sqrt(np.sum([values**2 for values in design.parts.values()], axis=0))
+    headings = {"force": _headed("force", result.mode.units.force)}
+    formats: dict[str, Format] = dict.fromkeys((*design.parts, "together"), percent)
+    caption = (
+        "What the predictive band is made of: standard deviation of each part, per cent of amplitude; squares add. "
+        "With one row a level, noise and scatter from level to level cannot be told apart and stand under noise."
+    )
+    return Table(table, caption, formats | {"force": lambda force: f"{force:.6g}"}, headings)
 
 
 def _shared(design: Loads) -> list[str]:

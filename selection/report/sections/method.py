@@ -7,6 +7,7 @@ import pandas as pd
 
 from selection.arrays import FloatArray
 from selection.compare.ranking import INTERVAL
+from selection.loads.discrepancy import KAPPA_LOG_SD, KAPPA_MEDIAN
 from selection.loads.prediction import AVERAGE_DRAWS
 from selection.posterior.law import (
     EXPONENT_RANGE,
@@ -98,9 +99,12 @@ def _steps(study: StudyResult) -> list[str]:
         f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
         f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",
         "Prediction: each posterior draw is solved for its resonant amplitude at the frequency of the largest "
-        "tested level (credible band); the scatter of one more test is added to each draw (predictive band). Models "
-        "are averaged by "
-        f"{AVERAGE_DRAWS:,} draws in proportion to their weights. Bands hold {level} per cent.".replace(",000", " 000"),
+        "tested level (credible band). The predictive band adds, draw by draw and in ln A, the scatter from level "
+        "to level, the noise of a reading, and what the law errs beyond its data: normal, with standard deviation κ "
+        f"|ln(F/F_nearest)| from the nearest tested force, κ log-normal about {KAPPA_MEDIAN:g} with standard "
+        f"deviation {KAPPA_LOG_SD:g} of its logarithm, updated where levels could be held out. Models are averaged "
+        f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
+        "cent.",
         "Linear prediction: the viscous coefficient of the sweep with the largest tested force, so amplitude in "
         "proportion to force; its excess is 100 (linear/expected − 1), with the ends of the predictive band for its "
         "interval.",
