@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 
 from pipelines.progress import progress
-from pipelines.rank import load, rank_record
 from pipelines.store import write_json
 from pipelines.tables import Notes, console, number, plain_table
-from selection.compare.ranking import Candidate, Ranking
+from selection.compare.ranking import Candidate
 from selection.errors import AnalysisError, InputError
-from selection.loads.prediction import Loads, Member, amplitude_draws, predict
+from selection.loads.near import near_resonance
+from selection.loads.plan import Plan, Planned, load_candidates, plan_loads
+from selection.loads.prediction import PARTS, Loads, Member, amplitude_draws, predict
 from selection.posterior.observations import Observations
 from selection.posterior.sampling import Checkpoint, Posterior, sample
-from selection.records.mode import Mode
+from selection.records.mode import Mode, read_mode
+from selection.records.reading import read_record
 
-#: Candidates with less weight do not take part in the average.
+#: Laws with less weight do not take part in the average.
 LEAST_WEIGHT = 0.01
 
 
@@ -28,13 +30,16 @@ def extrapolate(
 ) -> None:
     """Predict resonant amplitudes at design forces, print the table and write the form."""
     check_forces(forces, level)
-    data, described = load(record, mode, max_size)
-    ranking = rank_record(data, seed)
-    loads = predict(sample_members(ranking, np.array(forces), seed), np.array(forces), data, level, seed)
+    read, described = read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
+    data = near_resonance(read)
+    plan = plan_record(data, described, seed)
+    members = sample_members(plan, np.array(forces), seed)
+    repeatability = described.repeatability.amplitude or 0.0
+    loads = predict(members, np.array(forces), data, level, seed, plan, repeatability)
     if json_out is not None:
-        write_json(json_out, loads_form(loads))
+        write_json(json_out, {**loads_form(loads), **plan_form(plan)})
     if json_out != "-":
-        _print(loads, described)
+        _print(loads, plan, described)
 
 
 def check_forces(forces: list[float], level: float) -> None:
@@ -46,44 +51,51 @@ def check_forces(forces: list[float], level: float) -> None:
         raise InputError(f"--level {level:g}", expected="a probability between 0 and 1, such as 0.9")
 
 
-def sample_members(ranking: Ranking, forces: np.ndarray, seed: int) -> list[Member]:
-    """Sample every candidate with weight; one whose chain does not converge is left out, loudly.
+def plan_record(data: Observations, mode: Mode, seed: int) -> Plan:
+    """Choose and weigh laws, with progress shown."""
+    laws = load_candidates(data)
+    with progress("weighing laws", len(laws)) as done:
+        return plan_loads(data, laws, seed, done, mode.mass)
+
+
+def sample_members(plan: Plan, forces: np.ndarray, seed: int) -> list[Member]:
+    """Sample every law with weight; one whose chain does not converge is left out, loudly.
 
     Raises:
         AnalysisError: no chain converged.
     """
-    candidates = ranking.weighted(LEAST_WEIGHT)
+    laws = [law for law in plan.laws if law.weight > LEAST_WEIGHT]
     members, failures = [], []
-    with progress("sampling", len(candidates)) as done:
-        for candidate in candidates:
-            posterior = sample_candidate(candidate, ranking.data, forces, seed)
+    with progress("sampling", len(laws)) as done:
+        for law in laws:
+            posterior = sample_candidate(law, plan.data, forces, seed)
             if posterior.converged:
-                members.append(Member(candidate.name, candidate.weight, posterior.coordinates, posterior.draws))
+                members.append(Member(law.name, law.weight, posterior.coordinates, posterior.draws, law.kappa))
             else:
-                failures.append(f"{candidate.name}: {posterior.failure}")
-            done(candidate.name + ("" if posterior.converged else f" FAILED: {posterior.failure}"))
+                failures.append(f"{law.name}: {posterior.failure}")
+            done(law.name + ("" if posterior.converged else f" FAILED: {posterior.failure}"))
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(failures))
     return members
 
 
 def sample_candidate(
-    candidate: Candidate, data: Observations, forces: np.ndarray, seed: int, checkpoint: Checkpoint | None = None
+    law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int, checkpoint: Checkpoint | None = None
 ) -> Posterior:
-    """Posterior of one candidate, run until its parameters and its amplitudes at ``forces`` are known."""
-    assert candidate.coordinates is not None  # a candidate with a weight was fitted
-    assert candidate.evidence is not None
-    coordinates = candidate.coordinates
+    """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
+    assert law.coordinates is not None  # a law with a weight was fitted
+    assert law.evidence is not None
+    name, coordinates = law.name, law.coordinates
 
     def amplitudes(x: np.ndarray) -> dict[str, np.ndarray]:
-        draws = amplitude_draws(Member(candidate.name, 1.0, coordinates, x), forces, data)
+        draws = amplitude_draws(Member(name, 1.0, coordinates, x), forces, data)
         return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
 
-    return sample(coordinates, data, candidate.evidence, amplitudes, seed, checkpoint=checkpoint)
+    return sample(coordinates, data, law.evidence, amplitudes, seed, checkpoint=checkpoint)
 
 
 def loads_form(loads: Loads) -> dict[str, Any]:
-    """The form ``loads/1``; credible bands are extra keys."""
+    """The form ``loads/1``; credible bands and the parts of the predictive spread (per cent) are extra keys."""
     predictions = []
     for i, force in enumerate(loads.force):
         predictions.append(
@@ -94,6 +106,7 @@ def loads_form(loads: Loads) -> dict[str, Any]:
                 "high": loads.average.high[i],
                 "credible_low": loads.average.credible_low[i],
                 "credible_high": loads.average.credible_high[i],
+                "parts_percent": {name: part[i] for name, part in loads.parts.items()},
                 "linear": loads.linear[i],
                 "linear_overprediction_percent": loads.overprediction[i],
                 "linear_overprediction_low": loads.overprediction_low[i],
@@ -109,11 +122,21 @@ def loads_form(loads: Loads) -> dict[str, Any]:
     return {"format": "loads/1", "level": loads.level, "predictions": predictions}
 
 
-def _print(loads: Loads, mode: Mode) -> None:
+def plan_form(plan: Plan) -> dict[str, Any]:
+    """Extra keys of ``loads/1``: what the weights rest on, the local exponents, the limit."""
+    p = plan.trend
+    exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
+    return {"held_out_levels": plan.held_out, "local_exponents": exponents, "limit": plan.limit}
+
+
+def _print(loads: Loads, plan: Plan, mode: Mode) -> None:
     out, notes = console(), Notes()
     length = f" [{mode.units.length}]" if mode.units.length else ""
     headings = ("force", "times tested", "median", "low", "high", "linear", "linear over by %", "notes")
     table = plain_table(f"{mode.name}: resonant amplitude{length}", headings)
+    shares = plain_table(
+        "Standard deviations in that, % of amplitude", ("force", *(p.replace("_", " ") for p in PARTS))
+    )
     for i, force in enumerate(loads.force):
         over = f"{number(loads.overprediction[i], 3)} ({number(loads.overprediction_low[i], 3)} to "
         table.add_row(
@@ -123,6 +146,14 @@ def _print(loads: Loads, mode: Mode) -> None:
             over + f"{number(loads.overprediction_high[i], 3)})",
             notes.numbers(loads.cautions[i]),
         )
+        shares.add_row(f"{force:g}", *(number(loads.parts[name][i], 2) for name in PARTS))
     out.print(table)
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
+    out.print(shares)
+    laws = ", ".join(f"{band.name} {band.weight:.2f}" for band in loads.by_model)
+    held = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
+    out.print(f"Laws by weight ({held}): {laws}.", highlight=False)
+    if len(plan.trend.p):
+        exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
+        out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)
     notes.show(out)

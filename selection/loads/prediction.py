@@ -1,9 +1,15 @@
 """Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
 
-For a law the amplitude at phase resonance solves C(A, omega) = F. Posterior draws of its parameters give the credible
-band (of the law's own amplitude); the scatter that tests show about a law, added to each draw, gives the predictive
-band (of the amplitude the next test would read). Models are averaged by drawing from each in proportion to its weight.
-The frequency is that of the resonance at the largest tested force.
+For a law the amplitude at phase resonance solves C(A, omega) = F, at the frequency of the resonance at the largest
+tested force. What the next test would read is made of four parts, added in ln A draw by draw:
+
+- parameters: posterior draws of the law's own;
+- between-model: which law, by weights from held-out levels;
+- level-to-level: a test does not repeat itself from level to level (scatter of the likelihood), and no law holds
+  beyond its data (kappa, growing with the distance from the test: :mod:`selection.loads.discrepancy`);
+- measurement noise: scatter of a reading, and the uncertainties that the record states.
+
+With one row a level, noise and scatter from level to level cannot be told apart; both are then in the noise.
 """
 
 from __future__ import annotations
@@ -14,7 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from selection.arrays import FloatArray
+from selection.loads import discrepancy
+from selection.loads.cautions import cautions
+from selection.loads.plan import Plan
 from selection.posterior.law import Coordinates
+from selection.posterior.likelihood import residuals
 from selection.posterior.observations import Observations
 from selection.response.ritz import resonant_amplitude
 
@@ -22,16 +32,22 @@ from selection.response.ritz import resonant_amplitude
 AVERAGE_DRAWS = 20_000
 #: Share of draws without a resonance above which no prediction is given.
 REFUSED_SHARE = 0.05
+#: Names of the parts of a predictive distribution.
+PARTS = ("measurement_noise", "parameters", "between_model", "level_to_level")
 
 
 @dataclass(frozen=True)
 class Member:
-    """A law that takes part: its weight and posterior draws x, (draws, dimension)."""
+    """A law that takes part: its weight and posterior draws x, (draws, dimension).
+
+    ``kappa``: posterior probability of each of ``discrepancy.KAPPA``; the prior where None.
+    """
 
     name: str
     weight: float
     coordinates: Coordinates
     draws: FloatArray
+    kappa: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -56,21 +72,25 @@ class Loads:
 
     Attributes:
         level: content of the intervals. average: over models by weight. by_model: each law's own.
+        parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to that of the whole.
         linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
         overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
             interval's ends. ratio: force over the largest tested force. cautions: one tuple a force.
+        limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
     """
 
     force: FloatArray
     level: float
     average: Band
     by_model: tuple[Band, ...]
+    parts: dict[str, FloatArray]
     linear: FloatArray
     overprediction: FloatArray
     overprediction_low: FloatArray
     overprediction_high: FloatArray
     ratio: FloatArray
     cautions: tuple[tuple[str, ...], ...]
+    limit: float = np.inf
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
@@ -84,75 +104,106 @@ def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> Fl
     return np.asarray(resonant_amplitude(damping, force[None, :], data.tested_omega[data.top]))
 
 
-def predict(members: Sequence[Member], force: FloatArray, data: Observations, level: float, seed: int) -> Loads:
-    """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight."""
+def predict(
+    members: Sequence[Member],
+    force: FloatArray,
+    data: Observations,
+    level: float,
+    seed: int,
+    plan: Plan | None = None,
+    repeatability: float = 0.0,
+) -> Loads:
+    """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
+
+    Args:
+        data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
+        repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
+    """
     rng = np.random.default_rng(seed)
-    credible = [amplitude_draws(member, force, data) for member in members]
-    predictive = [
-        draws * np.exp(_scatter(member)[:, None] * rng.standard_normal(draws.shape))
-        for member, draws in zip(members, credible, strict=True)
-    ]
-    bands = [
-        _band(member.name, member.weight, c, p, level)
-        for member, c, p in zip(members, credible, predictive, strict=True)
-    ]
+    spreads = [_spread(member, force, data, repeatability, rng) for member in members]
+    allowed = force <= (plan.limit if plan else np.inf)
+    bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
     counts = rng.multinomial(AVERAGE_DRAWS, weights)
-    chosen = [rng.integers(len(draws), size=count) for draws, count in zip(credible, counts, strict=True)]
-    pooled_credible = np.concatenate([draws[rows] for draws, rows in zip(credible, chosen, strict=True)])
-    pooled_predictive = np.concatenate([draws[rows] for draws, rows in zip(predictive, chosen, strict=True)])
-    average = _band("average over models", 1.0, pooled_credible, pooled_predictive, level)
-    linear = np.where(np.isfinite(average.median), linear_amplitude(force, data), np.nan)
+    rows = [rng.integers(len(s.law), size=count) for s, count in zip(spreads, counts, strict=True)]
+    pooled = _Spread(
+        *(np.concatenate([getattr(s, part)[r] for s, r in zip(spreads, rows, strict=True)]) for part in _DRAWN)
+    )
+    average = _band("average over models", 1.0, pooled, allowed, level)
+    predicted = np.isfinite(average.median)
+    linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
     return Loads(
         force=force,
         level=level,
         average=average,
         by_model=tuple(bands),
+        parts={name: np.where(predicted, part, np.nan) for name, part in _parts(spreads, weights).items()},
         linear=linear,
         overprediction=100.0 * (linear / average.median - 1.0),
         overprediction_low=100.0 * (linear / average.high - 1.0),
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
-        cautions=tuple(_cautions(r, m, members, data) for r, m in zip(ratio, average.median, strict=True)),
+        cautions=tuple(
+            cautions(f, bool(p), data, [m.weight for m in members], plan) for f, p in zip(force, predicted, strict=True)
+        ),
+        limit=plan.limit if plan else np.inf,
     )
 
 
-def _scatter(member: Member) -> FloatArray:
-    """Relative scatter of a level's measured resonance for each draw, (draws,)."""
+_DRAWN = ("law", "level", "noise")
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Draws in ln A, (draws, forces): of the law's amplitude, of the level's departure from it, of the noise."""
+
+    law: FloatArray
+    level: FloatArray
+    noise: FloatArray
+
+
+def _spread(
+    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
+) -> _Spread:
+    """Draws of one law's parts; NaN where a draw has no resonance."""
+    amplitude = np.log(amplitude_draws(member, force, data))
     row, level = member.coordinates.scatter(member.draws)
-    return np.hypot(row, level)
+    if member.coordinates.with_level_scatter:
+        level = np.maximum(level, repeatability)
+    else:
+        row = np.maximum(row, repeatability)
+    known = np.mean(residuals(member.coordinates.force(member.draws), data)[2], axis=1)
+    kappa = discrepancy.draw(discrepancy.prior() if member.kappa is None else member.kappa, len(row), rng)
+    beyond = kappa[:, None] * discrepancy.distance(force, data.tested_force)
+    sd_level, sd_noise = np.hypot(level[:, None], beyond), np.sqrt(row**2 + known)[:, None]
+    normal = rng.standard_normal((2, *amplitude.shape))
+    return _Spread(amplitude, sd_level * normal[0], sd_noise * normal[1])
 
 
-def _band(name: str, weight: float, credible: FloatArray, predictive: FloatArray, level: float) -> Band:
-    """Quantiles over draws (draws, forces); NaN at forces where too many draws have no resonance."""
-    refused = np.mean(~np.isfinite(credible), axis=0) > REFUSED_SHARE
+def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatArray]:
+    """Standard deviations in per cent by the law of total variance, each (forces,)."""
+    laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
+    mean = np.array([np.nanmean(law, axis=0) for law in laws])
+    within = np.array([np.nanvar(law, axis=0) for law in laws])
+    variances = {
+        "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
+        "parameters": weights @ within,
+        "between_model": weights @ (mean - weights @ mean) ** 2,
+        "level_to_level": weights @ np.array([np.mean(s.level**2, axis=0) for s in spreads]),
+    }
+    return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
+
+
+def _band(name: str, weight: float, spread: _Spread, allowed: np.ndarray, level: float) -> Band:
+    """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
+    refused = (np.mean(~np.isfinite(spread.law), axis=0) > REFUSED_SHARE) | ~allowed
     tail = 50.0 * (1.0 - level)
 
     def quantiles(draws: FloatArray, q: list[float]) -> FloatArray:
         filled = np.where(refused, 0.0, draws)
-        return np.where(refused, np.nan, np.nanpercentile(filled, q, axis=0))
+        return np.where(refused, np.nan, np.exp(np.nanpercentile(filled, q, axis=0)))
 
-    low, median, high = quantiles(predictive, [tail, 50.0, 100.0 - tail])
-    credible_low, credible_high = quantiles(credible, [tail, 100.0 - tail])
+    low, median, high = quantiles(spread.law + spread.level + spread.noise, [tail, 50.0, 100.0 - tail])
+    credible_low, credible_high = quantiles(spread.law, [tail, 100.0 - tail])
     return Band(name, weight, median, low, high, credible_low, credible_high)
-
-
-def _cautions(ratio: float, median: float, members: Sequence[Member], data: Observations) -> tuple[str, ...]:
-    """What to know before using the prediction at one force, in words."""
-    said = []
-    levels = len(data.sweeps)
-    if not np.isfinite(median):
-        said.append("no prediction: the damping force does not reach this force at any amplitude")
-    if ratio > 1.0:
-        said.append(f"beyond the test: {ratio:.2f} times the largest tested force")
-    if levels == 1:
-        said.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
-    elif levels < 5:
-        said.append(f"{_WORDS[levels]} points: p from {levels - 2} degree{'s' * (levels != 3)} of freedom")
-    if members and max(member.weight for member in members) < 0.5:
-        said.append("no law has more than half of the weight")
-    return tuple(said)
-
-
-_WORDS = {2: "two", 3: "three", 4: "four"}

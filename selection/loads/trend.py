@@ -1,0 +1,92 @@
+"""Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.compare.weights import level_numbers
+from selection.posterior.observations import Observations
+
+#: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
+CHANGES = 1.64
+#: Shift of the resonance, in half-power bandwidths, from which on a mode is called bistable: a cubic spring makes the
+#: response curve vertical at 4/(3 sqrt(3)) = 0.77; the rest is for the error of the mass.
+BISTABLE = 1.0
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Local exponents between neighbouring levels, lowest first.
+
+    Attributes:
+        force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
+            scatter of resonances, (levels - 1,). z: change between the last two over its standard deviation; NaN with
+            fewer than three levels.
+    """
+
+    force: FloatArray
+    p: FloatArray
+    sd: FloatArray
+    z: float
+
+    @property
+    def rising(self) -> bool:
+        """Whether p rises at the top of the test: damping grows faster than below."""
+        return bool(self.z > CHANGES)
+
+    @property
+    def falling(self) -> bool:
+        """Whether p falls at the top of the test: amplitudes grow faster than below."""
+        return bool(self.z < -CHANGES)
+
+    @property
+    def words(self) -> str:
+        """The exponents, lowest level first."""
+        return ", then ".join(f"{p:.2f}" for p in self.p)
+
+
+def trend(data: Observations, scatter: float) -> Trend:
+    """Local exponents of the tested resonances, repeats of a level averaged.
+
+    Args:
+        scatter: relative scatter of one sweep's resonant amplitude.
+    """
+    levels = level_numbers(data.tested_force)
+    count = np.bincount(levels)
+    log_F, log_A = (np.bincount(levels, np.log(v)) / count for v in (data.tested_force, data.tested_amplitude))
+    step_F, step_A = np.diff(log_F), np.diff(log_A)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = np.where(step_A > 0.0, step_F / step_A, np.nan)
+        slope = p / step_A  # -dp/d ln A of the upper level, dp/d ln A of the lower
+    variance = scatter**2 / count
+    sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
+    force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
+    return Trend(force, p, sd, _change(p, slope, variance))
+
+
+def _change(p: FloatArray, slope: FloatArray, variance: FloatArray) -> float:
+    """Last p less the one before, over its standard deviation; the middle level errs both, in opposite ways."""
+    if len(p) < 2:
+        return np.nan
+    gradient = np.array([slope[-2], slope[-2] + slope[-1], slope[-1]])
+    return float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:])))
+
+
+def bistability(data: Observations, mass: float) -> str:
+    """A caution where two stable amplitudes are likely to belong to one force and frequency; else empty.
+
+    The half-power bandwidth at the largest tested force is F/(M omega A), with the generalized ``mass`` M. A cubic
+    spring that moves the resonance by 4/(3 sqrt(3)) of it makes the response curve vertical somewhere.
+    """
+    top = data.top
+    width = data.tested_force[top] / (mass * data.tested_omega[top] * data.tested_amplitude[top])
+    moved = float(np.ptp(data.tested_omega) / width)
+    if moved < BISTABLE:
+        return ""
+    return (
+        f"the resonance moved by {moved:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
+        "and what it reaches depends on how it is driven there"
+    )
