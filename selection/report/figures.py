@@ -21,6 +21,7 @@ from selection.plots.ranking import ranking
 from selection.plots.style import with_unit
 from selection.posterior.sampling import Settings
 from selection.report import tables
+from selection.report.draws import posterior_draws, prior_draws
 from selection.report.labels import energy_unit, parameter_label
 from selection.report.results import LawPosterior, RecordResult
 from selection.report.words import force_text, joined, number, share
@@ -111,10 +112,10 @@ def _curve(result: RecordResult, law: Candidate, one_sweep: bool) -> pd.DataFram
     if one_sweep:
         order = np.argsort(data.omega)
         A, omega = data.A[order], data.omega[order]
-        y = np.pi * A * tables.mode_force(law, A, omega)
+        y = np.pi * A * tables.damping_force(law, A, omega)
         return pd.DataFrame({"law": law.name, "weight": law.weight, "x": omega / (2.0 * np.pi), "y": y})
     grid = np.linspace(0.9 * data.A.min(), 1.05 * data.A.max(), 60)
-    y = tables.mode_force(law, grid, data.reference[1])
+    y = tables.damping_force(law, grid, data.reference[1])
     return pd.DataFrame({"law": law.name, "weight": law.weight, "x": grid, "y": y})
 
 
@@ -143,7 +144,7 @@ def _energy_surface(result: RecordResult) -> Drawn | None:
     f = np.linspace(frequency.min() - spare, frequency.max() + 2.0 * spare, 60)
     A = np.linspace(0.5 * data.A.min(), 1.08 * data.A.max(), 60)
     grid_A, grid_f = np.meshgrid(A, f, indexing="ij")
-    energy = np.pi * grid_A * tables.mode_force(best, grid_A, 2.0 * np.pi * grid_f)
+    energy = np.pi * grid_A * tables.damping_force(best, grid_A, 2.0 * np.pi * grid_f)
     figure = energy_surface(
         A,
         f,
@@ -163,7 +164,7 @@ def _energy_surface(result: RecordResult) -> Drawn | None:
 def _labelled(result: RecordResult, sampled: LawPosterior) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Prior and posterior draws under labels with units."""
     units = result.mode.units
-    prior, posterior = tables.prior_draws(sampled.posterior.coordinates), tables.posterior_draws(sampled)
+    prior, posterior = prior_draws(sampled.posterior.coordinates), posterior_draws(sampled)
     labels = {name: parameter_label(name, units) for name in posterior}
     return {labels[name]: prior[name] for name in posterior}, {labels[name]: posterior[name] for name in posterior}
 

@@ -6,20 +6,18 @@ the level of the study. A number that does not exist is NaN.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import pandas as pd
 
 from selection.arrays import FloatArray
+from selection.compare.held_out import fitted_force
 from selection.compare.ranking import INTERVAL, Candidate
 from selection.loads.prediction import Loads
-from selection.posterior.law import Coordinates, Law
+from selection.posterior.law import Law
+from selection.report.draws import posterior_draws, prior_draws
 from selection.report.labels import parameter_unit
-from selection.report.results import LawPosterior, RecordResult
+from selection.report.results import RecordResult
 
-#: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
-PRIOR_DRAWS = 40_000
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
 
@@ -78,18 +76,6 @@ def coefficients_table(result: RecordResult) -> pd.DataFrame:
         for c in candidate.coefficients
     ]
     return pd.DataFrame(rows)
-
-
-@lru_cache(maxsize=32)
-def prior_draws(coordinates: Coordinates) -> dict[str, FloatArray]:
-    """Draws of the prior of each parameter: standard normal variables through ``coordinates.parameters``."""
-    x = np.random.default_rng(0).standard_normal((PRIOR_DRAWS, coordinates.dimension))
-    return coordinates.parameters(x)
-
-
-def posterior_draws(sampled: LawPosterior) -> dict[str, FloatArray]:
-    """Draws of the posterior of each parameter, ensembles after one another."""
-    return {name: values.ravel() for name, values in sampled.posterior.parameters().items()}
 
 
 def posteriors_table(result: RecordResult) -> pd.DataFrame:
@@ -286,13 +272,13 @@ def _points(result: RecordResult) -> list[str]:
 
 
 def deviations_table(result: RecordResult) -> pd.DataFrame:
-    """Energy per cycle of each row against each fitted law at its posterior mode; percent = 100 (E - fitted)/E."""
+    """Energy per cycle of each row against each law as fitted; percent = 100 (E - fitted)/E."""
     observed = observations_table(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
     parts = []
     for candidate in result.ranking.candidates:
         if candidate.rank is None:
             continue
-        fitted = np.pi * result.data.A * mode_force(candidate, result.data.A, result.data.omega)
+        fitted = np.pi * result.data.A * damping_force(candidate, result.data.A, result.data.omega)
         deviation = observed["energy"] - fitted
         percent = 100.0 * deviation / observed["energy"].where(observed["energy"] != 0.0)
         columns = observed.assign(fitted=fitted, deviation=deviation, percent=percent)
@@ -301,9 +287,10 @@ def deviations_table(result: RecordResult) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def mode_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
-    """Damping force C(A, omega) of a fitted candidate at its posterior mode, shape of ``A``."""
+def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
+    """Damping force C(A, omega) of a candidate that could be fitted, as its errors are computed; shape of ``A``."""
     assert candidate.coordinates is not None  # a candidate with a rank was fitted
     assert candidate.evidence is not None
-    force = candidate.coordinates.force(candidate.evidence.mode)
+    assert candidate.fit is not None
+    force = fitted_force(candidate.coordinates, candidate.fit, candidate.evidence.mode)
     return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)

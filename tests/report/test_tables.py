@@ -12,11 +12,12 @@ from scipy.stats import norm
 from selection.posterior.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN
 from selection.records.mode import Units
 from selection.report.build import render
+from selection.report.draws import PRIOR_DRAWS, prior_draws
 from selection.report.figures import leading, record_figures, shown_laws
 from selection.report.labels import energy_unit, parameter_label, parameter_unit
 from selection.report.results import RecordResult, StudyResult
 from selection.report.study_figures import power_line
-from selection.report.tables import PRIOR_DRAWS, prior_draws, record_tables
+from selection.report.tables import record_tables
 from selection.report.words import between, count, joined, number, percent, share, signed
 from selection.reproduction.force_laws import UNITS
 
@@ -87,9 +88,8 @@ def test_predictive_check_leaves_failed_chains_out(peaks: RecordResult, tables: 
 def test_deviations_of_viscous_damping_are_its_energy_formula(
     peaks: RecordResult, tables: dict[str, pd.DataFrame]
 ) -> None:
-    """Energy of case I is pi C A^2 omega (Table 2.II), C at the posterior mode."""
-    candidate = next(c for c in peaks.ranking.candidates if c.name == "viscous")
-    C = float(candidate.coordinates.parameters(candidate.evidence.mode)["viscous"])
+    """Energy of case I is pi C A^2 omega (Table 2.II), C of the table of coefficients."""
+    C = float(tables["coefficients"].query("law == 'viscous'")["value"].iloc[0])
     rows = tables["deviations"].query("law == 'viscous'")
     fitted = np.pi * C * peaks.data.A**2 * peaks.data.omega
     # two orders of the same products: rounding
