@@ -161,8 +161,9 @@ def blind(
 ) -> None:
     """Check the diagnosis on generated data whose effect is withheld."""
     from pipelines.blind import blind as run
+    from pipelines.generator.strata import BLIND_SEED
 
-    run(out, cases, seed, jobs)
+    run(out, cases, BLIND_SEED if seed is None else seed, jobs)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -25,6 +25,8 @@ from selection import __version__
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Candidate, Ranking, rank_laws
 from selection.errors import AnalysisError
+from selection.loads.near import near_resonance
+from selection.loads.plan import Plan, Planned, load_candidates, plan_loads
 from selection.loads.prediction import Member, amplitude_draws, predict
 from selection.posterior.checks import leave_one_out, predictive_check
 from selection.posterior.law import Law
@@ -52,15 +54,20 @@ class Input:
 
 @dataclass(frozen=True)
 class Task:
-    """One law to sample on one record, in a process of its own."""
+    """One law to sample on one record, in a process of its own.
+
+    ``of_source`` marks a law of the source report; ``for_loads`` one that design loads average, on ``data`` that may be
+    the rows near resonance only.
+    """
 
     record: int
-    candidate: Candidate
+    candidate: Candidate | Planned
     data: Observations
     forces: np.ndarray
     level: float
     seed: int
     of_source: bool
+    for_loads: bool
     chains: Path
 
 
@@ -96,10 +103,11 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the tables of the source report if asked for."""
     rankings = _rank(inputs, settings.seed)
-    sampled = _sample(list(_tasks(settings, inputs, rankings, chains)))
+    plans = _plan(inputs, settings.seed)
+    sampled = _sample([*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)])
     records = tuple(
-        _record_result(one, ranking, [s for i, s in sampled if i == number], settings)
-        for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True))
+        _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
+        for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
     )
     return StudyResult(
         title=settings.title,
@@ -127,6 +135,19 @@ def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
         ]
 
 
+def _plan(inputs: list[Input], seed: int) -> list[Plan | None]:
+    """Which laws predict the design loads, and with what weight; None where no design load is asked for."""
+    asked = [one for one in inputs if one.settings.design_forces]
+    near = {one.settings.name: near_resonance(one.record) for one in asked}
+    laws = {name: load_candidates(data) for name, data in near.items()}
+    with progress("weighing laws", sum(len(candidates) for candidates in laws.values())) as done:
+        plans = {
+            name: plan_loads(data, laws[name], seed, _prefixed(done, name), one.mode.mass)
+            for one, (name, data) in zip(asked, near.items(), strict=True)
+        }
+    return [plans.get(one.settings.name) for one in inputs]
+
+
 def _prefixed(done: Advance, prefix: str) -> Advance:
     """Progress that says which record it is of."""
     return lambda what, parts=1: done(f"{prefix}: {what}", parts)
@@ -140,24 +161,36 @@ def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]
             of_source = any(candidate is other for other in named)
             if candidate.evidence is not None and (candidate.weight > LEAST_WEIGHT or of_source):
                 forces = np.array(one.settings.design_forces)
-                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, chains)
+                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, False, chains)
 
 
-def _sample(tasks: list[Task]) -> list[tuple[int, LawPosterior]]:
-    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
-    results: dict[int, LawPosterior] = {}
+def _load_tasks(settings: StudySettings, inputs: list[Input], plans: list[Plan | None], chains: Path) -> Iterable[Task]:
+    """Laws that predict design loads, on the rows near resonance."""
+    for number, (one, plan) in enumerate(zip(inputs, plans, strict=True)):
+        forces = np.array(one.settings.design_forces)
+        for law in plan.laws if plan else ():
+            if plan and law.weight > LEAST_WEIGHT:
+                yield Task(number, law, plan.data, forces, settings.level, settings.seed, False, True, chains)
+
+
+def _sample(tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
+    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first.
+
+    Tasks whose chains would be the same (a record of peaks has all its rows at resonance) are run once.
+    """
+    keys = [chain_key(task) for task in tasks]
+    runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
+    results: dict[str, LawPosterior] = {}
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with (
-        progress("sampling", len(tasks)) as done,
+        progress("sampling", len(runs)) as done,
         ProcessPoolExecutor(max_workers=cpu_count(), mp_context=get_context("spawn")) as pool,
     ):
-        futures = {pool.submit(sample_law, task): i for i, task in enumerate(tasks)}
+        futures = {pool.submit(sample_law, task): key for key, task in runs.items()}
         for future in as_completed(futures):
-            i = futures[future]
-            results[i] = future.result()
-            failure = results[i].posterior.failure
-            done(tasks[i].candidate.name + (f" FAILED: {failure}" if failure else ""))
-    return [(task.record, results[i]) for i, task in enumerate(tasks)]
+            law = results[futures[future]] = future.result()
+            done(law.law.name + (f" FAILED: {law.posterior.failure}" if law.posterior.failure else ""))
+    return [(task, results[key]) for key, task in zip(keys, tasks, strict=True)]
 
 
 def sample_law(task: Task) -> LawPosterior:
@@ -184,10 +217,10 @@ def chain_key(task: Task) -> str:
     return digest.hexdigest()[:24]
 
 
-def posterior_member(candidate: Candidate, draws: np.ndarray) -> Member:
-    """A sampled candidate as a member of the average."""
-    assert candidate.coordinates is not None  # a sampled candidate was fitted
-    return Member(candidate.name, candidate.weight, candidate.coordinates, draws)
+def posterior_member(law: Candidate | Planned, draws: np.ndarray) -> Member:
+    """A sampled law as a member of the average."""
+    assert law.coordinates is not None  # a sampled law was fitted
+    return Member(law.name, law.weight, law.coordinates, draws, law.kappa if isinstance(law, Planned) else None)
 
 
 def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
@@ -195,20 +228,29 @@ def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
     return amplitude_draws(member, data.tested_force, data)
 
 
-def _record_result(one: Input, ranking: Ranking, sampled: list[LawPosterior], settings: StudySettings) -> RecordResult:
+def _record_result(
+    one: Input,
+    ranking: Ranking,
+    plan: Plan | None,
+    sampled: list[tuple[Task, LawPosterior]],
+    settings: StudySettings,
+) -> RecordResult:
     """Predictions and power laws of one record."""
     members = [
-        posterior_member(ranking.find(s.law), s.posterior.draws)
-        for s in sampled
-        if s.posterior.converged and s.weight > LEAST_WEIGHT
+        posterior_member(task.candidate, law.posterior.draws)
+        for task, law in sampled
+        if task.for_loads and law.posterior.converged
     ]
-    design = np.array(one.settings.design_forces)
     bands = loads = None
-    if design.size and members:
+    if plan and members:
+        design = np.array(one.settings.design_forces)
         largest = max(design.max(), one.data.tested_force.max())
         grid = np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID)
-        bands = predict(members, grid, one.data, settings.level, settings.seed)
-        loads = predict(members, design, one.data, settings.level, settings.seed)
+        repeatability = one.mode.repeatability.amplitude or 0.0
+        bands, loads = (
+            predict(members, forces, plan.data, settings.level, settings.seed, plan, repeatability)
+            for forces in (grid, design)
+        )
     return RecordResult(
         name=one.settings.name,
         title=one.settings.title or one.mode.name,
@@ -216,7 +258,7 @@ def _record_result(one: Input, ranking: Ranking, sampled: list[LawPosterior], se
         mode=one.mode,
         data=one.data,
         ranking=ranking,
-        posteriors=tuple(sampled),
+        posteriors=tuple(law for task, law in sampled if not task.for_loads),
         bands=bands,
         design=loads,
         power_laws=_power_laws(one.data),
