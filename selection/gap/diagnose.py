@@ -1,0 +1,153 @@
+"""The diagnosis of one record: every question in turn, one result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from selection.gap.alike import Group, equivalents
+from selection.gap.cautions import guess_unit, record_cautions, refuse_other_mode, rescaled
+from selection.gap.cells import FootprintCell, ResidualCell, footprint_cells, residual_cells
+from selection.gap.directed import Test, directed_tests, unexplained
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.effects.form import Effect
+from selection.gap.held_out import HeldOut, held_out
+from selection.gap.problem import Setting, setting
+from selection.gap.search import Hypothesis, Search
+from selection.gap.size import Gap, gap
+from selection.records.mode import Mode
+from selection.records.record import Record
+
+#: Probability that the list of explanations reaches.
+COVER = 0.95
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A hypothesis with its probability among all that were fitted."""
+
+    effects: tuple[str, ...]
+    probability: float
+    hypothesis: Hypothesis
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything found.
+
+    Attributes:
+        record, mode, setting: what was compared, and how noise and repeatability were taken.
+        hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
+            the most probable that reaches ``COVER``.
+        groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
+        unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
+        cautions: what the record cannot say.
+    """
+
+    record: Record
+    mode: Mode
+    setting: Setting
+    hypotheses: tuple[Explanation, ...]
+    explanations: tuple[Explanation, ...]
+    groups: tuple[Group, ...]
+    tests: tuple[Test, ...]
+    unexplained: bool
+    gap: Gap
+    where: tuple[ResidualCell, ...]
+    footprint: tuple[FootprintCell, ...]
+    held_out: HeldOut | None
+    cautions: tuple[str, ...]
+
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable hypothesis."""
+        return self.hypotheses[0].hypothesis
+
+
+def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
+    """Diagnose the gap between a simulation and a record.
+
+    Args:
+        effects: the library, by name; all of `CATALOGUE` where not given.
+
+    Raises:
+        AnalysisError: model and record are of different modes.
+    """
+    library = CATALOGUE if effects is None else effects
+    start = setting(record, mode)
+    rows = start.problem.rows
+    refuse_other_mode(rows, mode)
+    cautions = record_cautions(rows, record, mode)
+    guess = guess_unit(rows, start.problem.simulation)
+    if guess is not None:
+        cautions.insert(0, _unit_caution(guess.name, guess.factor))
+        start = replace(start, problem=replace(start.problem, rows=rescaled(rows, guess)))
+    known, search = searched(start, library)
+    hypotheses = weighed(search.ranked())
+    leading = hypotheses[0].hypothesis
+    tests = tuple(directed_tests(leading.best))
+    return Diagnosis(
+        record=record,
+        mode=mode,
+        setting=known,
+        hypotheses=hypotheses,
+        explanations=shortest(hypotheses),
+        groups=equivalents([one.hypothesis for one in hypotheses]),
+        tests=tests,
+        unexplained=unexplained(leading.best, tests),
+        gap=gap(leading.best),
+        where=residual_cells(leading.best),
+        footprint=footprint_cells(leading.best),
+        held_out=held_out(known, library, leading.best),
+        cautions=tuple(cautions),
+    )
+
+
+def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """The finished search of a setting, its noise estimated where it is not stated, and the setting with that noise.
+
+    Noise is first taken from what the simulation alone leaves, then from what the leading explanation leaves.
+    """
+    if start.noise_known:
+        search = Search(start.problem, effects, start.scatter)
+        search.run()
+        return start, search
+    for _ in range(2):
+        alone = Search(start.problem, {}, start.scatter)
+        start = start.with_noise_of(alone.run()[0].best)
+    search = Search(start.problem, effects, start.scatter)
+    better = start.with_noise_of(search.run()[0].best)
+    if _much_the_same(start, better):
+        return start, search
+    search = Search(better.problem, effects, better.scatter)
+    search.run()
+    return better, search
+
+
+def weighed(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
+    """Probabilities among all hypotheses that were fitted, most probable first."""
+    logarithms = np.array([one.log_posterior for one in hypotheses])
+    weights = np.exp(logarithms - logarithms.max())
+    weights /= weights.sum()
+    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+def shortest(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
+    """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
+    reached = np.cumsum([one.probability for one in hypotheses])
+    return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
+
+
+def _much_the_same(one: Setting, other: Setting) -> bool:
+    """Whether two settings have the same noise within a tenth."""
+    a, b = one.problem.rows, other.problem.rows
+    ratios = [b.sd_amplitude[0] / a.sd_amplitude[0], b.sd_phase[0] / a.sd_phase[0]]
+    return bool(np.all(np.abs(np.log(ratios)) < 0.1))
+
+
+def _unit_caution(name: str, factor: float) -> str:
+    size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
+    return f"forces seem to be {size} ({name}): that factor was taken out before anything else; check the unit"

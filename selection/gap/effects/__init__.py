@@ -1,0 +1,1 @@
+"""The effects: a contract, one small file each, and the catalogue."""

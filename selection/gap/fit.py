@@ -1,0 +1,157 @@
+"""Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
+
+The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2); the weights are those of
+expectation maximisation for this mixture. The evidence is Laplace's: with standard normal priors on every variable
+
+    ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.gap.model import Model
+
+#: Share of wild points and their standard deviation in units of noise.
+WILD, WIDE = 0.02, 10.0
+_INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
+#: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
+_MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
+#: After so many steps only the best starts go on.
+_PATIENCE, _SURVIVORS = 5, 2
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A mode of the posterior of a model.
+
+    Attributes:
+        model: what was fitted. y: variables at the mode (size + 2 sweeps,). r: residuals (m,), J: Jacobian (m, .),
+        weights (m,): robust weights, 1 for a regular point. log_posterior, log_evidence: natural logarithms.
+        covariance: of y. log_likelihood: without the prior.
+    """
+
+    model: Model
+    y: FloatArray
+    r: FloatArray
+    J: FloatArray
+    weights: FloatArray
+    log_posterior: float
+    log_evidence: float
+    covariance: FloatArray
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.model.effects
+
+
+def fit(model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None) -> list[Fit]:
+    """Distinct modes reached from starts x (starts, size), best first.
+
+    Args:
+        z: deviations of the sweeps to start from, (starts, 2 sweeps); zero where not given.
+        weights: of the residuals (m,), for plain least squares; robust ones where not given.
+    """
+    deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
+    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
+    found = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
+    found.sort(key=lambda one: -one.log_posterior)
+    distinct: list[Fit] = []
+    for one in found:
+        if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):
+            distinct.append(one)
+    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - 15.0]
+
+
+def log_likelihood(r: FloatArray) -> FloatArray:
+    """ln p of residuals (..., m) less that of m residuals of zero without wild points: sum over the last axis."""
+    inlier = _INLIER - 0.5 * r * r
+    outlier = _OUTLIER - 0.5 * (r / WIDE) ** 2
+    return np.asarray(np.sum(np.logaddexp(inlier, outlier), axis=-1))
+
+
+def robust_weights(r: FloatArray) -> FloatArray:
+    """Expected inverse variance of each residual: 1 for a regular point, 1/WIDE^2 for a wild one."""
+    odds = np.exp(np.minimum(_OUTLIER - _INLIER + 0.5 * (1.0 - WIDE**-2) * r * r, 50.0))
+    wild = odds / (1.0 + odds)
+    return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
+
+
+def _sd(one: Fit) -> FloatArray:
+    return np.asarray(np.sqrt(np.diag(one.covariance)))
+
+
+def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
+
+    In the first steps what counts as wild is measured by the spread of the residuals themselves.
+    """
+    r, J = model.jacobian(y)
+    damping = np.full(len(y), 1e-2)
+    active = np.ones(len(y), dtype=bool)
+    for step in range(_MOST_STEPS):
+        if step == _PATIENCE:
+            keep = np.argsort(_cost(r, y, np.ones(len(y)), weights))[:_SURVIVORS]
+            y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
+        at = np.flatnonzero(active)
+        if at.size == 0:
+            break
+        scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
+        new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
+        new_r, new_J = model.jacobian(new)
+        gain = _cost(r[at], y[at], scale, weights) - _cost(new_r, new, scale, weights)
+        better = gain > 0.0
+        won = at[better]
+        y[won], r[won], J[won] = new[better], new_r[better], new_J[better]
+        damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
+        little = _SETTLED + _ROUGHLY * np.maximum(_cost(r[at], y[at], scale, weights) - r.shape[1], 0.0)
+        settled = (better & (gain < little)) | (damping[at] > 1e6)
+        active[at[settled & (scale == 1.0)]] = False
+    return y, r, J
+
+
+def _spread(r: FloatArray) -> FloatArray:
+    """Scale of the residuals of each start, at least 1: what counts as wild while a fit is far off."""
+    return np.maximum(1.0, 1.4826 * np.median(np.abs(r), axis=1))
+
+
+def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:
+    """Minus the log posterior."""
+    prior = 0.5 * np.sum(y * y, axis=1)
+    if weights is not None:
+        return np.asarray(prior + 0.5 * r**2 @ weights)
+    return np.asarray(prior - scale**2 * log_likelihood(r / scale[:, np.newaxis]))
+
+
+def _step(
+    r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
+) -> FloatArray:
+    counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
+    weighted = J * counts[..., np.newaxis]
+    H = np.swapaxes(weighted, 1, 2) @ J
+    diagonal = np.arange(H.shape[1])
+    H[:, diagonal, diagonal] += 1.0
+    gradient = np.einsum("bmk,bm->bk", weighted, r) + y
+    H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
+    step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
+    return np.clip(step, -1.5, 1.5)
+
+
+def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> Fit:
+    posterior = -float(_cost(r[np.newaxis], y[np.newaxis], np.ones(1), weights)[0])
+    counts = robust_weights(r) if weights is None else weights
+    H = (J * counts[:, np.newaxis]).T @ J + np.eye(len(y))
+    return Fit(
+        model,
+        y,
+        r,
+        J,
+        counts,
+        posterior,
+        posterior - 0.5 * float(np.linalg.slogdet(H)[1]),
+        np.asarray(np.linalg.inv(H)),
+    )

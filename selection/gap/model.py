@@ -1,0 +1,184 @@
+"""A hypothesis as a model of the record: standard normal variables in, whitened residuals and their Jacobian out.
+
+Variables y = (x, z): x are the simulation's parameters in units of tolerance and the effects' strengths and shapes,
+z the deviations of gain and frequency of every sweep in units of repeatability. All have the prior N(0, 1).
+
+Residuals are those of ln amplitude and of phase in units of noise. The prediction P(u) is taken at the measured
+amplitude u = ln A, so its own steady amplitude u* = Re P(u*) is, to first order,
+
+    u - u* = (u - Re P(u))/d,   d = 1 - Re P'(u),      phase* = -Im P(u) + Im P'(u) (u - u*).
+
+Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` bounds it there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.effects.form import Form, Scales
+from selection.gap.rows import Rows, wrapped
+from selection.gap.simulation import Simulation
+from selection.gap.terms import ComplexArray, Prediction, Terms, predict
+
+#: Least |d| that counts: noise of force and frequency hides a sharper fold.
+FOLD = 0.05
+#: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
+STEP = 1e-4
+#: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
+TYPICAL_GAP, SPREAD = 3.0, 1.5
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Repeatability: relative standard deviation of gain and of frequency from sweep to sweep."""
+
+    amplitude: float
+    frequency: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A record, the simulation it is compared with, and the scales of both."""
+
+    rows: Rows
+    simulation: Simulation
+    scales: Scales
+
+
+@dataclass(frozen=True)
+class Part:
+    """A form with the strength ``unit`` that opens a gap of one unit of noise."""
+
+    form: Form
+    unit: float
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return 1 + len(self.form.shapes)
+
+    def values(self, x: FloatArray) -> list[FloatArray]:
+        """Strength and shapes at variables x (batch, size), each (batch, 1)."""
+        strength = self.unit * TYPICAL_GAP * np.exp(SPREAD * x[:, :1])
+        if np.isfinite(self.form.largest):
+            strength = strength / (1.0 + strength / self.form.largest)
+        shapes = [shape.value(x[:, k + 1 : k + 2]) for k, shape in enumerate(self.form.shapes)]
+        return [strength, *(np.asarray(value) for value in shapes)]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
+
+    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T.
+    """
+
+    per_sd: FloatArray
+    follow: FloatArray
+    sd_phase: FloatArray | None
+
+    def columns(self, T: ComplexArray) -> FloatArray:
+        """Changes of the residuals, (.., m), by changes T (.., n) of ln(prediction)."""
+        amplitude = -T.real * self.per_sd
+        if self.sd_phase is None:
+            return amplitude
+        return np.concatenate([amplitude, (T.imag + self.follow * T.real) / self.sd_phase], axis=-1)
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals r (batch, m) in units of noise, amplitudes first, and their derivatives by gain and frequency.
+
+    ``answer`` says how they change with the prediction, ``found`` is the prediction.
+    """
+
+    r: FloatArray
+    by_gain: FloatArray
+    by_frequency: FloatArray
+    answer: Sensitivity
+    found: Prediction
+
+
+@dataclass(frozen=True)
+class Model:
+    """The simulation with effects, on a record."""
+
+    problem: Problem
+    parts: tuple[Part, ...]
+    scatter: Scatter
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(part.form.effect for part in self.parts)
+
+    @property
+    def size(self) -> int:
+        """Number of variables x."""
+        return len(self.problem.simulation.names) + sum(part.size for part in self.parts)
+
+    @property
+    def sweeps(self) -> int:
+        """Number of sweeps; z has twice as many entries, gains first."""
+        return len(self.problem.rows.sweeps)
+
+    def terms(self, x: FloatArray) -> Terms:
+        """The terms at variables x (batch, size)."""
+        simulation = self.problem.simulation
+        start = len(simulation.names)
+        terms = simulation.terms(x[:, :start])
+        for part in self.parts:
+            terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
+            start += part.size
+        for name, table in simulation.mode.effects.items():
+            terms = CATALOGUE[name].simulate(terms, table)
+        return terms
+
+    def residuals(self, y: FloatArray) -> Residuals:
+        """Residuals at variables y (batch, size + 2 sweeps)."""
+        z = y[:, self.size :]
+        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter)
+
+    def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): differences by x, closed form by z."""
+        batch, size = len(y), self.size
+        points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
+        points[:, np.arange(1, size + 1), np.arange(size)] += STEP
+        found = self.residuals(points.reshape(batch * (size + 1), -1))
+        r = found.r.reshape(batch, size + 1, -1)
+        by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
+        at = np.arange(batch) * (size + 1)
+        one_hot = self.problem.rows.sweep[:, np.newaxis] == np.arange(self.sweeps)
+        one_hot = np.tile(one_hot, (r.shape[2] // len(self.problem.rows), 1))
+        by_gain = found.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
+        by_frequency = found.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
+        return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
+
+
+def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Residuals:
+    """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency."""
+    found = predict(deviated(terms, rows, z, scatter), rows.u, rows.drive)
+    d = 1.0 - found.by_u.real
+    squared = d * d + FOLD**2
+    misfit = rows.u - found.P.real
+    per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude)
+    follow = found.by_u.imag * d / squared
+    answer = Sensitivity(per_sd, follow, rows.sd_phase if rows.has_phase else None)
+    by_frequency = answer.columns(found.by_frequency)
+    amplitude, by_gain = misfit * per_sd, -d * per_sd
+    if not rows.has_phase:
+        return Residuals(amplitude, by_gain, by_frequency, answer, found)
+    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / rows.sd_phase
+    both = np.concatenate([amplitude, phase], axis=1)
+    return Residuals(both, np.concatenate([by_gain, np.zeros_like(phase)], axis=1), by_frequency, answer, found)
+
+
+def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
+    """The terms with each sweep's deviation of gain and frequency, values (batch, n)."""
+    sweeps = len(rows.sweeps)
+    gain = terms.gain + scatter.amplitude * z[:, :sweeps][:, rows.sweep]
+    return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))

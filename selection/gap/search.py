@@ -1,0 +1,163 @@
+"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
+
+import numpy as np
+from scipy.special import logsumexp
+
+from selection.gap.effects.form import Effect, Form
+from selection.gap.fit import Fit, fit
+from selection.gap.model import Model, Problem, Scatter
+from selection.gap.scatter import with_scatter
+from selection.gap.starts import Start, at_gap, starts
+
+#: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
+PRIOR_NULL = 15.0
+#: Hypotheses with a further effect are fitted only where their linear gain, doubled, could bring them so near the best.
+_NEAR = 8.0
+#: Most effects of an explanation; most fits of each number of effects beyond one.
+MOST_EFFECTS, _MOST_FITS = 3, 14
+#: Another form of an effect whose evidence is within this is kept when effects are added.
+_CLOSE = 3.0
+#: Hypotheses whose evidence is so far behind are not fitted again at the scatter that suits them.
+_WORTH = 15.0
+#: Starts of each form that are fitted.
+_STARTS = 4
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects with their best fit.
+
+    Attributes:
+        effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
+        others: the best modes of other forms that are about as good.
+        log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
+        log_posterior: with the prior of so many effects, not normalised.
+    """
+
+    effects: tuple[str, ...]
+    best: Fit
+    others: tuple[Fit, ...]
+    log_evidence: float
+    log_posterior: float
+
+    @property
+    def key(self) -> frozenset[str]:
+        """The effects as a set."""
+        return frozenset(self.effects)
+
+
+@dataclass
+class Search:
+    """The hypotheses of a problem, fitted on demand.
+
+    Attributes:
+        problem, effects: the record with its simulation, and the library. scatter: None where it is to be estimated.
+        found: hypotheses fitted so far. units: the strength of each form that opens a gap of one unit of noise.
+    """
+
+    problem: Problem
+    effects: Mapping[str, Effect]
+    scatter: Scatter | None
+    found: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    units: dict[Form, float] = field(default_factory=dict)
+    forms: dict[str, tuple[Form, ...]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        forms = {name: effect.forms(self.problem.scales) for name, effect in self.effects.items()}
+        self.forms = {name: own for name, own in forms.items() if own}
+
+    def run(self) -> list[Hypothesis]:
+        """Fit the simulation alone, every effect, and combinations; most probable first."""
+        null = self._null()
+        for name in self.forms:
+            self._extend(null, name, self._starts(null, name))
+        for size in range(1, MOST_EFFECTS):
+            before = len(self.found)
+            self._combine(size)
+            if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
+                break
+        return self.ranked()
+
+    def ranked(self) -> list[Hypothesis]:
+        """All hypotheses, most probable first."""
+        return sorted(self.found.values(), key=lambda one: -one.log_posterior)
+
+    def _null(self) -> Hypothesis:
+        """The simulation alone, refitted within its tolerance; sets the units of strength."""
+        start = self.scatter or Scatter(0.003, 0.03 * self.problem.scales.bandwidth)
+        model = Model(self.problem, (), start)
+        first = fit(model, np.zeros((1, model.size)))[0]
+        for form in chain.from_iterable(self.forms.values()):
+            self.units[form] = starts(first, form)[0].part.unit
+        return self._store((), [[first]])
+
+    def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
+        return [starts(base.best, form, self.units[form]) for form in self.forms[name]]
+
+    def _combine(self, size: int) -> None:
+        """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
+        best = self.ranked()[0].log_posterior
+        price = np.log(len(self.forms) + 1.0)
+        wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
+        for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+            for name in self.forms:
+                key = base.key | {name}
+                if name in base.effects or key in self.found:
+                    continue
+                tried = self._starts(base, name)
+                gain = max(start.gain for start in chain.from_iterable(tried))
+                hope = base.log_posterior + 2.0 * gain - price
+                if gain > 2.0 and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                    wanted[key] = (hope, base, name, tried)
+        for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+            self._extend(base, name, tried)
+
+    def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
+        """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
+        rough = float(np.sqrt(np.mean(base.best.r**2)))
+        fits = []
+        for tried in candidates:
+            own = [start.x for start in tried[:_STARTS]]
+            levels = (1.0,) if tried[0].part.form.shapes else (0.3, 1.0, 3.0)
+            own += [at_gap(start, rough * by) for start in tried[:2] for by in levels]
+            found = []
+            for other in (base.best, *base.others):
+                model = replace(other.model, parts=(*other.model.parts, tried[0].part))
+                head = other.y[: other.model.size] if base.effects else np.zeros(other.model.size)
+                found += fit(model, np.array([np.concatenate([head, x]) for x in own]))
+            fits.append(found)
+        self._store((*base.effects, name), fits)
+
+    def _store(self, effects: tuple[str, ...], by_form: list[list[Fit]]) -> Hypothesis:
+        """Weigh the modes of all forms and remember the hypothesis."""
+        fits = list(chain.from_iterable(by_form))
+        top = max(one.log_evidence for one in fits)
+        near = [one for one in fits if one.log_evidence > top - 10.0]
+        if self.scatter is None:
+            least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
+            near = [with_scatter(one, least) for one in near]
+        best = max(near, key=lambda one: one.log_evidence)
+        evidence = _total(one.log_evidence for one in near) - float(np.log(len(by_form)))
+        prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        others = _other_forms(best, near) if effects else ()
+        hypothesis = Hypothesis(effects, best, others, evidence, evidence + float(prior))
+        self.found[hypothesis.key] = hypothesis
+        return hypothesis
+
+
+def _other_forms(best: Fit, near: list[Fit]) -> tuple[Fit, ...]:
+    """The best mode of the one other set of forms that comes nearest, if it is near."""
+    rest = [
+        one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
+    ]
+    return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
+
+
+def _total(logarithms: Iterable[float]) -> float:
+    return float(logsumexp(list(logarithms)))

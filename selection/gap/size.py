@@ -1,0 +1,75 @@
+"""How large the gap is: residuals whitened by noise and repeatability, and their root mean square."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selection.arrays import BoolArray, FloatArray
+from selection.gap.fit import Fit, fit
+from selection.gap.model import Model
+
+#: Robust weight below which a residual is taken for wild and left out of every number.
+WILD_WEIGHT = 0.5
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Root mean squares (1 = noise alone) and the share of the gap that the leading explanation closes.
+
+    Attributes:
+        nominal: the simulation as given. before: refitted within its tolerance. after: with the explanation.
+        shrinkage: 1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is within its sampling error.
+    """
+
+    nominal: float
+    before: float
+    after: float
+    shrinkage: float | None
+
+
+def gap(leading: Fit) -> Gap:
+    """The gap of a record before and after its leading explanation, without wild points."""
+    regular = leading.weights > WILD_WEIGHT
+    nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
+    before = root_mean_square(refitted(leading), regular)
+    after = root_mean_square(leading, regular)
+    return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
+
+
+def shrinkage(before: float, after: float, values: int) -> float | None:
+    """1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is below two of its standard errors."""
+    if before**2 - 1.0 < 2.0 * np.sqrt(2.0 / values):
+        return None
+    return float(1.0 - max(after**2 - 1.0, 0.0) / (before**2 - 1.0))
+
+
+def root_mean_square(one: Fit, regular: BoolArray) -> float:
+    """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
+    z = one.y[one.model.size :]
+    return float(np.sqrt((np.sum(one.r[regular] ** 2) + z @ z) / regular.sum()))
+
+
+def refitted(leading: Fit) -> Fit:
+    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
+    model = Model(leading.model.problem, (), leading.model.scatter)
+    weights = (leading.weights > WILD_WEIGHT).astype(float)
+    return fit(model, np.zeros((1, model.size)), weights=weights)[0]
+
+
+def nominal_residuals(leading: Fit) -> FloatArray:
+    """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
+    model = Model(leading.model.problem, (), leading.model.scatter)
+    r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
+    return whitened(r[0], J[0, :, model.size :])
+
+
+def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
+    """(1 + C C^T)^(-1/2) r, the symmetric root: each entry stays as near to its own row as it can.
+
+    Args:
+        r: residuals in units of noise, (m,). C: their changes by the deviations of sweeps in units of repeatability.
+    """
+    U, S, _ = np.linalg.svd(C, full_matrices=False)
+    return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))
