@@ -110,7 +110,7 @@ def yaw_table(fits: Fits) -> pd.DataFrame:
     data = phasors("A2")
     predicted = {
         variant: yaw_amplitude(fits["A2", "constant", variant].model, data)
-        for variant in ("free", "theta = 28, M = 21", "free + in phase")
+        for variant in ("free", "theta = 28, M = 21", "free + in phase + lag")
     }
     return pd.DataFrame({"point": motion["point"], "omega": omega, "measured": yaw / 100 / PLANES.phi, **predicted})
 

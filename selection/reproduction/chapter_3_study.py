@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from selection.arrays import FloatArray
+from selection.arrays import FloatArray, Floats
 from selection.conditioning.chain import Step, condition
 from selection.conditioning.description import Description
-from selection.conditioning.planar_fit import PlanarFit
 from selection.conditioning.principal import input_energy, nearest_root, plane_motion
 from selection.records.keys import read_toml
 from selection.records.reading import read_table
@@ -19,7 +18,7 @@ from selection.records.report_tables import data_folder, load_table
 from selection.reproduction.chapter_3 import PLANES
 from selection.reproduction.chapter_3_branches import branch_table, fitted_planes, mean_table, points, roots_at
 from selection.reproduction.chapter_3_implications import implications
-from selection.reproduction.chapter_3_planar import energy_split, fit_table, phasors, planar_fits, yaw_table
+from selection.reproduction.chapter_3_planar import Fits, energy_split, fit_table, phasors, planar_fits, yaw_table
 from selection.reproduction.chapter_3_posterior import (
     SAMPLED,
     Band,
@@ -33,6 +32,8 @@ from selection.reproduction.chapter_3_posterior import (
 from selection.reproduction.columns import columns
 
 SEED = 1970
+#: Mean damping factor of the second mode (section 3.2).
+MEAN_XI = 0.005
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,9 @@ class Chapter3:
             ``energy_split``, ``branches``, ``branches_fitted`` (Eq. 3.2.15 with the planes of the free fit),
             ``branch_means``.
         measured: by point, what figures draw beside the computed: see ``measured_table``.
-        principal: curves of the principal amplitudes over frequency: ``omega, pitch, yaw`` for one xi (the fit's).
+        corrected: rows 6+ and 9+ of Table 3.IV: ``point, omega, energy, pitch, yaw``.
+        effect: amplitude and phase after each step from the mode factor on: ``step, omega, amplitude, phase``.
+        curves: over frequency with one damping for all points: see ``fitted_curves``.
         fits, posteriors: of the planar oscillator, as in ``chapter_3_planar`` and ``chapter_3_posterior``.
         bands: of the sampled posteriors by data. draws, prior: of the posterior of A2 and its prior, by parameter.
     """
@@ -54,8 +57,10 @@ class Chapter3:
     steps: tuple[Step, ...]
     tables: Mapping[str, pd.DataFrame]
     measured: pd.DataFrame
-    principal: pd.DataFrame
-    fits: Mapping[tuple[str, str, str], PlanarFit]
+    corrected: pd.DataFrame
+    effect: pd.DataFrame
+    curves: pd.DataFrame
+    fits: Fits
     posteriors: Mapping[tuple[str, str], Known]
     bands: Mapping[str, Band]
     draws: Mapping[str, FloatArray]
@@ -86,7 +91,9 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
         steps=steps,
         tables=tables,
         measured=measured_table(steps),
-        principal=principal_curves(free),
+        corrected=corrected_rows(),
+        effect=effect_table(steps),
+        curves=fitted_curves(fits),
         fits=fits,
         posteriors=posteriors,
         bands=bands,
@@ -174,14 +181,35 @@ def measured_table(steps: tuple[Step, ...]) -> pd.DataFrame:
     )
 
 
-def principal_curves(fit: PlanarFit) -> pd.DataFrame:
-    """Amplitudes in the principal planes over frequency, one damping for all points (Eq. 3.2.12): the free fit, and
-    the report's planes with its mean xi of .005. Columns ``omega, pitch, yaw, pitch_report, yaw_report``.
+def corrected_rows() -> pd.DataFrame:
+    """Rows that Table 3.IV marks as corrected for experimental error: no measurement stands behind them (E3IV-9)."""
+    names = {"omega_rad_s": "omega", "energy_input_in_lb": "energy", "A2p_in": "pitch", "A2y_in": "yaw"}
+    rows = load_table("3_IV").query("corrected_row == 1").rename(columns=names)
+    return rows[["point", *names.values()]].reset_index(drop=True)
+
+
+def effect_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+    """Amplitude and phase after each step from the mode factor to the last removal, rows of a step together."""
+    shown = [step for step in steps if step.name in ("mode factor", "rigid body", "adjacent modes")]
+    return pd.concat([s.after[["omega", "amplitude", "phase"]].assign(step=s.name) for s in shown], ignore_index=True)
+
+
+def fitted_curves(fits: Fits) -> pd.DataFrame:
+    """Curves over frequency with one xi for all points; the force is interpolated between the points.
+
+    ``pitch, yaw, energy``: amplitudes in the principal planes (Eq. 3.2.12) and energy per cycle of the free fit;
+    ``pitch_report, yaw_report, energy_report``: of the report's planes with its mean xi of .005. Along the force,
+    ``amplitude_held, phase_held``: of the fit with the report's angle and mass; ``amplitude_more, phase_more``: with
+    motion in phase and a lag fitted too.
     """
-    data = phasors("A2")
+    data, free = phasors("A2"), fits["A2", "constant", "free"]
     omega = np.linspace(data.omega[0], data.omega[-1], 221)
-    F = np.interp(omega, data.omega, data.F) / PLANES.phi
-    fitted = plane_motion(fitted_planes(fit), F, omega, fit.xi)
-    report = plane_motion(PLANES, F, omega, 0.005)
-    columns_ = {"pitch": fitted.A_p, "yaw": fitted.A_y, "pitch_report": report.A_p, "yaw_report": report.A_y}
-    return pd.DataFrame({"omega": omega, **columns_})
+    F = np.interp(omega, data.omega, data.F)
+    curves: dict[str, Floats] = {"omega": omega}
+    for suffix, planes, xi in (("", fitted_planes(free), free.xi), ("_report", PLANES, MEAN_XI)):
+        motion = plane_motion(planes, F / PLANES.phi, omega, xi)
+        curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
+    for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
+        response = fits["A2", "constant", variant].model.response(F, omega)
+        curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
+    return pd.DataFrame(curves)
