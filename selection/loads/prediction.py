@@ -177,7 +177,8 @@ def _spread(
     kappa = discrepancy.draw(discrepancy.prior() if member.kappa is None else member.kappa, len(row), rng)
     beyond = kappa[:, None] * discrepancy.distance(force, data.tested_force)
     sd_level, sd_noise = np.hypot(level[:, None], beyond), np.sqrt(row**2 + known)[:, None]
-    normal = rng.standard_normal((2, *amplitude.shape))
+    # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
+    normal = rng.standard_normal((2, len(row), 1))
     return _Spread(amplitude, sd_level * normal[0], sd_noise * normal[1])
 
 
