@@ -22,8 +22,10 @@ def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
     blocks: list[Block] = [
         Text(
             "Resonant amplitude is the amplitude at phase resonance under the force given. Median and bands are "
-            "averaged over the models by weight; linear takes the viscous coefficient of the sweep with the largest "
-            "tested force."
+            "averaged over the models; linear takes the viscous coefficient of the sweep with the largest tested "
+            "force. The weights here are not those of the ranking: they come from how well each law, fitted to the "
+            "levels below, predicts a level that it has not seen, and are drawn towards equal weights while fewer than "
+            "four levels can be held out."
         )
     ]
     first = next((r for r in asked if file_stem(r, "design_loads") in svgs), None)
