@@ -40,8 +40,10 @@ def once(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
-    """X + i Y."""
-    return x + 1j * y
+    """X + i Y, both (n, ...) alike."""
+    phasor = np.empty(np.shape(x), dtype=np.complex128)
+    phasor.real, phasor.imag = x, y  # infinities stay in their part, where i times one would spoil the other
+    return phasor
 
 
 def polar(r: FloatArray, theta_degrees: FloatArray) -> npt.NDArray[np.complex128]:

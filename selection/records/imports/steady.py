@@ -32,10 +32,11 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
         InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
     """
     labels, forces = _labels(series, stated, file), _stated_forces(series, stated, file)
-    tables = [
-        _table(one, label, force, stated, str(file), summary)
-        for one, label, force in zip(series, labels, forces, strict=True)
-    ]
+    with np.errstate(all="ignore"):  # what overflows is found by the range check below
+        tables = [
+            _table(one, label, force, stated, str(file), summary)
+            for one, label, force in zip(series, labels, forces, strict=True)
+        ]
     if len({"phase" in table for table in tables}) > 1:
         raise InputError("some sweeps have phases and some have none", file=file, expected="sweeps of one kind")
     table = pd.concat(tables, ignore_index=True)

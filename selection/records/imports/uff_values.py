@@ -13,8 +13,10 @@ import numpy as np
 
 from selection.arrays import FloatArray
 from selection.errors import InputError
+from selection.records.imports.lockin import cartesian
 from selection.records.imports.series import Samples
 from selection.records.imports.uff_blocks import Block, Header
+from selection.records.schema import LARGEST, SMALLEST
 
 _PART = 1_000_000  # bytes of text taken at a time
 _NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran leaves the letter out where 3 digits follow
@@ -71,21 +73,22 @@ def binary_form(data: bytes, block: Block, header: Header, file: str | Path) -> 
 
 
 def _even(header: Header, block: Block, file: str | Path) -> FloatArray:
-    if header.points > 1 and not header.step > 0.0:
+    if not (abs(header.first) <= LARGEST and (header.points == 1 or SMALLEST <= header.step <= LARGEST)):
         raise InputError(
-            f"abscissa increment {header.step:g}",
+            f"abscissa from {header.first:g} with increment {header.step:g}",
             file=file,
             line=block.line + 7,
-            expected="a number > 0 (even spacing)",
+            expected="an increment > 0 (even spacing)",
         )
-    return header.first + header.step * np.arange(header.points, dtype=np.float64)
+    step = header.step if header.points > 1 else 0.0
+    return header.first + step * np.arange(header.points, dtype=np.float64)
 
 
 def _ordinate(columns: FloatArray) -> Samples:
     """One column as it is, two as a complex number."""
     if columns.shape[1] == 1:
         return np.ascontiguousarray(columns[:, 0], dtype=np.float64)
-    return columns[:, 0].astype(np.float64) + 1j * columns[:, 1]
+    return cartesian(columns[:, 0], columns[:, 1])
 
 
 def _widths(header: Header) -> tuple[int, ...]:

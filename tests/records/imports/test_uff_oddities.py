@@ -366,7 +366,7 @@ def test_abscissas_in_rad_per_second_and_rpm(read: Read):
 
 
 def test_even_spacing_without_a_step(read: Read):
-    with pytest.raises(InputError, match="abscissa increment 0"):
+    with pytest.raises(InputError, match="abscissa from 5 with increment 0"):
         read(header(step="  0.00000E+00") + SINGLE + END)
 
 
