@@ -17,6 +17,7 @@ from pipelines.generator.refit import nearest_imitation
 from pipelines.generator.truth import true_record
 
 _WRONG_PARAMETER = {"natural-frequency": 0, "viscous-coefficient": 2}  # place among the deviations
+_TELLING = 1.0  # sigma
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Case:
 def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case", nearest: bool = False) -> Case:
     """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed.
 
-    ``nearest`` adds to the label which other effect of the library comes closest, and what it leaves (seconds of work).
+    ``nearest`` has the label of a single effect with a gap of 1 sigma or more say which other effect of the library
+    comes closest, and what it leaves (seconds of work).
     """
     rng = np.random.default_rng(seed)
     drawn = draw(kind, field, rng)
@@ -48,7 +50,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
         "sweep": table["sweep"],
         "frequency": [float(text) for text in table["frequency"]],
         "altered": _altered(drawn),
-        "nearest": _nearest(drawn) if nearest and drawn.effects else None,
+        "nearest": _nearest(drawn) if nearest and len(drawn.effects) == 1 and drawn.gap >= _TELLING else None,
     }
     return Case(model_text(name, drawn.bench), data_text(table), label)
 

@@ -12,7 +12,7 @@ from pipelines.generator.kind import Effect
 from pipelines.generator.laws import Array
 from pipelines.generator.noise import Noise, draw_noise
 from pipelines.generator.plan import Generator, log_uniform
-from pipelines.generator.refit import Cells, gap, predicted
+from pipelines.generator.refit import Cells, gap, predicted, unscattered
 from pipelines.generator.steady import NoSteadyStateError
 from pipelines.generator.truth import true_record
 
@@ -22,7 +22,7 @@ SINGLE_GAPS, PAIR_GAPS = (0.3, 30.0), (1.0, 12.0)
 LEAST_OF_EACH = 1.0
 
 _DRAWS = 400
-_HALVINGS, _LOG_RANGE, _NEAR = 14, 12.0, 0.05
+_TRIALS, _LOG_RANGE, _NEAR, _NOTHING = 14, 12.0, 0.05, 1e-9
 _MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
 
 
@@ -79,27 +79,34 @@ def _bench(kind: str, names: tuple[str, ...], field: bool, rng: Generator) -> Be
 
 
 def _sized(effect: Effect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator) -> Effect | None:
-    """The effect at a size whose gap, alone and by averages, is log-uniform in ``gaps``; None out of its reach."""
+    """The effect at a size whose gap is log-uniform in ``gaps``; None out of its reach.
+
+    That gap is the effect's alone, by averages and without scatter from sweep to sweep; the label's is the true one.
+    """
+
+    calm = replace(bench, scatter=(0.0, 0.0), rows=unscattered(bench.rows))
 
     def gap_at(log_size: float) -> float:
         sized = replace(effect, size=float(np.exp(log_size)))
-        return gap(_cells(predicted(*applied((sized,), bench)), noise), bench)
+        return gap(_cells(predicted(*applied((sized,), calm)), noise), calm)
 
     if effect.size <= 0.0:
         return None
     top = float(np.log(effect.size))
-    largest = gap_at(top)
-    if largest < 1.2 * gaps[0]:
+    here = gap_at(top)
+    if here < 1.2 * gaps[0]:
         return None
-    target = log_uniform(rng, gaps[0], min(gaps[1], largest))
-    bottom, middle = top - _LOG_RANGE, top
-    for _ in range(_HALVINGS):
-        middle = (bottom + top) / 2
-        here = gap_at(middle)
-        if abs(np.log(max(here, 1e-9) / target)) < _NEAR:
+    target = log_uniform(rng, gaps[0], min(gaps[1], here))
+    bottom, place = top - _LOG_RANGE, top
+    for _ in range(_TRIALS):
+        if abs(np.log(max(here, _NOTHING) / target)) < _NEAR:
             break
-        bottom, top = (middle, top) if here < target else (bottom, middle)
-    return replace(effect, size=float(np.exp(middle)))
+        bottom, top = (place, top) if here < target else (bottom, place)
+        place += float(np.log(target / max(here, _NOTHING)))  # as if the gap went with the size
+        if not bottom < place < top:
+            place = (bottom + top) / 2
+        here = gap_at(place)
+    return replace(effect, size=float(np.exp(place)))
 
 
 def _cells(record: tuple[Array, Array], noise: Noise) -> Cells:

@@ -11,6 +11,7 @@ force beside the stuck structure is k (sum_i w_i z_i - q).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,15 +27,20 @@ class Joint:
     limits: tuple[float, ...]
     weights: tuple[float, ...]
 
+    @cached_property
+    def _limits(self) -> Array:
+        return np.array(self.limits)
+
     def start(self, q: Array) -> Array:
         """Stretch of the parts, shape (parts, *q.shape), after a first loading to ``q``."""
         return self.move(np.zeros((len(self.limits), *q.shape)), q)
 
     def move(self, z: Array, dq: Array) -> Array:
         """The stretch after a monotonic change ``dq`` of the displacement."""
-        limits = np.array(self.limits).reshape(-1, *[1] * dq.ndim)
+        limits = self._limits.reshape(-1, *[1] * dq.ndim)
         if self.kind == "jenkins":
-            return np.clip(z + dq, -limits, limits)
+            stretched: Array = np.minimum(np.maximum(z + dq, -limits), limits)
+            return stretched
         way, distance = np.sign(dq), np.abs(dq)
         along = way * z
         relieved = np.minimum(distance, np.maximum(-along, 0.0))

@@ -1,7 +1,8 @@
 """Motion of the true structure through one cycle of the drive, for all rows of a test at once.
 
 Fixed-step Runge-Kutta method of fourth order. The sign of the velocity is smoothed over +-1.5 steps, symmetrically,
-which leaves an error of second order in the step; joints move monotonically within a step, an error of that order too.
+which leaves an error of second order in the step, and one of first order in the step times friction over elastic force;
+joints are taken to move one way within a step, an error of second order.
 """
 
 from __future__ import annotations
@@ -68,13 +69,13 @@ class Motion:
         if self._linear:
             return a
         main, speed = q[0], v[0]
-        sign = np.clip(speed / (self._smooth * np.abs(main) + _TINY), -1.0, 1.0) if self._jumps else speed
-        extra = np.zeros_like(main)
+        sign = speed
+        if self._jumps:
+            sign = np.minimum(np.maximum(speed / (self._smooth * np.abs(main) + _TINY), -1.0), 1.0)
         for law in self.structure.laws:
-            extra += law.force(main, speed, sign)
+            a[0] -= law.force(main, speed, sign) / self.structure.mass
         for joint, stretch in zip(self.structure.joints, z, strict=True):
-            extra += joint.force(stretch, main)
-        a[0] -= extra / self.structure.mass
+            a[0] -= joint.force(stretch, main) / self.structure.mass
         return a
 
     def moved(self, z: tuple[Array, ...], dq: Array) -> tuple[Array, ...]:

@@ -89,8 +89,7 @@ def gap(cells: Cells, bench: Bench, effects: tuple[Effect, ...] = (), reshape: b
 def _simulated(bench: Bench, effects: tuple[Effect, ...], x: Array, sweeps: int) -> tuple[Structure, Rows]:
     """The simulation at the free values: deviations, gains and frequencies of sweeps, factors of sizes and shapes."""
     (f, m, c), rest = x[:3].tolist(), x[3:]
-    one = np.ones(bench.rows.omega.size)
-    rows = replace(bench.rows, gain=one, tuning=one)
+    rows = unscattered(bench.rows)
     if sweeps:
         gain, tune = (1 + sd * part for sd, part in zip(bench.scatter, rest[: 2 * sweeps].reshape(2, -1), strict=True))
         rows = replace(rows, gain=gain[rows.sweep], tuning=tune[rows.sweep])
@@ -102,6 +101,12 @@ def _simulated(bench: Bench, effects: tuple[Effect, ...], x: Array, sweeps: int)
             shape[entry] *= next(factors)
         changed.append(Effect(effect.name, effect.size * size, tuple(shape)))
     return applied(tuple(changed), replace(bench, deviation=(f, m, c), rows=rows))
+
+
+def unscattered(rows: Rows) -> Rows:
+    """The rows with neither gain nor frequency scattered (nor changed by an effect)."""
+    one = np.ones(rows.omega.size)
+    return replace(rows, gain=one, tuning=one)
 
 
 def nearest_imitation(cells: Cells, bench: Bench, besides: tuple[str, ...]) -> tuple[str, float]:

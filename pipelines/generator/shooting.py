@@ -9,7 +9,7 @@ from pipelines.generator.laws import Array
 from pipelines.generator.motion import Motion, State
 
 _MOST = 40  # corrections
-_CLOSE = 1e-7  # of the amplitude: last correction
+_CLOSE = 1e-6  # of the amplitude: last correction
 _PROBE = 1e-4  # of the amplitude: finite difference
 
 

@@ -1,0 +1,26 @@
+"""A mode with 1 % damping and rows about its resonance, for the tests of the generator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipelines.generator.structure import Rows, Structure, plain_rows
+
+OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
+VISCOUS = 2 * XI * MASS * OMEGA
+FORCES = (1.0, 4.0)
+#: Resonant amplitude at the highest force with viscous damping alone.
+A_TOP = FORCES[-1] / (VISCOUS * OMEGA)
+
+
+@pytest.fixture
+def mode() -> Structure:
+    return Structure(MASS, OMEGA, VISCOUS)
+
+
+@pytest.fixture
+def rows() -> Rows:
+    offsets = np.linspace(-6 * XI, 6 * XI, 13)
+    sweep = np.repeat(np.arange(len(FORCES)), offsets.size)
+    return plain_rows(sweep, np.repeat(FORCES, offsets.size), np.tile(OMEGA * (1 + offsets), len(FORCES)))

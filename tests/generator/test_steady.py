@@ -1,0 +1,176 @@
+"""Steady states of the generator against closed forms, balances of energy, and a plain long dwell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipelines.generator.joints import Joint
+from pipelines.generator.laws import Law
+from pipelines.generator.motion import STEPS, Motion, State
+from pipelines.generator.steady import steady, steady_state
+from pipelines.generator.structure import Rows, Side, Structure, plain_rows
+from pipelines.generator.truth import guesses, true_record
+
+from .conftest import A_TOP, MASS, OMEGA, VISCOUS, XI
+
+K = MASS * OMEGA**2
+UNIT = 2 * XI * K  # stiffness that moves the resonance by XI
+DISSIPATIVE = {
+    "displacement": Law("displacement", 0.5 * VISCOUS * OMEGA),
+    "velocity-squared": Law("velocity-squared", 0.5 * VISCOUS / (OMEGA * A_TOP)),
+    "displacement-velocity": Law("displacement-velocity", 0.5 * VISCOUS / A_TOP),
+    "quadratic-displacement": Law("quadratic-displacement", 2 * VISCOUS / A_TOP**2),
+    "coulomb": Law("coulomb", 0.3),
+}
+ELASTIC = {
+    "cubic": Law("cubic", 1.0 * UNIT / A_TOP**2),
+    "softening": Law("cubic", -0.5 * UNIT / A_TOP**2),
+    "odd-square": Law("odd-square", UNIT / A_TOP),
+    "quintic": Law("quintic", UNIT / A_TOP**4),
+    "clearance": Law("clearance", UNIT, 0.3 * A_TOP),
+}
+JOINTS = {
+    "slip": Joint("jenkins", UNIT, (0.3 * A_TOP,), (1.0,)),
+    "iwan": Joint("jenkins", UNIT, tuple(np.linspace(0.05, 1, 6) * A_TOP), (1 / 6,) * 6),
+    "bouc-wen": Joint("bouc-wen", UNIT, (0.3 * A_TOP,), (1.0,)),
+}
+EXTRAS = {
+    **{name: {"laws": (law,)} for name, law in {**DISSIPATIVE, **ELASTIC}.items()},
+    **{name: {"joints": (joint,)} for name, joint in JOINTS.items()},
+}
+
+
+def phasor(structure: Structure, rows: Rows) -> np.ndarray:
+    return steady(structure, rows, guesses(structure, rows))
+
+
+def test_a_linear_mode_moves_as_its_receptance(mode, rows):
+    exact = rows.force / (K - MASS * rows.omega**2 + 1j * VISCOUS * rows.omega)
+    # RK4 shifts frequencies by (2 pi/256)^4/120 = 3e-9; over the half-width .01 that is 3e-7 of the response
+    np.testing.assert_allclose(phasor(mode, rows), exact, rtol=1e-6, atol=0)
+
+
+def test_a_drive_at_an_angle_moves_as_the_coupled_planes_of_the_report(mode, rows):
+    """Equations 3.1.24 to 3.1.28: M p'' + C p' + K_p p + K_py y = F sin wt, M y'' + C y' + K_y y + K_yp p = 0."""
+    angle, second = 0.5, OMEGA * 1.02
+    sine, cosine = np.sin(angle), np.cos(angle)
+    zeta = VISCOUS / (2 * MASS * second)
+    found = phasor(replace(mode, share=cosine, sides=(Side(second, zeta, sine, sine),)), rows)
+    k_p, k_y = MASS * OMEGA**2, MASS * second**2
+    pp, yy = k_p * cosine**2 + k_y * sine**2, k_p * sine**2 + k_y * cosine**2
+    py = (k_p - k_y) * sine * cosine
+    dynamic = -MASS * rows.omega**2 + 1j * VISCOUS * rows.omega
+    exact = rows.force * (yy + dynamic) / ((pp + dynamic) * (yy + dynamic) - py**2)
+    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=0)  # as for the linear mode
+
+
+def test_other_modes_add_their_receptances(mode, rows):
+    side = Side(2 * OMEGA, 0.005, 1.0, 0.3)
+    own = rows.force / MASS / (side.omega**2 - rows.omega**2 + 2j * side.zeta * side.omega * rows.omega)
+    # each part to 1e-6 of itself (the linear mode), and their sum nowhere below a tenth of the larger
+    np.testing.assert_allclose(
+        phasor(replace(mode, sides=(side,)), rows), phasor(mode, rows) + 0.3 * own, rtol=1e-5, atol=0
+    )
+
+
+@pytest.mark.parametrize("ratio", [0.7, 0.85, 1.15, 1.3])
+def test_coulomb_friction_moves_as_den_hartog_found(ratio):
+    """Den Hartog (1931): peak x0 = (F/k) sqrt(V^2 - (U Ff/F)^2), V = 1/(1-r^2), U = sin(pi/r)/(r (1 + cos(pi/r)))."""
+    friction = 0.2
+    V, U = 1 / (1 - ratio**2), np.sin(np.pi / ratio) / (ratio * (1 + np.cos(np.pi / ratio)))
+    expected = np.sqrt(V**2 - (U * friction) ** 2)
+    peaks = []
+    for steps in (STEPS, 2 * STEPS):
+        structure = Structure(1.0, 1.0, 0.0, (Law("coulomb", friction),))
+        motion = Motion(structure, plain_rows(np.zeros(1, int), np.ones(1), np.array([ratio])), steps)
+        samples = np.empty((steps, 1))
+        motion.cycle(steady_state(motion, [np.array([V - 0.2j])]), samples)
+        peaks.append(float(np.max(np.abs(samples))))
+    # first order: +-1.5 steps of smoothing (.04) times friction over elastic force (at most .15), over a few
+    assert peaks[0] == pytest.approx(expected, rel=1.5e-3)
+    # without the first order; a peak lies between samples to (pi/256)^2/2 = 7.5e-5
+    assert 2 * peaks[1] - peaks[0] == pytest.approx(expected, rel=1.5e-4)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_cubic_spring_follows_its_backbone_to_the_third_harmonic(mode, rows, way):
+    """|k (1 + 3/4 e A^2 + 3/128 e^2 A^4) - M w^2 + i c w| A = F with e = k3/k: Duffing's third harmonic is e A^3/32."""
+    e = way * 0.5 * XI / A_TOP**2
+    structure = replace(mode, laws=(Law("cubic", e * K),))
+    X = phasor(structure, rows)
+    A = np.abs(X)
+    Z = K * (1 + 3 / 4 * e * A**2 + 3 / 128 * e**2 * A**4) - MASS * rows.omega**2 + 1j * VISCOUS * rows.omega
+    # next order e^3 A^6 ~ 1e-7 over the half-width .01: 1e-5; RK4 adds 1e-6; near the bend errors of A grow tenfold
+    np.testing.assert_allclose(Z * X, rows.force + 0j, rtol=2e-5, atol=0)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_the_work_of_the_drive_is_what_is_lost_in_a_cycle(mode, rows, name):
+    """The integral of F sin(wt) q' over a cycle equals that of (c q' + f) q', and elastic forces do no work."""
+    structure = replace(mode, **EXTRAS[name])
+    motion = Motion(structure, rows)
+    state = steady_state(motion, guesses(structure, rows))
+    put, lost, kept = _work(motion, state)
+    # sampled at 256 points: (2 pi/256)^2 ~ 6e-4 where a force has corners, a few times that where it jumps
+    np.testing.assert_allclose(put, lost + kept, rtol=3e-3, atol=0)
+    if name in ELASTIC:
+        np.testing.assert_allclose(kept, 0.0, rtol=0, atol=1e-3 * np.max(lost))
+    else:
+        assert np.all(kept > -1e-3 * put)
+
+
+def _work(motion: Motion, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Work of drive, of viscous damping and of the other forces over a cycle, row by row."""
+    structure, rows = motion.structure, motion.rows
+    put, lost, kept = np.zeros((3, rows.omega.size))
+    for n in range(STEPS):
+        angles = 2 * np.pi * (n + np.array([0.0, 0.5, 1.0])) / STEPS
+        q, v, dt = state.q[0], state.v[0], 2 * np.pi / STEPS / rows.omega
+        other = sum((law.force(q, v, np.sign(v)) for law in structure.laws), np.zeros_like(q))
+        other = other + sum(joint.force(z, q) for joint, z in zip(structure.joints, state.z, strict=True))
+        put += (rows.force * np.sin(angles[0]) * v * dt)[0]
+        lost += (structure.viscous * v**2 * dt)[0]
+        kept += (other * v * dt)[0]
+        state = motion.step(state, tuple(np.sin(angles)))
+    return put, lost, kept
+
+
+@pytest.mark.parametrize("name", ["coulomb", "cubic", "slip", "bouc-wen"])
+def test_shooting_finds_what_a_long_dwell_from_rest_reaches(name):
+    """Ten per cent damping: 25 cycles leave exp(-2 pi .1 25) = 2e-7 of the transient."""
+    rows = plain_rows(np.zeros(5, int), np.full(5, 4.0), OMEGA * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
+    structure = Structure(MASS, OMEGA, 10 * VISCOUS, **EXTRAS[name])
+    structure = replace(structure, laws=tuple(replace(law, coefficient=3 * law.coefficient) for law in structure.laws))
+    motion, q = Motion(structure, rows), np.zeros((1, 1, 5))
+    rest = State(q, q, tuple(joint.start(q[0]) for joint in structure.joints))
+    dwelt, _ = motion.first_harmonic(motion.dwelt(rest, 25))
+    # the transient, and what follows Newton's last step of at most 1e-6
+    np.testing.assert_allclose(phasor(structure, rows), dwelt, rtol=5e-6, atol=0)
+
+
+@pytest.mark.parametrize("bend", ["hardening", "softening"])
+def test_sweeps_stay_on_their_branch_for_as_long_as_it_exists(mode, bend):
+    """Where two states are stable, the sweep that runs the way the resonance bends has the larger amplitude."""
+    law = Law("cubic", (1 if bend == "hardening" else -1) * 6 * UNIT / A_TOP**2)
+    structure = replace(mode, laws=(law,))
+    omega = OMEGA * (1 + np.linspace(-8 * XI, 8 * XI, 33))
+    one = np.zeros(33, int)
+    up, down = (plain_rows(one, np.full(33, 4.0), omega[::way], up=way > 0) for way in (1, -1))
+    rising, falling = true_record(structure, up)[0], true_record(structure, down)[0][::-1]
+    apart = np.abs(rising - falling) > 1e-6 * falling  # elsewhere both are the one state
+    assert 1 < np.count_nonzero(apart) < 20
+    assert np.all((rising > falling)[apart]) if bend == "hardening" else np.all((rising < falling)[apart])
+    assert np.all(np.diff(np.flatnonzero(apart)) == 1)
+
+
+def test_a_clipping_sensor_shows_the_clipped_sine(mode, rows):
+    """(2/pi)(asin r + r sqrt(1 - r^2)) of the amplitude, r = clip/A."""
+    clip = 0.4 * A_TOP
+    A = np.abs(phasor(mode, rows))
+    r = np.minimum(clip / A, 1.0)
+    expected = A * 2 / np.pi * (np.arcsin(r) + r * np.sqrt(1 - r**2))
+    # 256 samples of a sine with corners: (2 pi/256)^2
+    np.testing.assert_allclose(np.abs(phasor(mode, replace(rows, clip=clip))), expected, rtol=6e-4, atol=0)

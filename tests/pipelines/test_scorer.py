@@ -1,0 +1,252 @@
+"""The scorer on hand-made labels and answers whose figures are counted by hand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipelines.scorer import Figure, Goal, calibration_error, read_sealed, score
+from pipelines.scorer_output import confusion, goal_text, to_markdown, write_scores
+from pipelines.verdicts import Verdict, footprint_overlap, read_verdicts, verdict
+from selection.errors import InputError
+
+FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]
+
+
+def label(kind: str = "slip", family: str = "single", **changed: Any) -> dict[str, Any]:
+    """Two sweeps of three rows."""
+    effects = {"null": [], "pair": ["slip", "phase-lag"]}.get(family, [kind])
+    return {
+        "kind": kind,
+        "family": family,
+        "conditions": "clean",
+        "effects": effects,
+        "gap": 0.0 if family == "null" else 3.0,
+        "rows": 6,
+        "phase": True,
+        "sweep": ["A", "A", "A", "B", "B", "B"],
+        "frequency": FREQUENCIES,
+        "altered": {"amplitude": [1, 2, 4], "phase": [4]},
+        "nearest": None,
+        **changed,
+    }
+
+
+def answer(*effects: str, probability: float = 0.9, **changed: Any) -> dict[str, Any]:
+    """Those effects lead, displacement-velocity follows."""
+    explanations = [
+        {"effects": list(effects), "probability": probability},
+        {"effects": ["displacement-velocity"], "probability": 0.99 - probability},
+    ]
+    return {
+        "format": "gap/1",
+        "effects": list(effects),
+        "explanations": explanations,
+        "equivalents": [],
+        "unexplained": False,
+        "footprint": [],
+        "gap": {"held_out": {"shrinkage": 0.99}},
+        **changed,
+    }
+
+
+def figures(*cases: Verdict, **options: Any) -> dict[str, Figure]:
+    return {figure.name: figure for figure in score(cases, **options)}
+
+
+def test_the_answers_to_a_null_case_are_counted():
+    said = [answer(), answer("slip"), answer(unexplained=True), {"format": "gap/1", "error": "broken"}]
+    cases = [verdict(str(n), label("null:scatter", "null"), a) for n, a in enumerate(said)]
+    found = figures(*cases)
+    accused = found["null cases wrongly accused"]
+    assert (accused.measured, accused.cases, accused.met) == (0.5, 4, False)
+    # Clopper and Pearson's interval of 2 of 4 (tables: .0676 to .9324)
+    assert accused.low == pytest.approx(0.0676, abs=5e-5)
+    assert accused.high == pytest.approx(0.9324, abs=5e-5)
+    assert found["null cases wrongly accused: sweep-to-sweep scatter"].measured == 0.5
+    assert found["null cases wrongly accused: nothing changed"].measured is None
+    assert found["cases without an answer"].measured == 0.25
+    assert found["cases without an answer"].met is False
+
+
+def test_the_leading_class_is_counted_strictly_and_up_to_its_equivalents():
+    group = [["velocity-squared", "displacement-velocity"]]
+    cases = [
+        verdict("right", label(), answer("slip")),
+        verdict("equivalent", label("velocity-squared"), answer("displacement-velocity", equivalents=group)),
+        verdict("wrong", label(), answer("displacement-velocity", equivalents=group)),
+        verdict("too many", label(), answer("slip", "phase-lag")),
+        verdict("small", label(gap=0.9), answer("phase-lag")),
+        verdict("field", label(conditions="field"), answer("slip")),
+    ]
+    found = figures(*cases)
+    assert found["leading class right, gap >= 1 sigma, clean noise"].measured == 0.25
+    assert found["… or its stated equivalent, clean noise"].measured == 0.5
+    assert found["leading class right, gap >= 1 sigma, field conditions"].measured == 1.0
+    assert found["leading class right, gap >= 1 sigma, field conditions"].cases == 1
+
+
+def test_where_the_record_can_tell_is_counted_from_what_the_nearest_other_class_leaves():
+    """Twelve cells: 2 sigma each are 6.9 together, 1 sigma each 3.5."""
+    told = verdict("told", label(nearest={"effect": "phase-lag", "left": 2.0}), answer("slip"))
+    not_told = verdict("not", label(nearest={"effect": "phase-lag", "left": 1.0}), answer("phase-lag"))
+    assert told.apart == pytest.approx(2.0 * np.sqrt(12))
+    row = figures(told, not_told)["… where the nearest other class misses by >= 5 sigma, clean noise"]
+    assert (row.measured, row.cases) == (1.0, 1)
+
+
+def test_two_effects_may_be_matched_to_equivalents_in_any_order():
+    groups = [["slip", "coulomb-friction"], ["phase-lag", "residual-modes"]]
+    pair = label("pair:two-forces", "pair")
+    assert verdict("", pair, answer("residual-modes", "coulomb-friction", equivalents=groups)).right_or_equivalent
+    assert not verdict("", pair, answer("residual-modes", "displacement", equivalents=groups)).right_or_equivalent
+    assert not verdict("", pair, answer("slip", equivalents=groups)).right_or_equivalent
+
+
+def test_sets_and_confidence():
+    cases = [
+        verdict("in set", label("displacement-velocity"), answer("slip")),
+        verdict("sure and wrong", label(), answer("phase-lag", probability=0.97)),
+        verdict("sure but open", label(), answer("phase-lag", probability=0.97, unexplained=True)),
+        verdict("sure of a null", label("null:nothing", "null"), answer("slip", probability=0.96)),
+        verdict("outside", label("iwan", "outside", gap=2.5), answer("slip", probability=0.96)),
+        verdict("outside open", label("iwan", "outside", gap=4.5), answer("slip", unexplained=True)),
+    ]
+    found = figures(*cases)
+    assert found["true class in the 0.95 set, gap >= 1 sigma"].measured == pytest.approx(1 / 3)
+    assert found["mean size of the 0.95 set, clean noise"].measured == 2.0
+    assert found["confidently wrong, effect known or none"].measured == 0.5
+    assert found["confidently wrong, effect unknown"].measured == 0.5
+    assert found["unexplained: outside the library, gap >= 2 sigma"].measured == 0.5
+    assert found["unexplained: outside the library, gap >= 4 sigma"].measured == 1.0
+    assert found["unexplained though the effect is in the library, gap >= 1 sigma"].measured == pytest.approx(1 / 3)
+    assert found["gap >= 1 sigma detected"].measured == 1.0
+
+
+def test_pairs_are_named_when_both_are_among_the_effects():
+    pair = label("pair:two-forces", "pair")
+    cases = [
+        verdict("", pair, a) for a in (answer("phase-lag", "slip"), answer("slip"), answer("slip", "displacement"))
+    ]
+    assert figures(*cases)["both of a pair named: two forces"].measured == pytest.approx(1 / 3)
+
+
+def test_footprints_are_compared_cell_by_cell():
+    """Truly altered: rows 1, 2, 4 of the amplitude, row 4 of the phase."""
+    footprint = [
+        {"sweep": "A", "frequency_low": 1.1, "frequency_high": 1.2, "quantity": "amplitude", "size": 3.0},
+        {"sweep": "B", "frequency_low": 1.1, "frequency_high": 1.2, "quantity": "phase", "size": 2.0},
+    ]
+    assert footprint_overlap(label(), footprint) == pytest.approx(3 / 5)
+    assert footprint_overlap(label(), []) == 0.0
+    assert footprint_overlap(label(altered={"amplitude": [], "phase": []}), []) is None
+
+
+def test_held_out_shrinkage_counts_where_the_class_is_right():
+    def case(shrinkage: float | None, gap: float, *said: str) -> Verdict:
+        return verdict("", label(gap=gap), answer(*said, gap={"held_out": {"shrinkage": shrinkage}}))
+
+    cases = [
+        *(case(0.9 + n / 100, 3.0, "slip") for n in range(11)),
+        case(0.1, 3.0, "phase-lag"),
+        case(None, 3.0, "slip"),
+    ]
+    found = figures(*cases, case(0.85, 1.5, "slip"))
+    median = found["held-out shrinkage, class right, gap >= 2 sigma: median"]
+    assert (median.measured, median.cases) == (pytest.approx(0.95), 11)
+    assert median.low < 0.95 < median.high
+    assert found["held-out shrinkage, class right, gap >= 2 sigma: 10th percentile"].measured == pytest.approx(0.91)
+    assert found["held-out shrinkage, class right, gap 1-2 sigma: 10th percentile"].measured == pytest.approx(0.85)
+
+
+def test_calibration_error_is_the_mean_misfit_of_ten_bins():
+    """Bins .9-1: mean .95, 1 of 2 right; .6-.7: .6, right. (2 |.5 - .95| + |1 - .6|)/3."""
+    pairs = np.array([[0.92, 1.0], [0.98, 0.0], [0.6, 1.0]])
+    assert calibration_error(pairs) == pytest.approx((2 * 0.45 + 0.4) / 3)
+    assert calibration_error(np.array([[1.0, 1.0]])) == 0.0
+
+
+def test_processor_time_is_that_of_the_answers_or_of_the_whole():
+    typical = verdict("", label(rows=150), answer("slip", cpu_seconds=1.5))
+    small = verdict("", label(rows=60), answer("slip", cpu_seconds=0.1))
+    name = "processor time per case of 120 to 180 points, s"
+    assert figures(typical, small, processor_seconds=10.0)[name].measured == 1.5
+    silent = verdict("", label(rows=150), answer("slip"))
+    assert figures(silent, silent, processor_seconds=10.0)["processor time per case, all of it, s"].measured == 5.0
+
+
+def test_labels_changed_after_the_sealing_are_refused(tmp_path):
+    content = json.dumps({"cases": {"one": label()}}).encode()
+    labels = tmp_path / "labels.sealed.json"
+    labels.write_bytes(content)
+    sealed = hashlib.sha256(content).hexdigest()
+    assert read_sealed(labels, tmp_path, sealed)[0].said is None  # no answer is a failed one
+    labels.write_bytes(content.replace(b"slip", b"iwan"))
+    with pytest.raises(InputError, match="sealed"):
+        read_sealed(labels, tmp_path, sealed)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format": "rank/1"}'])
+def test_an_answer_of_another_form_is_refused(tmp_path, text):
+    (tmp_path / "one.json").write_text(text)
+    with pytest.raises(InputError, match=r"one\.json"):
+        read_verdicts({"cases": {"one": label()}}, tmp_path)
+
+
+def test_confusion_counts_every_case_once():
+    cases = [
+        verdict("", label("null:nothing", "null"), answer()),
+        verdict("", label(), answer("slip")),
+        verdict("", label(), answer("phase-lag")),
+        verdict("", label(gap=0.5), answer("slip")),
+        verdict("", label("iwan", "outside"), answer("slip", unexplained=True)),
+        verdict("", label("pair:two-forces", "pair"), answer("phase-lag", "slip")),
+        verdict("", label("pair:two-forces", "pair"), {"format": "gap/1", "error": "broken"}),
+    ]
+    matrix = confusion(cases)
+    assert list(matrix.index) == ["null:nothing", "slip", "pair:two-forces", "iwan"]
+    assert matrix.to_numpy().sum() == 6
+    assert matrix.loc["null:nothing", "none"] == 1
+    assert matrix.loc["slip", "slip"] == 1
+    assert matrix.loc["slip", "phase-lag"] == 1
+    assert matrix.loc["iwan", "unexplained"] == 1
+    assert matrix.loc["pair:two-forces", "both of the pair"] == 1
+    assert matrix.loc["pair:two-forces", "no answer"] == 1
+
+
+def test_goals_read_as_they_are_meant():
+    assert goal_text(Goal(high=0.01), True) == "<= 1 %"
+    assert goal_text(Goal(0.94, 0.98), True) == "94-98 %"
+    assert goal_text(Goal(high=1.5), False) == "<= 1.5"
+    assert goal_text(Goal(), True) == ""
+    assert Goal(0.94, 0.98).met(0.95)
+    assert not Goal(0.94, 0.98).met(0.99)
+    assert Goal().met(0.5) is None
+
+
+def test_everything_is_written(tmp_path: Path):
+    cases = [verdict("", label(), answer("slip")), verdict("", label("null:nothing", "null"), answer())]
+    cases.append(replace(cases[0], probability=0.7, iou=0.5))
+    figures = score(cases)
+    write_scores(tmp_path, figures, cases)
+    names = {
+        "table.csv",
+        "table.md",
+        "confusion.csv",
+        *(f"{n}.{e}" for n in ("table", "confusion") for e in ("svg", "png")),
+    }
+    assert {path.name for path in tmp_path.iterdir()} == names
+    table = pd.read_csv(tmp_path / "table.csv")
+    assert list(table["figure"]) == [figure.name for figure in figures]
+    assert to_markdown(figures).count("\n") == len(figures) + 2
+    again = tmp_path / "again"
+    write_scores(again, score(cases), cases)
+    for name in names - {"table.png", "confusion.png"}:
+        assert (again / name).read_bytes() == (tmp_path / name).read_bytes()
