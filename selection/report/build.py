@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import pandas as pd
 
 from selection.plots.style import to_svg
+from selection.report.chapters import chapter_parts
 from selection.report.figures import Drawn, record_figures
-from selection.report.page import Footer, Section, page
+from selection.report.page import Footer, page
+from selection.report.part import Part
 from selection.report.results import StudyResult
 from selection.report.sections import study_sections
 from selection.report.sections.common import file_stem
@@ -26,20 +28,15 @@ class Rendered:
     figures: dict[str, str]
 
 
-@dataclass(frozen=True)
-class Part:
-    """A further section with the figures (SVG) and tables that belong to it, by the names of their files."""
-
-    section: Section
-    figures: Mapping[str, str] = field(default_factory=dict)
-    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
-
-
 def render(study: StudyResult, further: Sequence[Part] = ()) -> Rendered:
-    """Render a study; equal studies give equal text. ``further``: parts to add to the page, before the cautions."""
+    """Render a study; equal studies give equal text.
+
+    ``further``: parts to add to the page, before the cautions and after the chapters of the source report.
+    """
     figures, tables = _figures(study), _tables(study)
-    sections = study_sections(study, figures, [part.section for part in further])
-    for part in further:
+    parts = [*(chapter_parts(study.chapters, figures) if study.chapters else ()), *further]
+    sections = study_sections(study, figures, [part.section for part in parts])
+    for part in parts:
         figures |= part.figures
         tables |= part.tables
     footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)

@@ -16,6 +16,8 @@ from selection.posterior.sampling import Posterior
 from selection.records.mode import Mode
 from selection.records.record import Record
 from selection.regression.power_law import PowerLaw
+from selection.reproduction.chapter_3_study import Chapter3
+from selection.reproduction.studies import Studies
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,26 @@ class RecordResult:
 
 
 @dataclass(frozen=True)
+class ChapterResults:
+    """The chapters of the source report recomputed.
+
+    Attributes:
+        studies: of chapters II, IV and V. chapter_3: of chapter III. tables: of the report beside ours, by name, those
+            of ``selection.report.sections.source.KNOWN``.
+    """
+
+    studies: Studies
+    chapter_3: Chapter3
+    tables: Mapping[str, pd.DataFrame]
+
+
+@dataclass(frozen=True)
 class StudyResult:
     """A whole study.
 
     Attributes:
         inputs: file name to SHA-256. versions: package to version. tables: further tables by name (regressions,
-            reproduction, errata, ...), each written as CSV. seconds: time the computation took.
+            reproduction, errata, ...), each written as CSV. chapters: where the study is of the source report.
     """
 
     title: str
@@ -67,3 +83,4 @@ class StudyResult:
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
     tables: Mapping[str, pd.DataFrame]
+    chapters: ChapterResults | None = None

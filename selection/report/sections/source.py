@@ -92,10 +92,11 @@ _ORDER = tuple(KNOWN)
 
 
 def source(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The section; none where the study has no further tables."""
-    if not study.tables:
+    """The section: all further tables, or those that the chapters of the source report do not show; maybe none."""
+    left = [name for name in study.tables if study.chapters is None or name not in KNOWN]
+    if not left:
         return []
-    names = sorted(study.tables, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
+    names = sorted(left, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
     blocks: list[Block] = []
     for name in names:
         known = KNOWN.get(name, Known(name.replace("_", " ").capitalize(), ""))
@@ -110,6 +111,11 @@ def source(study: StudyResult, svgs: Svgs) -> list[Section]:
     return [Section("source", "Beside the source report", blocks)]
 
 
+def known_table(name: str, frame: pd.DataFrame) -> list[Block]:
+    """A table that is known by name with what it says, folded where it is long."""
+    return _table(name, frame, KNOWN[name])
+
+
 def _table(name: str, frame: pd.DataFrame, known: Known) -> list[Block]:
     """A table, folded where it is long; errata that change results come first and stay open."""
     shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
@@ -121,4 +127,4 @@ def _table(name: str, frame: pd.DataFrame, known: Known) -> list[Block]:
     if len(shown) <= MOST_ROWS:
         return [Table(shown, known.said or known.title, key=name)]
     said = [Text(known.said)] if known.said else []
-    return [*said, Fold(f"All {len(shown)} rows", [Table(shown, known.title, key=name)])]
+    return [*said, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]

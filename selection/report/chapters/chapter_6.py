@@ -1,0 +1,63 @@
+"""Chapter VI in the report: every damping force of section 6.1 beside ours, and whether it reproduces the tests."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from selection.report.chapters.common import Figures, figure, part
+from selection.report.page import Block, Text
+from selection.report.part import Part
+from selection.report.results import ChapterResults
+from selection.report.sections.source import known_table
+from selection.report.words import joined, percent
+from selection.reproduction.force_laws import REPRODUCES, VERSIONS
+
+
+def chapter_6(results: ChapterResults, figures: Figures) -> Part:
+    """The part: the summary of section 6.1."""
+    laws = results.tables["section_6_1"]
+    blocks: list[Block] = [
+        Text(
+            "Section 6.1 sums up the damping forces that the report derives for both configurations. Each stands here "
+            "three times: as printed, by the report's own method from the corrected tables, and fitted by this study "
+            "with its 90 per cent credible interval."
+        ),
+        Text(" ".join(_tests(laws))),
+        figure(figures, "section-6-1", 6),
+        *known_table("section_6_1", laws),
+        *known_table("section_6_1_errors", results.tables["section_6_1_errors"]),
+    ]
+    return part(6, "Chapter VI: the forces of section 6.1", blocks, {})
+
+
+def _tests(laws: pd.DataFrame) -> list[str]:
+    """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
+    each = laws.drop_duplicates(["configuration", "mode", "equation"])
+    counts = [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS]
+    inside = int(laws["printed_in_interval"].sum())
+    said = [
+        f"Of {len(each)} laws {counts[0]} as printed, {counts[1]} recomputed and {counts[2]} of ours give every tested "
+        f"resonant amplitude within {REPRODUCES:g} per cent; {inside} of the {len(laws)} printed numbers lie inside "
+        "our intervals."
+    ]
+    worst = each[~each["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
+    if len(worst):
+        failing = joined(
+            f"{one['equation']} (configuration {one['configuration']}, mode {one['mode']}: "
+            f"{percent(one['printed_percent_resonance'])} per cent{_known(one['erratum'])})"
+            for one in worst.to_dict("records")
+        )
+        said.append(f"Printed laws that do not, with their largest error: {failing}.")
+    viscous = each[each["law"] == "viscous"]
+    failing_too = int((~viscous["printed_reproduces"]).sum())
+    levels = viscous[viscous["configuration"] == "II"]
+    said.append(
+        f"{failing_too} of the {len(viscous)} printed laws of viscous damping alone are among them; of Configuration "
+        f"II, with three levels, {int(levels['ours_reproduces'].sum())} of {len(levels)} do better with a coefficient "
+        "of ours."
+    )
+    return said
+
+
+def _known(erratum: str) -> str:
+    return f", erratum {erratum}" if erratum else ""

@@ -1,0 +1,112 @@
+"""What every chapter needs: its figures and tables by name, and how well its printed numbers come out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from selection.plots.chapter_figures import ChapterFigure
+from selection.plots.style import to_svg
+from selection.report.page import Block, FigureBlock, Fold, Section, Table
+from selection.report.part import Part
+from selection.report.words import count, joined
+
+#: Figures of the chapters by name, not yet drawn.
+Figures = Mapping[str, ChapterFigure]
+#: Agreement of a printed number with its recomputation, best first, in words.
+AGREEMENTS = {
+    "printed digits": "come out to the printed digits",
+    "last digit": "to one unit of the last digit",
+    "0.5 per cent": "within 0.5 per cent",
+    "2 per cent": "within 2 per cent",
+    "no": "not within 2 per cent",
+}
+
+
+@dataclass(frozen=True)
+class ChapterFigureBlock(FigureBlock):
+    """A figure of a chapter; ``file`` names its SVG file, without the ending."""
+
+    file: str = ""
+
+
+def figure(figures: Figures, name: str, chapter: int) -> ChapterFigureBlock:
+    """Draw a figure; its caption starts with its number in the source report, where it has one."""
+    one = figures[name]
+    file = f"chapter-{chapter}-{one.name}"
+    numbers = one.counterpart.split(", ")
+    head = (
+        f"Fig{'s' * (len(numbers) > 1)}. {joined(numbers)} redrawn: {_lowered(one.title)}" if numbers[0] else one.title
+    )
+    svg = to_svg(one.draw(), file, one.title, one.description)
+    return ChapterFigureBlock(svg, f"{head}. {one.description}", file)
+
+
+def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> Part:
+    """The section of a chapter with the figures in its blocks and its tables under the names of their files."""
+    section = Section(f"chapter-{chapter}", title, blocks)
+    return Part(section, dict(_figures_in(blocks)), {file_of(chapter, name): frame for name, frame in tables.items()})
+
+
+def table(
+    chapter: int, name: str, frame: pd.DataFrame, caption: str, headings: Mapping[str, str] | None = None
+) -> Table:
+    """A table whose whole is in the chapter's CSV file of that name; ``frame`` may be a part of it."""
+    return Table(frame, caption, headings=headings or {}, key=file_of(chapter, name))
+
+
+def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
+    """The one row of a table in which the columns named have these values."""
+    chosen = np.logical_and.reduce([(frame[name] == value).to_numpy() for name, value in where.items()])
+    assert chosen.sum() == 1, f"{chosen.sum()} rows with {where}"
+    return frame.iloc[int(chosen.argmax())]
+
+
+def folded(summary: str, *blocks: Block) -> Fold:
+    """Blocks behind a line."""
+    return Fold(summary, blocks)
+
+
+def file_of(chapter: int, name: str) -> str:
+    """Name of the file of a chapter's table, without its ending."""
+    return f"chapter_{chapter}_{name}"
+
+
+def of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFrame:
+    """Rows of the reproduction whose id is of a chapter: the first digit of ``tab4II`` or ``eq4110`` says which."""
+    return reproduction[reproduction["id"].map(chapter_of) == chapter]
+
+
+def chapter_of(identity: str) -> int:
+    """Chapter of an id."""
+    found = re.search(r"\d", identity)
+    assert found, f"{identity} names no chapter"
+    return int(found[0])
+
+
+def agreement_text(reproduction: pd.DataFrame) -> str:
+    """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
+    counts = reproduction["agreement"].value_counts()
+    said = joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
+    known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
+    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {said}."
+    if known.empty:
+        return text
+    return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
+
+
+def _figures_in(blocks: Iterable[Block]) -> Iterable[tuple[str, str]]:
+    for block in blocks:
+        if isinstance(block, ChapterFigureBlock):
+            yield block.file, block.svg
+        elif isinstance(block, Fold):
+            yield from _figures_in(block.blocks)
+
+
+def _lowered(title: str) -> str:
+    return title[:1].lower() + title[1:]
