@@ -1,19 +1,59 @@
-"""Tables of the Saturn V report beside their recomputation, for the study of it: everything is computed elsewhere."""
+"""Chapters and tables of the Saturn V report beside their recomputation: everything is computed elsewhere."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from concurrent.futures import Executor, Future
+from dataclasses import asdict, dataclass
 
 import pandas as pd
 
+from pipelines.progress import progress
 from selection.compare.ranking import Ranking
 from selection.records.report_tables import load_errata
+from selection.report.results import ChapterResults
+from selection.reproduction.chapter_3_study import Chapter3, chapter_3_results
 from selection.reproduction.force_laws import section_6_1, section_6_1_errors
 from selection.reproduction.linear_coefficients import linear_coefficients
 from selection.reproduction.power_laws import power_laws, section_4_3_example
 from selection.reproduction.regressions import regression_deviations, regressions
 from selection.reproduction.reproduce import reproduce
+from selection.reproduction.studies import Studies, studies
+
+
+@dataclass(frozen=True)
+class StartedChapters:
+    """Studies of the chapters under way in other processes."""
+
+    studies: Future[Studies]
+    chapter_3: Future[Chapter3]
+
+
+def start_chapters(pool: Executor, seed: int) -> StartedChapters:
+    """Start what needs no ranking, beside whatever else the study does."""
+    return StartedChapters(pool.submit(compute_studies, seed), pool.submit(compute_chapter_3, seed))
+
+
+def finish_chapters(started: StartedChapters, rankings: Mapping[str, Ranking]) -> ChapterResults:
+    """Wait for the chapters and set the report's tables beside them; ``rankings`` as for ``source_tables``."""
+    with progress("source report", 3) as done:
+        tables = source_tables(rankings)
+        done("tables")
+        found = started.studies.result()
+        done("chapters II, IV, V")
+        chapter_3 = started.chapter_3.result()
+        done("chapter III")
+    return ChapterResults(found, chapter_3, tables)
+
+
+def compute_studies(seed: int) -> Studies:
+    """Chapters II, IV and V; here so that another process that looks for it imports ``pipelines`` before numpy."""
+    return studies(seed)
+
+
+def compute_chapter_3(seed: int) -> Chapter3:
+    """Chapter III; here for the same reason."""
+    return chapter_3_results(seed)
 
 
 def source_tables(rankings: Mapping[str, Ranking]) -> dict[str, pd.DataFrame]:

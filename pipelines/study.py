@@ -7,19 +7,19 @@ import importlib.metadata
 import platform
 import shutil
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from pipelines.checkpoint import checkpoint_in
 from pipelines.extrapolate import LEAST_WEIGHT, sample_candidate
 from pipelines.progress import Advance, progress
 from pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
+from pipelines.source_tables import finish_chapters, start_chapters
 from pipelines.study_output import write_study
 from selection import __version__
 from selection.compare.candidates import candidate_laws
@@ -101,10 +101,16 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
 
 
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
-    """The whole computation: rankings, posteriors, predictions, and the tables of the source report if asked for."""
-    rankings = _rank(inputs, settings.seed)
-    plans = _plan(inputs, settings.seed)
-    sampled = _sample([*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)])
+    """The whole computation: rankings, posteriors, predictions, and the chapters of the source report if asked for."""
+    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
+    with ProcessPoolExecutor(max_workers=cpu_count(), mp_context=get_context("spawn")) as pool:
+        started = start_chapters(pool, settings.seed) if settings.source_report else None
+        rankings = _rank(inputs, settings.seed)
+        plans = _plan(inputs, settings.seed)
+        tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
+        sampled = _sample(pool, tasks)
+        named = {one.settings.name: ranking for one, ranking in zip(inputs, rankings, strict=True)}
+        chapters = finish_chapters(started, named) if started else None
     records = tuple(
         _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
         for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
@@ -116,7 +122,8 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         records=records,
         inputs=digests,
         versions=versions(),
-        tables=_source_tables(settings, {one.settings.name: r for one, r in zip(inputs, rankings, strict=True)}),
+        tables=chapters.tables if chapters else {},
+        chapters=chapters,
     )
 
 
@@ -173,7 +180,7 @@ def _load_tasks(settings: StudySettings, inputs: list[Input], plans: list[Plan |
                 yield Task(number, law, plan.data, forces, settings.level, settings.seed, False, True, chains)
 
 
-def _sample(tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
+def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
     """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first.
 
     Tasks whose chains would be the same (a record of peaks has all its rows at resonance) are run once.
@@ -181,11 +188,7 @@ def _sample(tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
     keys = [chain_key(task) for task in tasks]
     runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
     results: dict[str, LawPosterior] = {}
-    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
-    with (
-        progress("sampling", len(runs)) as done,
-        ProcessPoolExecutor(max_workers=cpu_count(), mp_context=get_context("spawn")) as pool,
-    ):
+    with progress("sampling", len(runs)) as done:
         futures = {pool.submit(sample_law, task): key for key, task in runs.items()}
         for future in as_completed(futures):
             law = results[futures[future]] = future.result()
@@ -272,12 +275,3 @@ def _power_laws(data: Observations) -> tuple[PowerLaw, ...]:
         return (fit_power_law(F, A, omega), fit_power_law(F, A, omega, "displacement-velocity-power"))
     except AnalysisError:
         return ()
-
-
-def _source_tables(settings: StudySettings, rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
-    """Tables of the source report beside their recomputation, where the study is of it."""
-    if not settings.source_report:
-        return {}
-    from pipelines.source_tables import source_tables  # noqa: PLC0415 - only the Saturn V study needs the report
-
-    return source_tables(rankings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 from collections.abc import Mapping
@@ -10,6 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import arviz
+import pandas as pd
+
+from pipelines.chapter_output import chapters_summary, planar_data, rows
 from pipelines.extrapolate import loads_form
 from pipelines.rank import rank_form
 from pipelines.store import plain, to_json, write_bytes
@@ -42,7 +45,14 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     for record in study.records:
         for law in record.posteriors:
-            files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = netcdf(law, record)
+            data = inference_data(law.posterior, record.data)
+            files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = to_netcdf(data)
+    if study.chapters:
+        for known in study.chapters.chapter_3.posteriors.values():
+            if known.posterior:
+                files[f"posterior/chapter-3--{slug(f'{known.data} {known.variant}')}.nc"] = to_netcdf(
+                    planar_data(known)
+                )
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
     files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
     files["summary.json"] = to_json(summary(study)).encode()
@@ -55,11 +65,11 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
 
 
-def netcdf(law: LawPosterior, record: RecordResult) -> bytes:
+def to_netcdf(data: arviz.InferenceData) -> bytes:
     """A posterior as ArviZ netCDF."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "posterior.nc"
-        inference_data(law.posterior, record.data).to_netcdf(str(path))
+        data.to_netcdf(str(path))
         return path.read_bytes()
 
 
@@ -76,19 +86,18 @@ def summary(study: StudyResult) -> dict[str, Any]:
         "reproduction": _rows(study.tables, "reproduction", _REPRODUCTION),
         "section_6_1": _rows(study.tables, "section_6_1"),
         "errata": _rows(study.tables, "errata"),
+        "chapters": chapters_summary(study.chapters) if study.chapters else None,
     }
 
 
 _REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
 
 
-def _rows(tables: Mapping[str, Any], name: str, columns: tuple[str, ...] | None = None) -> list[Any]:
-    """A table as a list of rows."""
+def _rows(tables: Mapping[str, pd.DataFrame], name: str, columns: tuple[str, ...] | None = None) -> list[Any]:
+    """A table as a list of rows, empty where there is none."""
     if name not in tables:
         return []
-    table = tables[name] if columns is None else tables[name][list(columns)]
-    rows: list[Any] = json.loads(table.to_json(orient="records", double_precision=15))
-    return rows
+    return rows(tables[name] if columns is None else tables[name][list(columns)])
 
 
 def _record(record: RecordResult) -> dict[str, Any]:
