@@ -104,8 +104,8 @@ AGREEMENT: dict[str, tuple[Force, float, float]] = {
     # amplitude falls to nothing in finite time, ln A ever faster: third derivative again
     "coulomb": (Sum((Coulomb(1.0), Viscous(0.3))), 8e-3, 6e-4),
     # a joint with 0.04 of the stiffness: the energy of a mode that stiffens as it decays is no M omega^2 A^2/2, an
-    # error of that order where most of the joint's stiffness comes back; and a level of 0.3 in ln A about the limit, where
-    # dC/d ln A jumps from 0.6 to 2.6 at C = 0.6, gives the middle of the level 0.3/8 of that jump too much: 0.07 at most
+    # error of that order where most of the joint's stiffness comes back; and a level of 0.3 in ln A about the limit,
+    # where dC/d ln A jumps from 0.6 to 2.6 at C = 0.6, gives its middle 0.3/8 of that jump too much, 0.07 at most
     "slip": (Sum((Slip(8.0, 0.2), Viscous(0.3))), 7e-2, 3e-4),
     # d omega/d ln A is 0.04 of omega; the energy has k3 A^3/4 where the loss of action has 3/8
     "cubic-stiffness": (Sum((CubicStiffness(20.0), Viscous(0.8))), 1e-2, 3e-4),

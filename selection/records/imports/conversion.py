@@ -12,7 +12,7 @@ from selection.records.imports.quantity import SYSTEMS, Unit, unit
 from selection.records.imports.series import RESPONSES, SCALINGS, Found, Stated
 from selection.records.imports.summary import Summary
 
-_STATED, _FOUND, _FOLLOWS = "stated", "found in the file", "follows"
+_STATED, _FOUND, _FOLLOWS, _OF_ROLE = "stated", "found in the file", "follows", "of the role, or found in the file"
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def scaling(found: Found, stated: Stated, file: str, summary: Summary) -> float:
         )
     if name not in SCALINGS:
         raise InputError(f"scaling {name!r}", expected=" or ".join(SCALINGS))
-    summary.add("amplitudes", name, _STATED if stated.scaling else "of the role")
+    summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
     return SCALINGS[name]
 
 

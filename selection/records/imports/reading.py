@@ -55,9 +55,10 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
     found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip)
     numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
-    for role in numbers:
-        whence = "stated" if stated.columns else "by its name"
-        summary.add(f"column {shortened(found.names[role])!r}", f"{role}: {ROLES[role]}", whence)
+    for role, name in found.names.items():
+        if role in numbers or role == "sweep":
+            whence = "stated" if stated.columns else "by its name"
+            summary.add(f"column {shortened(name)!r}", f"{role}: {ROLES[role]}", whence)
     units: dict[str, str] = {}
     for role, text in found.units.items():
         if role in numbers and role in _UNIT_OF:

@@ -16,13 +16,13 @@ import numpy as np
 
 from selection.arrays import FloatArray
 from selection.errors import InputError
-from selection.records.imports.quantity import unit
 from selection.records.imports.series import Found, Samples, Series
 from selection.records.imports.summary import Summary
-from selection.records.imports.uff_blocks import Axis, Block, Header, blocks, header
+from selection.records.imports.uff_axes import abscissa, units
+from selection.records.imports.uff_blocks import Block, Header, blocks, header
 from selection.records.imports.uff_values import binary_form, values
+from selection.records.imports.uff_write import PEAK
 from selection.records.text import shortened
-from selection.units import RAD_S_PER_HZ
 
 _FUNCTIONS = {
     0: "general",
@@ -39,16 +39,6 @@ _FUNCTIONS = {
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-#: Length and force of the units codes of data set 164 that need no factors.
-_UNIT_CODES = {
-    1: ("m", "N"),
-    2: ("ft", "lbf"),
-    3: ("m", "kgf"),
-    5: ("mm", "mN"),
-    7: ("in", "lbf"),
-    8: ("mm", "kgf"),
-} | {10: ("mm", "N")}
-_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 _TIME, _FREQUENCY = 17, 18
 _MOST_LISTED = 12
 
@@ -209,50 +199,17 @@ def _series(one: _Set, data: bytes, file: str | Path, summary: Summary) -> Serie
         summary.note(f"data set {one.number}: response and reference directions are opposite ({along}, {against})")
     return Series(
         label=head.title or f"set {one.number}",
-        abscissa=_abscissa(x, head.abscissa, one.is_time, file, summary),
+        abscissa=abscissa(x, head.abscissa, one.is_time, file, summary),
         response=y,
         is_time=one.is_time,
         has_phase=bool(np.iscomplexobj(y)),
-        found=Found(response or None, per_force=head.function == 4, units=_units(one, summary)),
+        found=Found(
+            response or None,
+            per_force=head.function == 4,
+            scaling="peak" if PEAK in head.notes else None,
+            units=units(head, one.quantity, one.per, one.units_code, summary),
+        ),
     )
-
-
-def _abscissa(x: FloatArray, axis: Axis, is_time: bool, file: str | Path, summary: Summary) -> FloatArray:
-    """Abscissa in Hz or s."""
-    if is_time:
-        found = unit(axis.unit or "s", what="unit of time")
-        if found.powers != (0, 0, 1):
-            raise InputError(f"time in {axis.unit!r}", file=file, expected="a unit of time")
-        summary.add("time", found.text, "found in the file" if axis.unit else "of the format")
-        return x * found.factor
-    name = axis.unit.lower()
-    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
-    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
-    if name not in factors:
-        raise InputError(
-            f"frequency in {axis.unit!r}", file=file, expected=f"one of {', '.join(filter(None, factors))}"
-        )
-    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
-    return x * factors[name]
-
-
-def _units(one: _Set, summary: Summary) -> dict[str, str]:
-    """Labels of the units; where there are none, the units code of data set 164."""
-    head, found = one.header, {}
-    if head.numerator.unit:
-        found["force" if one.is_force else "response"] = head.numerator.unit
-    if head.function == 4 and head.denominator.unit:
-        found["force"] = head.denominator.unit
-    if one.units_code in _UNIT_CODES:
-        length, force = _UNIT_CODES[one.units_code]
-        if one.quantity in _PER_TIME and "response" not in found:
-            found["response"] = length + _PER_TIME[one.quantity]
-            summary.note(f"units code {one.units_code} of data set 164 gives {length} and {force}")
-        if "force" in (one.quantity, one.per):
-            found.setdefault("force", force)
-    elif one.units_code:
-        summary.note(f"units code {one.units_code} of data set 164 is not used: it names no units")
-    return found
 
 
 def _labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
@@ -283,11 +240,16 @@ def _forces(
 ) -> Iterator[tuple[FloatArray, Samples, dict[str, str]]]:
     for one in forces:
         x, y = values(data, one.block, one.header, file)
-        yield _abscissa(x, one.header.abscissa, one.is_time, file, summary), y, _units(one, summary)
+        head = one.header
+        yield (
+            abscissa(x, head.abscissa, one.is_time, file, summary),
+            y,
+            units(head, one.quantity, one.per, one.units_code, summary),
+        )
 
 
 def _joined(one: Series, force: tuple[FloatArray, Samples, dict[str, str]], found: _Set, file: str | Path) -> Series:
-    x, y, units = force
+    x, y, named = force
     if len(x) != len(one.abscissa) or not np.allclose(x, one.abscissa, rtol=1e-4, atol=0.0):
         raise InputError(
             f"the force of data set {found.number} is at other abscissas than response {one.label!r}",
@@ -295,5 +257,5 @@ def _joined(one: Series, force: tuple[FloatArray, Samples, dict[str, str]], foun
             line=found.block.line,
             expected="the same frequencies",
         )
-    known = dict(one.found.units) | ({"force": units["force"]} if "force" in units else {})
+    known = dict(one.found.units) | ({"force": named["force"]} if "force" in named else {})
     return replace(one, force=y, found=replace(one.found, units=known))

@@ -48,9 +48,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Header:
-    """Fields of the header of a data set 58."""
+    """Fields of the header of a data set 58; ``title`` is the first ID line, ``notes`` are the others."""
 
     title: str
+    notes: tuple[str, ...]
     function: int
     response_point: tuple[int, int]
     reference_point: tuple[int, int]
@@ -155,6 +156,7 @@ def header(block: Block, file: str | Path) -> Header:
         raise InputError(f"{points} points", file=file, line=block.line + 7, expected="at least one")
     return Header(
         title=_text(lines[0], 0, 80),
+        notes=tuple(_text(line, 0, 80) for line in lines[1:5]),
         function=origin.integer(0, 5, required=True),
         response_point=(origin.integer(41, 51), origin.integer(51, 55)),
         reference_point=(origin.integer(66, 76), origin.integer(76, 80)),

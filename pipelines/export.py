@@ -1,0 +1,258 @@
+"""``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet, figures."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import pandas as pd
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from pipelines.store import write_bytes, write_text
+from pipelines.tables import console
+from selection.errors import InputError
+from selection.records.imports.quantity import SYSTEMS
+from selection.records.imports.systems import convert_mode, convert_record, factors
+from selection.records.imports.uff_write import uff
+from selection.records.mode import Mode, Units, mode_to_toml, read_mode
+from selection.records.reading import read_record
+from selection.records.record import Record
+from selection.records.serialise import record_to_csv
+from selection.records.text import DEFAULT_MAX_SIZE, read_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Largest ranking or loads form that is read, bytes (a form of a hundred candidates takes 50 000).
+MAX_FORM_SIZE = 10_000_000
+_UFF = (".uff", ".unv")
+_EXPECTED = "a name ending in .uff, .unv, .csv or .parquet"
+
+
+def export(
+    source: Path,
+    out: Path,
+    *,
+    units: str | None = None,
+    given: str | None = None,
+    mode: Path | None = None,
+    mode_out: Path | None = None,
+    text: bool = False,
+    max_size: int = DEFAULT_MAX_SIZE,
+) -> None:
+    """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
+
+    Args:
+        source: a record (CSV) or a form (JSON, by its first character).
+        out: ``.uff`` or ``.unv`` (records alone), ``.csv`` or ``.parquet``.
+        units: ``si`` or ``us``: convert the record (and the mode); None: as it is.
+        given: ``si`` or ``us``: the units the record is in, where no mode names them.
+        mode: mode whose ``[units]`` are those of the record.
+        mode_out: where the converted mode goes.
+        text: values of a universal file as text, not as bytes.
+
+    Raises:
+        InputError: bad options, a file that cannot be read, or units that are not known.
+        AnalysisError: a record that a universal file cannot hold, or a mode that cannot be converted.
+    """
+    kind = out.suffix.lower()
+    if kind not in (*_UFF, ".csv", ".parquet"):
+        raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)
+    if out.resolve() in [path.resolve() for path in (source, mode) if path is not None]:
+        raise InputError("--out is a file that is read", file=out, expected="another file")
+    if read_bytes(source, max_size).lstrip()[:1] == b"{":
+        if kind in _UFF or units or mode_out:
+            raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
+        _write_table(form_table(source, max_size), out)
+        return
+    record = read_record(source, max_size=max_size)
+    described = read_mode(mode) if mode else None
+    names = _names(described, given)
+    notes: list[str] = []
+    if units is not None:
+        by = factors(names, units, source=str(mode or source))
+        record, notes = convert_record(record, by)
+        names = Units(*SYSTEMS[units], "s")
+        described = None if described is None else convert_mode(described, by, units)
+    if mode_out is not None:
+        _write_mode(described, units, mode_out)
+    _write_record(record, names, out, notes, text=text)
+
+
+def _names(mode: Mode | None, given: str | None) -> Units:
+    """Units of the record: as stated, else of its mode."""
+    if given is None:
+        return mode.units if mode else Units()
+    if given not in SYSTEMS:
+        raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
+    return Units(*SYSTEMS[given], "s")
+
+
+def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
+    if mode is None or units is None:
+        raise InputError("--mode-out without a mode to convert", file=out, expected="--mode MODE.toml and --units")
+    write_text(out, mode_to_toml(mode))
+
+
+def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
+    if out.suffix.lower() in _UFF:
+        content, lost = uff(record, names.length, names.force, binary=not text)
+        write_bytes(out, content)
+        notes = [*notes, *lost]
+    else:
+        _write_table(record.table, out)
+    show = console()
+    show.print(f"{len(record)} rows written to {out}, {names}", highlight=False, markup=False)
+    for note in notes:
+        show.print(f"- {note}", highlight=False, markup=False)
+
+
+def _write_table(table: pd.DataFrame, out: Path) -> None:
+    if out.suffix.lower() == ".parquet":
+        write_bytes(out, to_parquet(table))
+    else:
+        write_text(out, record_to_csv(table))
+
+
+def to_parquet(table: pd.DataFrame) -> bytes:
+    """A table as a Parquet file."""
+    buffer = io.BytesIO()
+    table.to_parquet(buffer, engine="pyarrow", index=False)
+    return buffer.getvalue()
+
+
+def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
+    """A figure as a PNG image, the same bytes for the same figure."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Value(_Part):
+    value: float | None = None
+    std_error: float | None = None
+    t_ratio: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class _Force(BaseModel):
+    """A force of a candidate: its coefficient, and its shape parameters by name as further keys."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, _Value | float | str | None]
+
+    name: str
+    coefficient: float | None = None
+    std_error: float | None = None
+    t_ratio: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+    def parameters(self) -> dict[str, _Value]:
+        """The coefficient, then the shape parameters."""
+        own = _Value(value=self.coefficient, **{name: getattr(self, name) for name in _ERRORS})
+        return {"coefficient": own, **{k: v for k, v in self.__pydantic_extra__.items() if isinstance(v, _Value)}}
+
+
+_ERRORS = ("std_error", "t_ratio", "low", "high")
+
+
+class _Candidate(_Part):
+    rank: int | None
+    name: str
+    forces: list[_Force]
+    score: float | None = None
+    weight: float | None = None
+    held_out_error: float | None = None
+    average_absolute_percent: float | None = None
+    physical: bool | None = None
+    cautions: list[str] = []
+
+
+class _Rank(_Part):
+    format: Literal["rank/1"]
+    criterion: str
+    models: Annotated[list[_Candidate], Field(min_length=1)]
+
+
+class _Member(_Part):
+    name: str
+    weight: float | None = None
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class _Prediction(_Part):
+    force: float
+    median: float | None
+    low: float | None
+    high: float | None
+    linear: float | None = None
+    linear_overprediction_percent: float | None = None
+    extrapolation_ratio: float | None = None
+    cautions: list[str] = []
+    by_model: list[_Member] = []
+
+
+class _Loads(_Part):
+    format: Literal["loads/1"]
+    level: float
+    predictions: Annotated[list[_Prediction], Field(min_length=1)]
+
+
+_FORM: TypeAdapter[_Rank | _Loads] = TypeAdapter(Annotated[_Rank | _Loads, Field(discriminator="format")])
+
+
+def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
+    """A form ``rank/1`` or ``loads/1`` as a table.
+
+    A ranking has a row for each parameter of each force of each candidate; loads have one for each design force and
+    law, the average over laws first (``model`` empty).
+
+    Raises:
+        InputError: the file is no such form; the first thing that is wrong is named.
+    """
+    content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
+    try:
+        form = _FORM.validate_json(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"][1:]) or "the form"
+        raise InputError(
+            f"{place}: {first['msg']}", file=path, expected="a form rank/1 or loads/1, as --json writes it"
+        ) from None
+    return _ranking(form) if isinstance(form, _Rank) else _loads(form)
+
+
+def _ranking(form: _Rank) -> pd.DataFrame:
+    rows: list[dict[str, Any]] = []
+    for model in form.models:
+        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name"})}
+        found = [(force.name, *each) for force in model.forces for each in force.parameters().items()]
+        for force, parameter, value in found or [("", "", _Value())]:
+            part = {"force": force, "parameter": parameter, **value.model_dump()}
+            rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
+    return _typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(criterion=form.criterion)
+
+
+def _loads(form: _Loads) -> pd.DataFrame:
+    rows: list[dict[str, Any]] = []
+    for one in form.predictions:
+        average = one.model_dump(exclude={"by_model", "cautions"})
+        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(one.cautions)})
+        rows += [{"model": law.name, "force": one.force, **law.model_dump(exclude={"name"})} for law in one.by_model]
+    return _typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
+
+
+def _typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
+    """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
+    types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
+    filled = table.fillna(dict.fromkeys(text, ""))
+    return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})

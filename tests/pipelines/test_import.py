@@ -1,0 +1,319 @@
+"""``damping import`` and ``damping export`` as stages: files in, files out, tables printed, one line of error."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import pyuff
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from pipelines.export import export, form_table, to_png
+from pipelines.import_ import RingDown, band, import_file, pairs, scales
+from pipelines.rank import load, rank_form, rank_record
+from pipelines.store import write_json
+from selection.errors import AnalysisError, InputError
+from selection.forces import from_damping
+from selection.records.imports.series import Stated
+from selection.records.imports.systems import Factors, convert_mode
+from selection.records.mode import Mode, read_mode
+from selection.records.reading import read_record, read_table
+from selection.records.report_tables import data_folder
+
+MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
+LBF, INCH = 4.4482216152605, 0.0254  # by definition
+
+
+@pytest.fixture
+def sweep_csv(tmp_path: Path) -> Path:
+    """A column map of a linear mode: 2 kg, 10 Hz, 2 %."""
+    f = np.linspace(9.0, 11.0, 21)
+    w, n = 2 * np.pi * f, 2 * np.pi * 10.0
+    H = 1.0 / (2.0 * (n**2 - w**2 + 0.04j * n * w))
+    path = tmp_path / "lab.csv"
+    table = {"f [Hz]": f, "a [mm]": 1e3 * np.abs(H) * 3.0, "lag [deg]": -np.degrees(np.angle(H)), "drive [N]": 3.0}
+    pd.DataFrame(table).to_csv(path, index=False)
+    return path
+
+
+COLUMNS = {"frequency": "f", "amplitude": "a", "lag_deg": "lag", "force": "drive"}
+
+
+def test_a_file_becomes_a_record(sweep_csv: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, form = tmp_path / "record.csv", tmp_path / "form.json"
+    import_file(sweep_csv, out, Stated(columns=COLUMNS, response="displacement"), json_out=str(form))
+    record = read_record(out)
+    assert record.sweeps == ("lab",)
+    assert record.column("amplitude").max() == pytest.approx(3.0 / (0.04 * 2.0 * (20 * np.pi) ** 2), rel=1e-12)
+    printed = capsys.readouterr().out
+    for words in ("column 'a [mm]'", "amplitude of the response", "unit of response", "found in the file", "21 rows"):
+        assert words in printed
+    told = json.loads(form.read_text())
+    assert told["format"] == "import/1"
+    assert {"what": "response", "understood": "displacement", "whence": "stated"} in told["understood"]
+
+
+def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An acceleration in g against time, two releases; the damping ratio of 1 % comes back as a viscous coefficient."""
+    zeta, n = 0.01, 20 * np.pi
+    t = np.arange(0, 8, 0.004)
+    s = n * complex(-zeta, np.sqrt(1 - zeta**2))
+    tables, mode, out = [], tmp_path / "mode.toml", tmp_path / "record.csv"
+    mode.write_text(MODE)
+    for k, size in enumerate((0.01, 0.02)):
+        x = size * (s**2 * np.exp(s * t)).real / 9.80665
+        tables.append(pd.DataFrame({"sweep": f"release {k + 1}", "time": t, "response [g]": x}))
+    lab = tmp_path / "lab.csv"
+    pd.concat(tables).to_csv(lab, index=False)
+    with pytest.raises(InputError, match="time histories; expected --ring-down --mode"):
+        import_file(lab, out, Stated())
+    assert not out.exists()
+    import_file(lab, out, Stated(), RingDown(mode, levels=6))
+    assert "decay 'release 2'" in capsys.readouterr().out
+    record = read_record(out)
+    assert record.sweeps[0] == "release 1 01"
+    c = 2 * 2.0 * zeta * n
+    # the image of the window, 1e-3 and of the second harmonic, averages out over levels of some periods
+    np.testing.assert_allclose(record.column("force"), c * n * record.column("amplitude"), rtol=5e-3)
+    data, _ = load(out, mode, 10**6)
+    best = next(model for model in rank_form(rank_record(data, 1))["models"] if model["name"] == "viscous")
+    assert best["forces"][0]["coefficient"] == pytest.approx(c, rel=2e-3)
+    with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
+        import_file(lab, out, Stated(system="us"), RingDown(mode))
+
+
+def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--out is a file that is read"):
+        import_file(sweep_csv, sweep_csv, Stated(columns=COLUMNS))
+    out = tmp_path / "record.csv"
+    out.write_text("an earlier result")
+    with pytest.raises(InputError, match="type of the response is neither"):
+        import_file(sweep_csv, out, Stated(columns=COLUMNS | {"amplitude": "lag", "lag_deg": "a"}, consistent=True))
+    assert out.read_text() == "an earlier result"
+
+
+def test_labels_of_files_do_no_harm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A formula, terminal control and markup in labels: neutral on paper, on the terminal, and read back as it was."""
+    lab, out = tmp_path / "lab.csv", tmp_path / "record.csv"
+    label = "=HYPERLINK(1)[red]\x1b[31m"
+    pd.DataFrame({"sweep": [label], "frequency": 1.0, "amplitude": 1.0, "force": 1.0}).to_csv(lab, index=False)
+    import_file(lab, out, Stated(response="displacement", consistent=True))
+    assert "'=HYPERLINK" in out.read_text()
+    assert "\x1b" not in capsys.readouterr().out
+    assert read_record(out).sweeps == (" ".join(label.split()),)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: pairs("--unit", ["force"]), "--unit 'force' is not understood; expected --unit NAME=VALUE"),
+        (lambda: pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
+        (lambda: scales(["force=x"]), "--scale force=x is no factor"),
+        (lambda: scales(["force=0"]), "no factor"),
+        (lambda: band("1-2"), "LO:HI in Hz"),
+        (lambda: band("1:inf"), "LO:HI in Hz"),
+    ],
+)
+def test_options_that_are_not_understood(call, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_options_that_are_understood() -> None:
+    assert pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
+    assert scales(["response=9.81"]) == {"response": 9.81}
+    assert band("1.5:2") == (1.5, 2.0)
+    assert band(None) is None
+
+
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize("name", ["config-1-mode-2-rough", "config-2-mode-1"])
+def test_universal_files_there_and_back(tmp_path: Path, name: str, text: bool) -> None:
+    """The report's records, a whole sweep with phases and three peaks, exported and imported again."""
+    source = data_folder() / "saturn-v" / "records" / f"{name}.csv"
+    there, back = tmp_path / "a.unv", tmp_path / "b.csv"
+    export(source, there, given="us", text=text)
+    import_file(there, back, Stated(system="us"))
+    before, after = read_record(source), read_record(back)
+    assert after.sweeps == before.sweeps
+    # bytes: a ratio and a product; text: 13 digits of values, 6 of frequencies
+    for column, digits in (("force", 1e-12), ("amplitude", 1e-12), ("frequency", 5e-6 if text else 1e-15)):
+        np.testing.assert_allclose(after.column(column), before.column(column), rtol=digits)
+    phase = before.column("phase") if before.has_phase else np.full(len(before), np.pi / 2)
+    np.testing.assert_allclose(after.column("phase"), phase, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_pyuff_reads_what_is_exported(tmp_path: Path, text: bool) -> None:
+    source = data_folder() / "saturn-v" / "records" / "config-1-mode-2-rough.csv"
+    export(source, tmp_path / "a.uff", given="us", text=text)
+    ratio, force = pyuff.UFF(str(tmp_path / "a.uff")).read_sets()
+    record = read_record(source)
+    receptance = record.column("amplitude") / record.column("force") * np.exp(-1j * record.column("phase"))
+    np.testing.assert_allclose(ratio["data"], receptance, rtol=1e-11)  # 13 digits of text
+    np.testing.assert_allclose(force["data"], record.column("force"), rtol=1e-11)
+    np.testing.assert_allclose(ratio["x"], record.column("frequency"), rtol=5e-6)  # 6 digits of text
+    assert ratio["ordinate_axis_units_lab"] == "in"
+    assert (ratio["func_type"], force["func_type"]) == (4, 12)
+    assert ratio["n_bytes" if not text else "num_pts"] == (24 if not text else 1) * len(record)
+
+
+def test_a_sweep_without_phases_is_no_frequency_response(tmp_path: Path) -> None:
+    source = data_folder() / "saturn-v" / "records" / "config-1-mode-2-pitch.csv"
+    with pytest.raises(AnalysisError, match="no phases"):
+        export(source, tmp_path / "a.uff")
+    assert not (tmp_path / "a.uff").exists()
+
+
+def test_records_and_modes_in_other_units(tmp_path: Path) -> None:
+    record = tmp_path / "r.csv"
+    record.write_text("sweep,force,frequency,amplitude,energy,mass,amplitude_sd,point\na,10,2,0.5,15,40,0.01,7\n")
+    mode = tmp_path / "m.toml"
+    mode.write_text(
+        '[mode]\nfrequency = 2.0\nmass = 40.0\n[units]\nforce = "lb"\nlength = "in"\n[damping]\nviscous = 1.5\n'
+    )
+    export(record, tmp_path / "si.csv", units="si", mode=mode, mode_out=tmp_path / "si.toml")
+    row = read_record(tmp_path / "si.csv").table.iloc[0]
+    assert row["force"] == pytest.approx(10 * LBF, rel=1e-15)
+    assert row["amplitude"] == pytest.approx(0.5 * INCH, rel=1e-15)
+    assert row["energy"] == pytest.approx(15 * LBF * INCH, rel=1e-15)
+    assert row["mass"] == pytest.approx(40 * LBF / INCH, rel=1e-15)
+    assert row["amplitude_sd"] == pytest.approx(0.01 * INCH, rel=1e-15)
+    assert (row["frequency"], row["point"]) == (2.0, 7.0)
+    other = read_mode(tmp_path / "si.toml")
+    assert (other.units.force, other.units.length) == ("N", "m")
+    # the period follows from mass and stiffness in any system, and so does what is left of a cycle
+    assert other.mass == pytest.approx(40 * LBF / INCH, rel=1e-15)
+    assert other.damping["viscous"]["coefficient"] == pytest.approx(1.5 * LBF / INCH, rel=1e-15)
+    export(tmp_path / "si.csv", tmp_path / "back.csv", units="us", mode=tmp_path / "si.toml")
+    back = read_record(tmp_path / "back.csv").table
+    pd.testing.assert_frame_equal(back, read_record(record).table, rtol=1e-14)
+    with pytest.raises(InputError, match="the unit of force is not known"):
+        export(record, tmp_path / "x.csv", units="si")
+
+
+def test_every_damping_force_keeps_its_energy_in_other_units() -> None:
+    """C(A, omega) of each converted force is the old one in the new unit, whatever the powers in it."""
+    damping = {
+        **{name: {"coefficient": 1.3} for name in ("viscous", "displacement", "velocity-squared", "coulomb")},
+        **{name: {"coefficient": 0.7} for name in ("displacement-velocity", "quadratic-displacement")},
+        **{name: {"coefficient": 0.4, "exponent": 1.7} for name in ("velocity-power", "displacement-velocity-power")},
+        "slip": {"stiffness": 30.0, "limit": 0.02},
+    }
+    by = Factors(force=LBF, length=INCH)
+    for name, parameters in damping.items():
+        mode = convert_mode(Mode("m", 1.0, 1.0, damping={name: parameters}), by, "si")
+        A, omega = 0.3, 5.0
+        old = from_damping({name: parameters}).quadrature(A, omega)
+        new = from_damping(mode.damping).quadrature(A * INCH, omega)
+        np.testing.assert_allclose(new, old * LBF, rtol=1e-13)  # powers with rounding
+    with pytest.raises(AnalysisError, match="planar-coupling"):
+        convert_mode(Mode("m", 1.0, 1.0, effects={"planar-coupling": {"angle": 0.1}}), by, "si")
+
+
+@pytest.fixture(scope="module")
+def ranking(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = data_folder() / "saturn-v"
+    data, _ = load(folder / "records" / "config-2-mode-1.csv", folder / "modes" / "config-2-mode-1.toml", 10**6)
+    path = tmp_path_factory.mktemp("forms") / "rank.json"
+    write_json(path, rank_form(rank_record(data, 1)))
+    return path
+
+
+def test_a_ranking_as_csv_and_parquet(ranking: Path, tmp_path: Path) -> None:
+    export(ranking, tmp_path / "rank.csv")
+    export(ranking, tmp_path / "rank.parquet")
+    form = json.loads(ranking.read_text())
+    parquet = pd.read_parquet(tmp_path / "rank.parquet")
+    assert set(parquet["model"]) == {model["name"] for model in form["models"]}
+    first = form["models"][0]
+    mine = parquet[(parquet["model"] == first["name"]) & (parquet["parameter"] == "coefficient")]
+    assert list(mine["value"]) == [force["coefficient"] for force in first["forces"]]
+    assert mine["score"].iloc[0] == first["score"]
+    assert {"exponent"} <= set(parquet["parameter"])
+    csv = read_table(tmp_path / "rank.csv", required=["model", "weight"], text_columns=["model"])
+    np.testing.assert_array_equal(csv["weight"], parquet["weight"])
+
+
+def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
+    member = {"name": "=viscous", "weight": 1.0, "median": 2.0, "low": 1.0, "high": 3.0}
+    one = {"force": 10.0, "median": 2.0, "low": 1.0, "high": None, "cautions": ["@far", "b"], "by_model": [member]}
+    source = tmp_path / "loads.json"
+    source.write_text(json.dumps({"format": "loads/1", "level": 0.9, "predictions": [one], "more": 1}))
+    export(source, tmp_path / "loads.parquet")
+    export(source, tmp_path / "loads.csv")
+    parquet = pd.read_parquet(tmp_path / "loads.parquet")
+    assert list(parquet["model"]) == ["", "=viscous"]
+    assert list(parquet["median"]) == [2.0, 2.0]
+    assert np.isnan(parquet["high"].iloc[0])
+    assert parquet["cautions"].iloc[0] == "@far; b"
+    text = (tmp_path / "loads.csv").read_text()
+    assert "'=viscous" in text  # what a spreadsheet would execute
+    assert "'@far" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('{"format": "gap/1"}', "expected a form rank/1 or loads/1"),
+        ('{"format": "rank/1", "criterion": "bic", "models": []}', "models"),
+        ('{"format": "loads/1", "level": 0.9, "predictions": [{"force": "x"}]}', "predictions.0.force"),
+        ("{" * 100000, "expected a form"),
+        ('{"format": "rank/1"', "expected a form"),
+    ],
+)
+def test_forms_that_are_none(tmp_path: Path, content: str, message: str) -> None:
+    source = tmp_path / "form.json"
+    source.write_text(content)
+    with pytest.raises(InputError, match=message):
+        export(source, tmp_path / "a.csv")
+    assert not (tmp_path / "a.csv").exists()
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.dictionaries(
+        st.sampled_from(["format", "models", "criterion", "level", "predictions"]),
+        st.sampled_from(["rank/1", "loads/1", 1, None, [], [{}], {}]),
+    )
+)
+def test_any_form_is_a_table_or_an_error(tmp_path: Path, form: dict[str, object]) -> None:
+    path = tmp_path / "form.json"
+    path.write_text(json.dumps(form))
+    with pytest.raises(InputError):
+        form_table(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"out": "a.xlsx"}, "no known format; expected a name ending in .uff"),
+        ({"units": "cgs", "given": "us"}, "--units 'cgs' is unknown"),
+        ({"given": "metric"}, "--from 'metric' is unknown"),
+        ({"mode_out": Path("x.toml")}, "--mode-out without a mode"),
+    ],
+)
+def test_export_options_that_are_not_understood(tmp_path: Path, options: dict[str, object], message: str) -> None:
+    source = data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv"
+    out = tmp_path / str(options.pop("out", "a.csv"))
+    with pytest.raises(InputError, match=message):
+        export(source, out, **options)
+
+
+def test_a_form_is_no_record(ranking: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no record"):
+        export(ranking, tmp_path / "a.uff")
+
+
+def test_a_figure_as_png() -> None:
+    figure = Figure(figsize=(2, 1))
+    figure.add_subplot().plot([1, 2])
+    image = to_png(figure, dots_per_inch=100)
+    assert image.startswith(b"\x89PNG\r\n\x1a\n")
+    assert image[16:24] == (200).to_bytes(4, "big") + (100).to_bytes(4, "big")  # width and height of the header
+    assert to_png(figure, dots_per_inch=100) == image
