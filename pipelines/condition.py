@@ -93,8 +93,11 @@ def step_files(steps: tuple[Step, ...]) -> dict[str, str]:
     for number, step in enumerate(steps, 1):
         removed = step.removed.add_prefix("removed ")
         table = step.after.reindex(step.before.index).join(removed)
-        if len(step.after) < len(step.before):  # rows that were left out keep their label
-            table["sweep"] = step.before["sweep"]
+        if len(step.after) < len(step.before):  # rows that were left out keep what the step does not change
+            kept = step.before.loc[step.after.index]
+            for name in step.before.columns.intersection(step.after.columns):
+                if kept[name].equals(step.after[name]):
+                    table[name] = step.before[name]
             table["left out"] = (~step.before.index.isin(step.after.index)).astype(int)
         table = table.assign(**step.constants)
         files[f"{number:02d}-{step.name.replace(' ', '-')}.csv"] = record_to_csv(table)

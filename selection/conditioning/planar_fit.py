@@ -150,7 +150,9 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         raise InputError("every parameter of the planes is fixed", expected="one to fit")
     if 2 * data.omega.size <= len(free):
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
-    found = [_minimise(data, fixed, free, start) for start in _starts(data, fixed)]
+    starts = _starts(data, fixed)
+    _lengths(_real(_jacobian(data, starts[0], free)), free)
+    found = [_minimise(data, fixed, free, start) for start in starts]
     inside = [one for one in found if _swept(one[1], data, free)]
     if not inside:
         raise AnalysisError("no fit of two planes has both inside the swept frequencies")
@@ -175,6 +177,8 @@ def _starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
     M = np.full_like(M, fixed["M"]) if "M" in fixed else M
     C = np.full_like(M, fixed["C"]) if "C" in fixed else rate * M
     misfit = np.sum(np.abs(data.residuals(PlanarModel(M, C, omega_p, omega_y, theta))) ** 2, axis=1)
+    # two equal planes are one, of any angle: no start
+    misfit = np.where((omega_p == omega_y)[:, 0], np.inf, misfit)
     best = np.argsort(misfit, kind="stable")[:_REFINED]
     return [PlanarModel(*row) for row in np.hstack([M, C, omega_p, omega_y, theta])[best].tolist()]
 
@@ -205,7 +209,8 @@ def _minimise(
 
     x = np.array([getattr(start, name) for name in free])
     x = np.where(logarithmic, np.log(np.where(logarithmic, x, 1.0)), x)
-    result = least_squares(residuals, x, jac=jacobian, x_scale="jac", max_nfev=200)
+    # no test on the gradient: its size depends on the units of the amplitudes
+    result = least_squares(residuals, x, jac=jacobian, x_scale="jac", max_nfev=200, ftol=1e-13, xtol=1e-12, gtol=None)
     return float(result.cost), model(result.x)
 
 
@@ -234,13 +239,19 @@ def _real(values: ComplexArray) -> FloatArray:
 
 def _inverse(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
     """(J^T J)^-1 by columns of unit length. AnalysisError where it does not exist in double precision."""
-    length = np.linalg.norm(jacobian, axis=0)
-    if not np.all(length > 0.0):
-        raise AnalysisError(f"the measured motion does not depend on {free[int(np.argmin(length))]}")
+    length = _lengths(jacobian, free)
     singular, directions = np.linalg.svd(jacobian / length, full_matrices=False)[1:]
     if singular[-1] < _SINGULAR:
         raise AnalysisError(f"the measured motion does not determine {', '.join(free)} together")
     return np.asarray((directions.T / singular**2) @ directions / np.outer(length, length))
+
+
+def _lengths(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
+    """Lengths of the columns. AnalysisError for one that is 0, such as of omega_y at an angle held at 0."""
+    length = np.asarray(np.linalg.norm(jacobian, axis=0))
+    if not np.all(length > 0.0):
+        raise AnalysisError(f"the measured motion does not depend on {free[int(np.argmin(length))]}")
+    return length
 
 
 def _xi(model: PlanarModel) -> Floats:

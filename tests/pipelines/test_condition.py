@@ -1,0 +1,230 @@
+"""``damping condition`` as a stage: files in, record and steps out, every mistake named with its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from pipelines.condition import condition
+from pipelines.rank import load
+from selection.conditioning import description as schema
+from selection.errors import AnalysisError, InputError
+from selection.records.keys import read_toml
+from selection.records.reading import read_record, read_table
+
+SIZE = 10**8
+PRINCIPAL = """
+[principal]
+theta = 28.0
+mass = 21.0
+frequency_pitch = 11.40
+frequency_yaw = 11.50
+branch = "near"
+xi = 0.005
+"""
+
+
+@pytest.fixture
+def raw(saturn_data: Path) -> Path:
+    return saturn_data / "raw" / "config-1-mode-2.csv"
+
+
+@pytest.fixture
+def config(saturn_data: Path) -> Path:
+    return saturn_data / "condition.toml"
+
+
+def changed(file: Path, folder: Path, old: str, new: str) -> Path:
+    text = file.read_text()
+    assert old in text
+    path = folder / file.name
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def test_the_record_is_one_that_the_other_commands_take(
+    raw: Path, config: Path, saturn_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "record.csv"
+    condition(raw, config, out, None, SIZE)
+    observations, mode = load(out, saturn_data / "modes" / "config-1-mode-2-rough.toml", SIZE)
+    record = read_record(out)
+    assert len(record) == 15
+    assert record.sweeps == ("I",)
+    assert_allclose(observations.A, record.column("amplitude"), rtol=1e-15)
+    assert mode.mass == 21.0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "r2_over_i = 0.000192" in printed
+    assert "force in lb, length in in, time in s" in printed
+
+
+def test_the_command(raw: Path, config: Path, tmp_path: Path, damping: Callable[..., Any]) -> None:
+    done = damping("condition", raw, "--config", config, "--out", tmp_path / "a.csv", "--steps", tmp_path / "steps")
+    assert (done.code, done.err) == (0, "")
+    assert len(read_record(tmp_path / "a.csv")) == 15
+    failed = damping("condition", raw, "--config", raw, "--out", tmp_path / "b.csv")
+    assert failed.code == 2
+    assert failed.err.count("\n") == 1
+    assert not (tmp_path / "b.csv").exists()
+
+
+def test_the_steps_are_written_and_lead_to_the_record(raw: Path, config: Path, tmp_path: Path) -> None:
+    condition(raw, config, tmp_path / "record.csv", tmp_path / "steps", SIZE)
+    names = [file.name for file in sorted((tmp_path / "steps").iterdir())]
+    assert names == [
+        "01-displacement.csv",
+        "02-yaw-from-pitch.csv",
+        "03-node.csv",
+        "04-mode-factor.csv",
+        "05-rigid-body.csv",
+        "06-adjacent-modes.csv",
+        "07-modal-force.csv",
+        "08-record.csv",
+    ]
+    assert (tmp_path / "steps" / "08-record.csv").read_text() == (tmp_path / "record.csv").read_text()
+    before, after = (read_table(tmp_path / "steps" / name) for name in (names[4], names[5]))
+    removed = after[["removed mode 1", "removed mode 3", "removed mode 4"]].sum(axis=1)
+    difference = [t["amplitude"] * np.exp(-1j * t["phase"]) for t in (before, after)]
+    assert_allclose(difference[0] - difference[1], removed, rtol=0, atol=1e-14)  # amplitudes of order 1
+
+
+def test_principal_planes_leave_out_and_name_rows_without_a_root(raw: Path, config: Path, tmp_path: Path) -> None:
+    """Points 10 and 13 (erratum E3IV-1)."""
+    text = tmp_path / "principal.toml"
+    text.write_text(config.read_text() + PRINCIPAL)
+    condition(raw, text, tmp_path / "record.csv", tmp_path / "steps", SIZE)
+    record = read_record(tmp_path / "record.csv")
+    assert [int(point) for point in record.table["point"]] == [*range(1, 10), 11, 12, 14, 15]
+    assert "phase" not in record.table
+    lines = (tmp_path / "steps" / "08-principal-planes.csv").read_text().splitlines()
+    assert len(lines) == 16
+    left, point = (lines[0].split(",").index(name) for name in ("left out", "point"))
+    assert [line.split(",")[point] for line in lines[1:] if line.split(",")[left] == "1"] == ["10", "13"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "column", "words"),
+    [
+        ("[units]", "[unit]", 6, "unit", "unknown key; expected units"),
+        ('force = "lb"', 'forse = "lb"', 7, "units, forse", "unknown key; expected force"),
+        ("factor = 1e-2", "factr = 1e-2", 37, "sensors 3, factr", "unknown key; expected factor"),
+        ("factor = 1e-2", "factor = -1", 37, "sensors 3, factor", "greater than 0"),
+        ("factor = 1e-2", 'factor = "a"', 37, "sensors 3, factor", "valid number"),
+        ("factor = 1e-2", "factor = inf", 37, "sensors 3, factor", "finite number"),
+        ('"acceleration"', '"accel"', 21, "sensors 1, quantity", "'acceleration', 'velocity' or 'displacement'"),
+        ('frequency = "rad/s"', 'frequency = "rpm"', 10, "units, frequency", "'Hz' or 'rad/s'"),
+        ("frequency = 16.19", "", 58, "modes 2, frequency", "missing key"),
+        ('name = "3"', 'name = "1"', 52, "modes", "two modes have one name"),
+        ("phi = 0.041", "phi = 0", 50, "mode, phi", "is 0"),
+        ('sensor = "tail pitch"', 'sensor = "tail"', 46, "node, sensor", "one of tip pitch, tip yaw, tail pitch"),
+        ('tip_yaw = "tip yaw"', 'tip_yaw = "tip"', 41, "yaw 1, tip_yaw", "no sensor 'tip'"),
+        ('name = "tail yaw"', 'name = "tail pitch"', 40, "yaw 1, name", "is taken"),
+        ('keep = ["point"]', 'keep = ["phase"]', 16, "raw, keep", "would stand for a result"),
+        ('sweep_label = "I"', "", 12, "raw", "sweep = COLUMN or sweep_label = TEXT"),
+        ('sweep_label = "I"', 'sweep = "force_lb"', 15, "raw, sweep", "is used as a number"),
+        ('phase = "tail_phase_rad"', "", 52, "modes", "nothing can be removed without the phase"),
+        ('identify_from = "correction_Ct2_in"', "", 70, "rigid_body", "r2_over_i or identify_from"),
+        ("[rigid_body]", '[correction]\ncolumn = "x"\n\n[rigid_body]', 70, "correction", "given and computed"),
+        ("[rigid_body]", PRINCIPAL.replace("xi = 0.005", "") + "[rigid_body]", 71, "principal", "both or neither"),
+        ("[units]", "[units", 6, "7", "not TOML"),
+    ],
+)
+def test_a_mistake_in_the_description_is_named_with_its_line(
+    old: str, new: str, line: int, column: str, words: str, raw: Path, config: Path, tmp_path: Path
+) -> None:
+    file = changed(config, tmp_path, old, new)
+    with pytest.raises(InputError) as found:
+        condition(raw, file, tmp_path / "record.csv", None, SIZE)
+    error = found.value
+    assert (error.file, error.line, error.column) == (str(file), line, column)
+    assert words in str(error)
+    assert not (tmp_path / "record.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "column", "words"),
+    [
+        (",967,", ",-967,", 4, "force_lb", "expected a force amplitude > 0"),
+        (",11.20,", ",0,", 3, "omega_rad_s", "expected a frequency > 0"),
+        (",1.503,", ",0.0,", 5, "tail_pitch_disp_in_e2", "expected an amplitude > 0"),
+        (",0.3662,", ",-0.3662,", 6, "tip_yaw_accel_g_per_lb_e4", "expected an amplitude >= 0"),
+        (",0.479,", ",27.4,", 6, "tail_phase_rad", "expected a phase within one turn (rad)"),
+        (",0.364,", ",abc,", 5, "tail_phase_rad", "'abc' is not a number"),
+        (",0.364,", ",,", 5, "tail_phase_rad", "empty cell"),
+        (",tail_phase_rad,", ",phase,", 1, None, "missing column tail_phase_rad"),
+        ("point,", "pont,", 1, None, "no column 'point' to keep"),
+    ],
+)
+def test_a_mistake_in_the_raw_table_is_named_with_its_line(
+    old: str, new: str, line: int, column: str | None, words: str, raw: Path, config: Path, tmp_path: Path
+) -> None:
+    file = changed(raw, tmp_path, old, new)
+    with pytest.raises(InputError) as found:
+        condition(file, config, tmp_path / "record.csv", None, SIZE)
+    error = found.value
+    assert (error.file, error.line, error.column) == (str(file), line, column)
+    assert words in str(error)
+
+
+def test_the_first_mistake_in_the_file_comes_first(raw: Path, config: Path, tmp_path: Path) -> None:
+    text = raw.read_text().replace(",0.479,", ",27.4,").replace(",967,", ",-967,")
+    (tmp_path / "raw.csv").write_text(text.replace("\n", "\n\n", 1))  # a blank line: lines are those of the file
+    with pytest.raises(InputError, match=r"line 5, column force_lb: -967"):
+        condition(tmp_path / "raw.csv", config, tmp_path / "record.csv", None, SIZE)
+
+
+def test_a_repeated_state_is_named_with_both_lines(raw: Path, config: Path, tmp_path: Path) -> None:
+    lines = raw.read_text().splitlines()
+    again = lines[3].replace("1.788", "1.789")  # a column that is not used
+    (tmp_path / "raw.csv").write_text("\n".join([*lines[:6], again, *lines[6:]]) + "\n")
+    with pytest.raises(InputError, match=r"line 7: gives the same row of the record as line 4"):
+        condition(tmp_path / "raw.csv", config, tmp_path / "record.csv", None, SIZE)
+
+
+def test_a_failed_run_leaves_earlier_results(raw: Path, config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "record.csv"
+    out.write_text("earlier")
+    inside = changed(config, tmp_path, "frequency = 6.95", "frequency = 11.40")
+    with pytest.raises(AnalysisError, match="inside the swept frequencies"):
+        condition(raw, inside, out, tmp_path / "steps", SIZE)
+    assert out.read_text() == "earlier"
+    assert not (tmp_path / "steps").exists()
+
+
+def test_inputs_are_never_overwritten(raw: Path, config: Path, tmp_path: Path) -> None:
+    own = tmp_path / "raw.csv"
+    own.write_text(raw.read_text())
+    for out in (own, tmp_path / "." / "raw.csv"):
+        with pytest.raises(InputError, match="expected another file"):
+            condition(own, config, out, None, SIZE)
+    assert own.read_text() == raw.read_text()
+
+
+def test_a_file_too_large_is_refused(raw: Path, config: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="larger than 100 bytes"):
+        condition(raw, config, tmp_path / "record.csv", None, 100)
+
+
+def test_the_documented_example_is_a_description(tmp_path: Path) -> None:
+    """The schema's docstring, as it stands, has every key and only known ones."""
+    assert schema.__doc__ is not None
+    lines = [line[4:] for line in schema.__doc__.splitlines() if line.startswith("    ")]
+    text = "\n".join(lines)
+    # alternatives that exclude each other are shown together: take one of each
+    for other in ('identify_from = "column"', "[correction]", 'column = "correction_Ct2_in"'):
+        assert other in text
+        text = "\n".join(line for line in text.splitlines() if not line.startswith(other))
+    tail = '\n[[sensors]]\nname = "tip yaw"\ncolumn = "y"\n[[sensors]]\nname = "tail pitch"\ncolumn = "t"\n'
+    file = tmp_path / "example.toml"
+    file.write_text(text + tail)
+    description = schema.Description.model_validate(read_toml(file).values)
+    assert list(description.problems()) == []
+    for name, model in (("raw", schema.Raw), ("node", schema.Node), ("principal", schema.Principal)):
+        documented = getattr(description, name).model_fields_set
+        assert set(model.model_fields) - documented <= {"sweep_label"}
+    assert description.sensors[0].model_fields_set == set(schema.Sensor.model_fields)
