@@ -20,8 +20,8 @@ WILD, WIDE = 0.02, 10.0
 _INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
 _MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
-#: After so many steps only the best starts go on.
-_PATIENCE, _SURVIVORS = 5, 2
+#: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
+_TRIED, _PATIENCE, _SURVIVORS = 4, 5, 2
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,9 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
 
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
+    if len(y) > _TRIED:
+        r = model.residuals(y).r
+        y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = model.jacobian(y)
     damping = np.full(len(y), 1e-2)
     active = np.ones(len(y), dtype=bool)

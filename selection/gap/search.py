@@ -11,22 +11,26 @@ from scipy.special import logsumexp
 
 from selection.gap.effects.form import Effect, Form
 from selection.gap.fit import Fit, fit
-from selection.gap.model import Model, Problem, Scatter
+from selection.gap.model import Model, Part, Problem, Scatter
 from selection.gap.scatter import with_scatter
 from selection.gap.starts import Start, at_gap, starts
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 15.0
-#: Hypotheses with a further effect are fitted only where their linear gain, doubled, could bring them so near the best.
-_NEAR = 8.0
+#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
+#: so near the best.
+_GAIN, _NEAR = 2.5, 4.0
 #: Most effects of an explanation; most fits of each number of effects beyond one.
 MOST_EFFECTS, _MOST_FITS = 3, 14
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter that suits them.
 _WORTH = 15.0
-#: Starts of each form that are fitted.
-_STARTS = 4
+#: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
+#: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
+_STARTS, _ROUGH, _SLIGHT = 4, 1.5, 0.2
+#: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
+_HOPELESS, _SURE = 0.01, 50.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,11 @@ class Hypothesis:
     others: tuple[Fit, ...]
     log_evidence: float
     log_posterior: float
+
+    @property
+    def near(self) -> tuple[Fit, ...]:
+        """The best fit and those about as good."""
+        return (self.best, *self.others)
 
     @property
     def key(self) -> frozenset[str]:
@@ -75,8 +84,11 @@ class Search:
     def run(self) -> list[Hypothesis]:
         """Fit the simulation alone, every effect, and combinations; most probable first."""
         null = self._null()
-        for name in self.forms:
-            self._extend(null, name, self._starts(null, name))
+        tried = {name: self._starts(null, name) for name in self.forms}
+        gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
+        for name, some in tried.items():
+            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
+                self._extend(null, name, some)
         for size in range(1, MOST_EFFECTS):
             before = len(self.found)
             self._combine(size)
@@ -95,7 +107,7 @@ class Search:
         first = fit(model, np.zeros((1, model.size)))[0]
         for form in chain.from_iterable(self.forms.values()):
             self.units[form] = starts(first, form)[0].part.unit
-        return self._store((), [[first]])
+        return self._store((), [first], 1)
 
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
         return [starts(base.best, form, self.units[form]) for form in self.forms[name]]
@@ -113,7 +125,7 @@ class Search:
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + 2.0 * gain - price
-                if gain > 2.0 and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                if gain > _GAIN and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
             self._extend(base, name, tried)
@@ -121,34 +133,47 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.best.r**2)))
-        fits = []
-        for tried in candidates:
-            own = [start.x for start in tried[:_STARTS]]
-            levels = (1.0,) if tried[0].part.form.shapes else (0.3, 1.0, 3.0)
-            own += [at_gap(start, rough * by) for start in tried[:2] for by in levels]
-            found = []
-            for other in (base.best, *base.others):
-                model = replace(other.model, parts=(*other.model.parts, tried[0].part))
-                head = other.y[: other.model.size] if base.effects else np.zeros(other.model.size)
-                found += fit(model, np.array([np.concatenate([head, x]) for x in own]))
-            fits.append(found)
-        self._store((*base.effects, name), fits)
+        promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
+        if found:
+            self._store((*base.effects, name), found, len(candidates))
 
-    def _store(self, effects: tuple[str, ...], by_form: list[list[Fit]]) -> Hypothesis:
-        """Weigh the modes of all forms and remember the hypothesis."""
-        fits = list(chain.from_iterable(by_form))
+    def _fits(self, one: Fit, tried: list[Start], rough: float, base: Hypothesis) -> list[Fit]:
+        """Modes of a fit's model with one more form."""
+        own = [start.x for start in tried[:_STARTS]]
+        if rough > _ROUGH:
+            own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
+        head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
+        x = np.array([np.concatenate([head, start]) for start in own])
+        parts = (*one.model.parts, tried[0].part)
+        models = [replace(one.model, parts=parts)]
+        if not models[0].terms(x[:1]).linear:
+            models += [replace(one.model, parts=other) for other in _twins(parts)]
+        return list(chain.from_iterable(fit(model, x) for model in models))
+
+    def _store(self, effects: tuple[str, ...], fits: list[Fit], forms: int) -> Hypothesis:
+        """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
         near = [one for one in fits if one.log_evidence > top - 10.0]
         if self.scatter is None:
             least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
             near = [with_scatter(one, least) for one in near]
         best = max(near, key=lambda one: one.log_evidence)
-        evidence = _total(one.log_evidence for one in near) - float(np.log(len(by_form)))
+        evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
         others = _other_forms(best, near) if effects else ()
         hypothesis = Hypothesis(effects, best, others, evidence, evidence + float(prior))
         self.found[hypothesis.key] = hypothesis
         return hypothesis
+
+
+def _twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
+    """The parts with each form that has a twin replaced by it, one at a time."""
+    return [
+        (*parts[:i], replace(part, form=part.form.twin), *parts[i + 1 :])
+        for i, part in enumerate(parts)
+        if part.form.twin is not None
+    ]
 
 
 def _other_forms(best: Fit, near: list[Fit]) -> tuple[Fit, ...]:

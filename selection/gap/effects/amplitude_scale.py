@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import exp, log
+from math import log
+
+import numpy as np
 
 from selection.arrays import Floats
 from selection.gap.effects.form import Effect, Form, Scales
@@ -20,8 +22,8 @@ def _side(sign: float) -> Form:
     def change(terms: Terms, size: Floats) -> Terms:
         return replace(terms, gain=terms.gain + sign * size)
 
-    def report(size: float) -> dict[str, float]:
-        return {"factor": exp(sign * size)}
+    def report(size: Floats) -> dict[str, Floats]:
+        return {"factor": np.exp(sign * size)}
 
     return Form("amplitude-scale", change, report, 0.1, largest=log(3.0), label=f"{sign:+.0f}")
 

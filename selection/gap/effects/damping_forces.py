@@ -21,7 +21,7 @@ def _effect(name: str, force: str, build: Callable[[Floats], Force], sentence: s
     def change(terms: Terms, coefficient: Floats) -> Terms:
         return terms.with_force(build(coefficient))
 
-    def report(coefficient: float) -> dict[str, float]:
+    def report(coefficient: Floats) -> dict[str, Floats]:
         return {"coefficient": coefficient}
 
     def forms(scales: Scales) -> tuple[Form, ...]:

@@ -38,7 +38,7 @@ def _form(notch: str, width: Shape) -> Form:
     def change(terms: Terms, strength: Floats, width: Floats) -> Terms:
         return notched(terms, strength / (1.0 + strength), width, notch)
 
-    def report(strength: float, width: float) -> dict[str, float]:
+    def report(strength: Floats, width: Floats) -> dict[str, Floats]:
         kind = {"lorentzian": 1.0} if notch == "lorentzian" else {}
         return {"depth": strength / (1.0 + strength), "width": width} | kind
 

@@ -77,21 +77,23 @@ class Form:
     Attributes:
         effect: name of the effect.
         change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
-        report: the parameters of a model file from strength and shapes (numbers).
+        report: the parameters of a model file from strength and shapes (numbers or arrays).
         natural: a strength of the order of one, in the units of the problem: where difference quotients are taken.
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
+        twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
     effect: str
     change: Callable[..., Terms]
-    report: Callable[..., dict[str, float]]
+    report: Callable[..., dict[str, Floats]]
     natural: float = 1.0
     shapes: tuple[Shape, ...] = ()
     largest: float = np.inf
     label: str = ""
     replaces: str = ""
+    twin: Form | None = None
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]

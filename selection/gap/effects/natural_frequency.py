@@ -26,7 +26,7 @@ def _side(scales: Scales, sign: float) -> Form:
     def change(terms: Terms, beyond: Floats) -> Terms:
         return replace(terms, omega_n=scales.omega_n * (1.0 + sign * (least + beyond)))
 
-    def report(beyond: float) -> dict[str, float]:
+    def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": sign * (least + beyond)}
 
     natural = scales.bandwidth

@@ -19,7 +19,7 @@ def _side(sign: float) -> Form:
     def change(terms: Terms, lag: Floats) -> Terms:
         return replace(terms, lag=terms.lag + sign * lag)
 
-    def report(lag: float) -> dict[str, float]:
+    def report(lag: Floats) -> dict[str, Floats]:
         return {"lag": sign * lag}
 
     return Form("phase-lag", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")

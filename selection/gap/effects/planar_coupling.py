@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import atan, sqrt, tan
+from math import tan
+
+import numpy as np
 
 from selection.arrays import Floats
 from selection.gap.effects.form import Effect, Form, Scales, Shape
@@ -18,19 +20,19 @@ def forms(scales: Scales) -> tuple[Form, ...]:
     """
     low = 0.2 * scales.bandwidth
     apart = Shape.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
-    return tuple(_side(apart, sign, alike) for sign in (1.0, -1.0) for alike in (False, True))
+    return tuple(_side(apart, sign, False, _side(apart, sign, True)) for sign in (1.0, -1.0))
 
 
-def _side(apart: Shape, sign: float, alike: bool) -> Form:
+def _side(apart: Shape, sign: float, alike: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats) -> Terms:
         return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike))
 
-    def report(weight: float, distance: float) -> dict[str, float]:
-        values = {"angle": atan(sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
+    def report(weight: Floats, distance: Floats) -> dict[str, Floats]:
+        values = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
         return values | ({"alike": 1.0} if alike else {})
 
     label = ("above" if sign > 0.0 else "below") + (", damped alike" if alike else "")
-    return Form("planar-coupling", change, report, 0.3, (apart,), largest=30.0, label=label)
+    return Form("planar-coupling", change, report, 0.3, (apart,), largest=30.0, label=label, twin=twin)
 
 
 def simulate(terms: Terms, table: Mapping[str, float]) -> Terms:

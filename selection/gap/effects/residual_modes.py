@@ -23,7 +23,7 @@ def _side(sign: float, largest: float) -> Form:
     def change(terms: Terms, compliance: Floats, slope: Floats) -> Terms:
         return added(terms, sign * compliance, slope)
 
-    def report(compliance: float, slope: float) -> dict[str, float]:
+    def report(compliance: Floats, slope: Floats) -> dict[str, Floats]:
         return {"compliance": sign * compliance, "slope": slope}
 
     return Form("residual-modes", change, report, 0.1 * largest, (SLOPE,), largest=largest, label=f"{sign:+.0f}")

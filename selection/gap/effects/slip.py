@@ -15,7 +15,7 @@ def change(terms: Terms, stiffness: Floats, limit: Floats) -> Terms:
     return terms.with_force(Slip(stiffness, limit))
 
 
-def report(stiffness: float, limit: float) -> dict[str, float]:
+def report(stiffness: Floats, limit: Floats) -> dict[str, Floats]:
     """The parameters of the damping force."""
     return {"stiffness": stiffness, "limit": limit}
 

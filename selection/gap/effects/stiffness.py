@@ -36,7 +36,7 @@ def _effect(name: str, sign: float, sentence: str) -> Effect:
 def _form(name: str, change: Callable[..., Terms], exponent: float, scales: Scales) -> Form:
     per_amplitude = scales.A_high ** (1.0 - exponent)
 
-    def report(coefficient: float) -> dict[str, float]:
+    def report(coefficient: Floats) -> dict[str, Floats]:
         return {"coefficient": coefficient} | ({} if exponent == 3.0 else {"exponent": exponent})
 
     natural, largest = scales.loss * per_amplitude, scales.stiffness * per_amplitude

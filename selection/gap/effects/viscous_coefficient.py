@@ -33,7 +33,7 @@ def _side(scales: Scales, sign: float, largest: float) -> Form:
         c = Viscous(scales.viscous * (1.0 + sign * (least + beyond)))
         return replace(terms, forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
 
-    def report(beyond: float) -> dict[str, float]:
+    def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": sign * (least + beyond)}
 
     return Form(

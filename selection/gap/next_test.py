@@ -1,0 +1,147 @@
+"""What to test next: the candidate test that should tell the explanations still alive apart best, by simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from selection.arrays import FloatArray
+from selection.gap.designs import Design, designs, highest_sweep
+from selection.gap.fit import Fit
+from selection.gap.model import STEP, residuals
+from selection.gap.rows import Rows
+from selection.gap.steady import Motion, steady
+from selection.gap.terms import ComplexArray, Terms, complex_stiffness
+
+#: Explanations compared with the leading one, and the probability below which they are not alive.
+MOST_RIVALS, ALIVE = 3, 0.01
+_CYCLE = 256
+
+#: A further channel: what terms make it read at rows.
+Channel = Callable[[Terms, Rows], ComplexArray]
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """A test and the log odds it is expected to give for the leading explanation, if that is true, against the rest."""
+
+    what: str
+    why: str
+    expected_log_odds: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation that is alive."""
+
+    fit: Fit
+    probability: float
+
+
+def ranked_tests(leading: Fit, rivals: Sequence[Rival]) -> tuple[NextTest, ...]:
+    """Every candidate test with its expected log odds, the best first; none where nothing rivals the leading one.
+
+    The log odds are averaged over the rivals by probability.
+    """
+    if not rivals:
+        return ()
+    found = []
+    for design in designs(leading.model.problem):
+        found.append(
+            NextTest(design.what, design.why, _average([_odds(leading, r.fit, design) for r in rivals], rivals))
+        )
+    found.append(
+        NextTest(
+            "the third harmonic of the displacement at the highest force",
+            "forces that are not linear in the motion distort it, instruments and paths do not",
+            _average([_apart(_third_harmonic, leading, r.fit) for r in rivals], rivals),
+        )
+    )
+    found.append(
+        NextTest(
+            "a cross-axis channel at the highest force",
+            "a second principal plane moves across the drive, nothing else does",
+            _average([_apart(_cross_axis, leading, r.fit) for r in rivals], rivals),
+        )
+    )
+    return tuple(sorted(found, key=lambda test: -test.expected_log_odds))
+
+
+def _average(odds: list[float], rivals: Sequence[Rival]) -> float:
+    return float(np.average(odds, weights=[rival.probability for rival in rivals]))
+
+
+def _odds(leading: Fit, rival: Fit, design: Design) -> float:
+    """Half the squared distance of the two predictions, in units of all that the rival leaves open.
+
+    These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
+    """
+    motion = _predicted(design.change(_terms(leading)), design)
+    seen = replace(design.rows, u=motion.u, phase=motion.phase)
+    k, sweeps = rival.model.size, len(seen.sweeps)
+    steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
+    terms = design.change(rival.model.terms(rival.y[:k] + steps))
+    found = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), rival.model.scatter)
+    J = (found.r[1:] - found.r[0]) / STEP
+    C = _sweep_columns(seen, found.by_gain[0], rival.model.scatter.amplitude)
+    C = np.vstack([C, _sweep_columns(seen, found.by_frequency[0], rival.model.scatter.frequency)])
+    V = np.eye(J.shape[1]) + C.T @ C + J.T @ rival.covariance[:k, :k] @ J
+    return 0.5 * float(found.r[0] @ np.linalg.solve(V, found.r[0]))
+
+
+def _sweep_columns(rows: Rows, values: FloatArray, scatter: float) -> FloatArray:
+    """Changes of the residuals by each sweep's deviation, (sweeps, m)."""
+    one_hot = np.arange(len(rows.sweeps))[:, np.newaxis] == np.tile(rows.sweep, len(values) // len(rows))
+    return one_hot * values * scatter
+
+
+def _terms(one: Fit) -> Terms:
+    """The terms of a fit without any sweep's own deviation, values (1, 1)."""
+    return one.model.terms(one.y[np.newaxis, : one.model.size])
+
+
+def _predicted(terms: Terms, design: Design) -> Motion:
+    if not design.downwards:
+        return steady(terms, design.rows, design.rows.u)
+    u, phase = design.rows.u.copy(), design.rows.phase.copy()
+    before = None
+    for number in range(len(u) - 1, -1, -1):
+        one = design.rows.where(np.arange(len(u)) == number)
+        motion = steady(terms, one, one.u if before is None else before)
+        u[number], phase[number], before = motion.u[0], motion.phase[0], motion.u
+    return Motion(u, phase)
+
+
+def _apart(channel: Channel, one: Fit, other: Fit) -> float:
+    """Half the squared distance of two hypotheses in a channel that the record does not have.
+
+    Its noise is that of the smallest amplitudes of the record.
+    """
+    rows = highest_sweep(one.model.problem.rows)
+    all_rows = one.model.problem.rows
+    floor = float(np.min(all_rows.sd_amplitude * all_rows.A))
+    motions = [channel(_terms(fit), rows) for fit in (one, other)]
+    return 0.5 * float(np.sum(np.abs(motions[0] - motions[1]) ** 2)) / floor**2
+
+
+def _third_harmonic(terms: Terms, rows: Rows) -> ComplexArray:
+    """Third harmonic of the displacement, (n,): that of the forces over K - M (3 omega)^2."""
+    motion = steady(terms, rows, rows.u)
+    theta = 2.0 * np.pi * np.arange(_CYCLE)[:, np.newaxis] / _CYCLE
+    A = np.exp(motion.u - np.ravel(terms.gain))
+    cycle = sum((np.asarray(force.cycle(theta, A, rows.omega)) for force in terms.forces), start=np.zeros(1))
+    third = 2.0 * np.mean(cycle * np.exp(-3j * theta), axis=0)
+    M, omega_n = np.ravel(terms.M), np.ravel(terms.omega_n)
+    return np.asarray(third / (M * rows.mass * (omega_n**2 - 9.0 * rows.omega**2)))
+
+
+def _cross_axis(terms: Terms, rows: Rows) -> ComplexArray:
+    """Motion across the drive, (n,): F sin(theta) cos(theta) (H_1 - H_2)."""
+    if terms.plane is None:
+        return np.zeros(len(rows), dtype=np.complex128)
+    t, ratio, _ = terms.plane
+    Z, _ = complex_stiffness(terms, np.exp(rows.u), rows.drive)
+    second = Z + terms.M * rows.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
+    return np.asarray((rows.F * np.sqrt(t) / (1.0 + t) * (1.0 / Z - 1.0 / second))[0])
