@@ -1,0 +1,88 @@
+"""A small calibration, held against binomial bounds; the full one is ``damping calibrate``."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from selection.loads.calibration import (
+    CANDIDATES,
+    LEVEL,
+    RANKED,
+    RATIOS,
+    SPAN,
+    coverage_trial,
+    ecdf,
+    ecdf_band,
+    is_uniform,
+    rank_trial,
+)
+from selection.loads.plan import plan_loads
+from selection.loads.prediction import Member, predict
+from selection.loads.simulated import simulated_levels, structures
+from selection.posterior.evidence import evidence
+from selection.posterior.law import Coordinates, Law
+
+pytestmark = pytest.mark.sampling
+
+#: One false alarm in a thousand sets of seeds; the seeds are fixed.
+ALARM = 1e-3
+AT = RATIOS.index(1.5)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Each structure at three and five levels with 2 % of noise."""
+    return [coverage_trial(s, levels, 0.02, 100 * i + levels) for i, s in enumerate(structures()) for levels in (3, 5)]
+
+
+def test_bands_hold_the_next_test(trials):
+    given = [t for t in trials if not t.refused[AT]]
+    # at least 90 % wanted: bands allow for laws that are not among the candidates, so there is no upper bound
+    assert sum(t.inside[AT] for t in given) >= binom.ppf(ALARM, len(given), LEVEL)
+    assert len(given) >= binom.ppf(ALARM, len(trials), 0.9)  # all these structures are smooth: refusals are mistakes
+
+
+def test_bands_are_no_wider_than_needed(trials):
+    assert np.nanmedian([t.width[AT] for t in trials]) < 1.35
+    assert np.nanmedian([t.width[RATIOS.index(4.0)] for t in trials]) < 1.8
+
+
+def test_a_band_of_linear_damping_misses():
+    """The count has teeth: viscous damping alone, with its noise and its parameter, does not pass it."""
+    hits = []
+    for i, structure in enumerate(structures()[1:]):
+        data = simulated_levels(structure, 5, SPAN, 0.02, np.random.default_rng(i))
+        c = Coordinates.of(Law(("viscous",)), data)
+        force = data.tested_force[data.top] * np.array([2.0])
+        band = predict([Member("viscous", 1.0, c, evidence(c, data).draws)], force, data, LEVEL, 1).average
+        hits.append(band.low[0] < structure.amplitude(force)[0] < band.high[0])
+    assert sum(hits) < binom.ppf(ALARM, len(hits), LEVEL)
+
+
+def test_ranks_are_uniform():
+    for law, first in ((Law(("velocity-power",)), 0), (Law(("viscous", "coulomb")), 500)):
+        ranks = [rank_trial(law, first + n) for n in range(40)]
+        for name in ranks[0]:
+            assert is_uniform(np.array([r[name] for r in ranks]), 1.0 - ALARM), f"{law.name}: {name}"
+
+
+def test_band_of_ranks_holds_its_share():
+    """Of fresh uniform ranks 99 % lie inside; of ranks that crowd at the ends, none."""
+    low, high = ecdf_band(100, 0.99)
+    rng = np.random.default_rng(1)
+    inside = [
+        bool(np.all((e >= low) & (e <= high))) for e in (ecdf(rng.integers(0, RANKED + 1, 100)) for _ in range(1000))
+    ]
+    # 4000 simulations set the band: its content is known to 0.2 %
+    assert binom.ppf(ALARM, 1000, 0.985) <= sum(inside) <= binom.ppf(1.0 - ALARM, 1000, 0.995)
+    crowded = rng.choice([0, 1, 2, RANKED - 2, RANKED - 1, RANKED], 100)
+    assert not is_uniform(crowded)
+
+
+def test_the_law_of_clean_data_wins():
+    """Half a per cent of noise, eight levels over a factor of four: the true law leads where it can be told."""
+    for name in ("viscous", "viscous + velocity-squared", "viscous + coulomb", "viscous + slip"):
+        structure = next(s for s in structures() if s.name == name)
+        data = simulated_levels(structure, 8, SPAN, 0.005, np.random.default_rng(3))
+        plan = plan_loads(data, CANDIDATES)
+        assert max(plan.laws, key=lambda law: law.evidence.log_z).law == structure.law

@@ -1,0 +1,168 @@
+"""emcee against independent methods: closed forms, importance sampling, nested sampling; and a wrong target noticed."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import arviz
+import numpy as np
+import pytest
+from scipy.special import ndtri
+from scipy.stats import kurtosis, norm
+
+from selection.posterior.evidence import evidence
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.likelihood import log_likelihood, log_posterior, log_prior
+from selection.posterior.proposal import Proposal
+from selection.posterior.sampling import Start, Target, run, sample
+
+pytestmark = pytest.mark.sampling
+
+#: Differences allowed, in standard errors of the two estimates: some fifty are looked at, of which one beyond 4 would
+#: come by chance in 300 sets of seeds.
+LARGEST = 4.0
+LIMITS = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Mean, standard deviation, 5 % and 95 % points, (4,), and their Monte Carlo standard errors."""
+
+    value: np.ndarray
+    error: np.ndarray
+
+
+def estimate(draws: np.ndarray, size: float) -> Estimate:
+    """From draws worth ``size`` independent ones.
+
+    Errors: sd/sqrt(n); sd sqrt((kurtosis - 1)/(4 n)); half the distance of the quantiles at q -+ sqrt(q (1 - q)/n).
+    """
+    sd = draws.std()
+    quantiles = [np.quantile(draws, q) for q in LIMITS]
+    steps = [np.sqrt(q * (1.0 - q) / size) for q in LIMITS]
+    around = [np.quantile(draws, [q - s, q + s]) for q, s in zip(LIMITS, steps, strict=True)]
+    tails = [(high - low) / 2.0 for low, high in around]
+    spread = sd * np.sqrt((kurtosis(draws, fisher=False) - 1.0) / (4.0 * size))
+    return Estimate(np.array([draws.mean(), sd, *quantiles]), np.array([sd / np.sqrt(size), spread, *tails]))
+
+
+def of_chains(values: np.ndarray) -> Estimate:
+    """From chains (ensembles, draws), worth the least of arviz's effective sizes."""
+    sizes = [float(arviz.ess(values, method=method)) for method in ("mean", "sd", "bulk", "tail")]
+    return estimate(values.ravel(), min(*sizes, values.size))
+
+
+def exact(mean: float, sd: float) -> Estimate:
+    """Of a normal distribution."""
+    return Estimate(np.array([mean, sd, *norm.ppf(LIMITS, mean, sd)]), np.zeros(4))
+
+
+def largest_difference(a: dict[str, Estimate], b: dict[str, Estimate]) -> float:
+    """In standard errors, over all quantities and their four numbers."""
+    assert set(a) == set(b)
+    return float(max(np.max(np.abs(a[n].value - b[n].value) / np.hypot(a[n].error, b[n].error)) for n in a))
+
+
+def chains_of(log_density, dimension, start, names, seed):
+    """Run a target in plain variables and estimate them."""
+    target = Target(log_density, dimension, lambda x: dict(zip(names, x.T, strict=True)))
+    found = run(target, start, lambda x: {}, seed)
+    assert found.converged, found.failure
+    return {name: of_chains(found.x[..., i]) for i, name in enumerate(names)}
+
+
+def conjugate(columns: np.ndarray, log_A: np.ndarray, scatter: float):
+    """Posterior of linear coefficients with N(0, 1) priors and known scatter: mean, covariance, log density."""
+    precision = np.eye(columns.shape[1]) + columns.T @ columns / scatter**2
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ columns.T @ log_A / scatter**2
+
+    def log_density(x):
+        residual = log_A - x @ columns.T
+        return -0.5 * np.sum(residual**2, axis=1) / scatter**2 - 0.5 * np.sum(x**2, axis=1)
+
+    return mean, covariance, log_density
+
+
+@pytest.mark.parametrize("law", ["viscous", "power law"])
+def test_closed_form(law, saturn):
+    """Resonances in log space with a known scatter of 2 %: ln A = ln F - ln(c omega), or a line in ln F."""
+    data = saturn("config-2-mode-1")
+    log_F, log_A = np.log(data.tested_force / data.tested_force.mean()), np.log(data.tested_amplitude)
+    one = np.ones((len(log_F), 1))
+    columns, known = (one, log_F) if law == "viscous" else (np.column_stack([one, log_F]), 0.0)
+    mean, covariance, log_density = conjugate(columns, log_A - known, 0.02)
+    names = ["-ln c omega", "1/p"][: len(mean)]
+    prior = np.random.default_rng(0).standard_normal((4096, len(mean)))
+    found = chains_of(log_density, len(mean), Start(prior, Proposal.through(prior)), names, seed=1)
+    truth = {n: exact(m, s) for n, m, s in zip(names, mean, np.sqrt(np.diag(covariance)), strict=True)}
+    assert largest_difference(found, truth) < LARGEST
+
+
+@pytest.mark.parametrize(
+    "components", [("viscous",), ("velocity-power",), ("viscous", "quadratic-displacement"), ("viscous", "slip")]
+)
+def test_importance_sampling(components, saturn):
+    data = saturn("config-2-mode-2")
+    c = Coordinates.of(Law(components), data)
+    start = evidence(c, data)
+    posterior = sample(c, data, start, lambda x: {}, seed=2)
+    assert posterior.converged, posterior.failure
+    found = {name: of_chains(values) for name, values in posterior.parameters().items()}
+    other = {n: estimate(v, start.effective_draws) for n, v in c.parameters(start.draws).items()}
+    assert largest_difference(found, other) < LARGEST
+
+
+@pytest.fixture(scope="module")
+def nested(saturn):
+    """A two-term law: coordinates, data, nested sampling's estimates and log marginal likelihood with its error."""
+    from dynesty import NestedSampler
+
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
+    sampler = NestedSampler(
+        lambda x: float(log_likelihood(x[None, :], c, data)[0]), ndtri, c.dimension, nlive=400,
+        rstate=np.random.default_rng(3),
+    )  # fmt: skip
+    sampler.run_nested(print_progress=False, dlogz=0.01)
+    weights = sampler.results.importance_weights()
+    chosen = np.random.default_rng(4).choice(len(weights), 20_000, p=weights)
+    draws = c.parameters(sampler.results.samples[chosen])
+    estimates = {name: estimate(v, 1.0 / np.sum(weights**2)) for name, v in draws.items()}
+    return c, data, estimates, sampler.results.logz[-1], sampler.results.logzerr[-1]
+
+
+def test_nested_sampling(nested):
+    c, data, other, _, _ = nested
+    posterior = sample(c, data, evidence(c, data), lambda x: {}, seed=5)
+    assert posterior.converged, posterior.failure
+    assert largest_difference({n: of_chains(v) for n, v in posterior.parameters().items()}, other) < LARGEST
+
+
+def test_marginal_likelihood(nested):
+    c, data, _, log_z, error = nested
+    found = evidence(c, data)
+    assert abs(found.log_z - log_z) < LARGEST * np.hypot(error, found.standard_error)
+
+
+def tempered(x, c, data):
+    """A likelihood that counts every row half."""
+    return log_prior(x) + 0.5 * log_likelihood(x, c, data)
+
+
+def shifted(x, c, data):
+    """A posterior half a standard deviation of the prior off in the last variable, the scatter."""
+    x = np.array(x)
+    x[:, -1] += 0.5
+    return log_posterior(x, c, data)
+
+
+@pytest.mark.parametrize("wrong", [tempered, shifted])
+def test_a_wrong_target_fails(wrong, nested):
+    """The comparison with nested sampling has teeth."""
+    c, data, other, _, _ = nested
+    start = evidence(c, data)
+    target = Target(partial(wrong, c=c, data=data), c.dimension, c.parameters)
+    found = run(target, Start(start.draws, start.proposal), lambda x: {}, seed=5)
+    assert found.converged, found.failure
+    values = c.parameters(found.x)
+    assert largest_difference({n: of_chains(v) for n, v in values.items()}, other) > 2.0 * LARGEST
