@@ -1,8 +1,8 @@
 """Power-law damping from resonances at several force levels (section 4.3).
 
-``ln F_e = ln k + s ln A_m`` over the levels. The slope is the exponent: s = p for the force alpha |q'|^p sgn q' (4.3.3)
-and s = p + 1 for alpha |q| |q'|^p sgn q' (4.3.4). The coefficient of each level is alpha = beta F/(omega A)^p (4.3.9) or
-alpha = B F/(omega^p A^(p+1)) (4.3.19).
+``ln F_e = ln k + s ln A_m`` over the levels. The slope is the exponent: s = p for the force alpha |q'|^p sgn q'
+(4.3.3) and s = p + 1 for alpha |q| |q'|^p sgn q' (4.3.4). The coefficient of each level is
+alpha = beta F/(omega A)^p (4.3.9) or alpha = B F/(omega^p A^(p+1)) (4.3.19).
 """
 
 from __future__ import annotations
