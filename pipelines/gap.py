@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -10,14 +11,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from rich.console import Console
+
 from pipelines.progress import progress
 from pipelines.store import write_json, write_text
 from selection.errors import AnalysisError, DampingError, InputError
 from selection.gap.corrected import corrected_mode, effect_values, refitted_values
 from selection.gap.diagnose import Diagnosis, diagnose
 from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.posterior import EffectPosterior, sample_effects
 from selection.records.mode import mode_to_toml, read_mode
 from selection.records.reading import read_record
+from selection.report.gap_words import doubts, following, place, reach, verdict
 
 FORMAT = "gap/1"
 
@@ -35,6 +41,8 @@ def gap(
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
+    ``posterior`` is on unless False for one record, and off for a folder.
+
     Raises:
         InputError: bad usage or input.
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
@@ -43,10 +51,37 @@ def gap(
         _folder(model, report, model_out, json_out, jobs, seed)
         return
     diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
+    sampled = None
+    if posterior is not False:
+        with progress("posterior", 1) as advance:
+            sampled = sample_effects(diagnosis.leading.best, seed)
+            advance("done")
     if json_out is not None:
-        write_json(json_out, gap_form(diagnosis))
+        write_json(json_out, gap_form(diagnosis, sampled))
     if model_out is not None:
         write_text(model_out, mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
+    if report is not None:
+        write_text(report, _page(diagnosis, sampled, seed, (model, record)))
+    if json_out != "-":
+        _print(diagnosis)
+
+
+def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
+    from pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs, and only a page asks for it
+    from selection.report.gap_page import gap_page  # noqa: PLC0415 - as above, matplotlib
+
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
+    return gap_page(diagnosis, sampled, seed, versions(), digests)
+
+
+def _print(diagnosis: Diagnosis) -> None:
+    """What is found, in a few lines."""
+    lines = [verdict(diagnosis), place(diagnosis), *doubts(diagnosis), reach(diagnosis), following(diagnosis)]
+    console = Console(highlight=False)
+    for line in lines:
+        console.print(line)
+    for caution in diagnosis.cautions:
+        console.print(f"Caution: {caution}.")
 
 
 def _folder(
@@ -95,10 +130,9 @@ def diagnose_case(folder: Path) -> dict[str, Any]:
     return answer | {"cpu_seconds": time.process_time() - started}
 
 
-def gap_form(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The form ``gap/1``."""
+def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:
+    """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     leading = diagnosis.leading
-    held = diagnosis.held_out
     return {
         "format": FORMAT,
         "effects": list(leading.effects),
@@ -114,22 +148,32 @@ def gap_form(diagnosis: Diagnosis) -> dict[str, Any]:
             "before": diagnosis.gap.before,
             "after": diagnosis.gap.after,
             "shrinkage": diagnosis.gap.shrinkage,
-            "held_out": None
-            if held is None
-            else {
-                "scheme": held.scheme,
-                "nominal": held.nominal,
-                "before": held.before,
-                "after": held.after,
-                "shrinkage": held.shrinkage,
-                "low": held.low,
-                "high": held.high,
-            },
+            "held_out": _held_out(diagnosis),
         },
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
-        "next_test": None,
+        "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
         "tests": [asdict(test) for test in diagnosis.tests],
+        "local": [asdict(one) for one in diagnosis.local],
+        "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),
+    }
+
+
+def _held_out(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    held = diagnosis.held_out
+    if held is None:
+        return None
+    return {name: getattr(held, name) for name in ("scheme", "nominal", "before", "after", "shrinkage", "low", "high")}
+
+
+def _posterior(sampled: EffectPosterior) -> dict[str, Any]:
+    low, median, high = np.quantile(sampled.draws, [0.05, 0.5, 0.95], axis=0)
+    return {
+        "converged": sampled.chains.converged,
+        "log_evidence": sampled.log_evidence,
+        "parameters": {
+            name: {"low": low[i], "median": median[i], "high": high[i]} for i, name in enumerate(sampled.names)
+        },
     }
 
 

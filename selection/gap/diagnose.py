@@ -14,6 +14,8 @@ from selection.gap.directed import Test, directed_tests, unexplained
 from selection.gap.effects.catalogue import CATALOGUE
 from selection.gap.effects.form import Effect
 from selection.gap.held_out import HeldOut, held_out
+from selection.gap.local import LocalEstimate, Trend, local_estimates, trend
+from selection.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
 from selection.gap.problem import Setting, setting
 from selection.gap.search import Hypothesis, Search
 from selection.gap.size import Gap, gap
@@ -43,6 +45,8 @@ class Diagnosis:
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
         unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
+        next_tests: candidate tests, the one that tells the explanations apart best first; none where none is needed.
+        local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
     """
 
@@ -58,12 +62,21 @@ class Diagnosis:
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
     held_out: HeldOut | None
+    next_tests: tuple[NextTest, ...]
+    local: tuple[LocalEstimate, ...]
+    damping_trend: Trend | None
+    frequency_trend: Trend | None
     cautions: tuple[str, ...]
 
     @property
     def leading(self) -> Hypothesis:
         """The most probable hypothesis."""
         return self.hypotheses[0].hypothesis
+
+    @property
+    def next_test(self) -> NextTest | None:
+        """The best of the candidate tests."""
+        return self.next_tests[0] if self.next_tests else None
 
 
 def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
@@ -88,6 +101,8 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     hypotheses = weighed(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
+    local = local_estimates(known.problem.rows, mode)
+    A = np.array([one.amplitude for one in local])
     return Diagnosis(
         record=record,
         mode=mode,
@@ -101,8 +116,20 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
         held_out=held_out(known, library, leading.best),
+        next_tests=ranked_tests(leading.best, rivals(hypotheses)),
+        local=local,
+        damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
+        frequency_trend=trend(
+            A, np.array([one.frequency for one in local]), np.array([one.frequency_sd for one in local])
+        ),
         cautions=tuple(cautions),
     )
+
+
+def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
+    """The explanations beside the leading one that are alive; the most probable of the others where none is."""
+    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE] or list(hypotheses[1:2])
+    return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 
 def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

@@ -22,11 +22,11 @@ MOST_FOLDS, CONTENT = 3, 0.9
 
 @dataclass(frozen=True)
 class Fold:
-    """One level held out: what the other levels chose, and sums of squared whitened residuals of the level."""
+    """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
 
     sweeps: tuple[str, ...]
     effects: tuple[str, ...]
-    values: int
+    count: int
     nominal: float
     before: float
     after: float
@@ -63,7 +63,7 @@ def held_out(setting: Setting, effects: Mapping[str, Effect], leading: Fit) -> H
         return None
     regular = leading.weights > WILD_WEIGHT
     folds = tuple(_fold(setting, effects, int(level), regular) for level in levels)
-    values = sum(fold.values for fold in folds)
+    values = sum(fold.count for fold in folds)
     nominal, before, after = (
         float(np.sqrt(sum(getattr(fold, name) for fold in folds) / values)) for name in ("nominal", "before", "after")
     )

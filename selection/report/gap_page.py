@@ -1,0 +1,168 @@
+"""The report of a gap diagnosis: one self-contained page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+
+from selection.gap.corrected import effect_values, refitted_values
+from selection.gap.diagnose import Diagnosis
+from selection.gap.posterior import EffectPosterior
+from selection.plots.style import to_svg
+from selection.report import gap_words
+from selection.report.gap_figures import GapFigure, gap_figures
+from selection.report.page import Block, Callout, Facts, FigureBlock, Fold, Footer, List, Section, Table, Text, page
+from selection.report.words import NOTHING, number, percent, share
+
+_MOST_CELLS = 12
+
+
+def gap_page(
+    diagnosis: Diagnosis,
+    posterior: EffectPosterior | None,
+    seed: int,
+    versions: Mapping[str, str],
+    inputs: Mapping[str, str],
+) -> str:
+    """The page as HTML. Equal arguments give equal text."""
+    figures = {
+        name: FigureBlock(to_svg(one.figure, f"gap-{name}", one.title, one.description), _caption(one))
+        for name, one in gap_figures(diagnosis).items()
+    }
+    sections = [
+        Section("verdict", "What is found", _verdict(diagnosis)),
+        Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
+        Section("where", "Where it lies", _where(diagnosis, figures)),
+        Section("which", "Which effect", _which(diagnosis, posterior, figures)),
+        Section("how-far", "How far it shrinks", _how_far(diagnosis)),
+        Section("next", "What to test next", _next(diagnosis)),
+        Section("basis", "What this rests on", _basis(diagnosis)),
+    ]
+    return page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
+
+
+def _caption(one: GapFigure) -> str:
+    return f"{one.title}. {one.description}"
+
+
+def _verdict(diagnosis: Diagnosis) -> list[Block]:
+    gap, held = diagnosis.gap, diagnosis.held_out
+    facts = [
+        (number(gap.nominal), "gap as given (sigma; 1 is noise)"),
+        (number(gap.before), "refitted within tolerance"),
+        (number(gap.after), "with the explanation"),
+        (_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
+    ]
+    blocks: list[Block] = [Text(gap_words.verdict(diagnosis), lead=True), Facts(facts)]
+    said = [gap_words.place(diagnosis), *gap_words.doubts(diagnosis), *gap_words.trends(diagnosis)]
+    blocks.append(List([*said, gap_words.reach(diagnosis), gap_words.following(diagnosis)]))
+    if diagnosis.cautions:
+        blocks.append(Callout("Cautions", diagnosis.cautions))
+    return blocks
+
+
+def _where(diagnosis: Diagnosis, figures: Mapping[str, FigureBlock]) -> list[Block]:
+    blocks: list[Block] = [figures[name] for name in ("residuals", "footprint", "local") if name in figures]
+    cells = pd.DataFrame([asdict(cell) for cell in diagnosis.where[:_MOST_CELLS]])
+    blocks.append(Table(cells, "Cells with the largest share of the squared residual of the simulation as given"))
+    if diagnosis.footprint:
+        marks = pd.DataFrame([asdict(cell) for cell in diagnosis.footprint[:_MOST_CELLS]])
+        blocks.append(Table(marks, "Where the explanation changes the prediction by more than one sigma"))
+    return blocks
+
+
+def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Mapping[str, FigureBlock]) -> list[Block]:
+    blocks: list[Block] = [figures["probabilities"]] if "probabilities" in figures else []
+    rows = [
+        {"explanation": " + ".join(one.effects) or "no effect", "probability": one.probability}
+        | {"log_evidence": one.hypothesis.log_evidence}
+        for one in diagnosis.hypotheses
+    ]
+    blocks.append(
+        Fold(
+            "Every explanation that was fitted",
+            [Table(pd.DataFrame(rows), "Most probable first", {"probability": share})],
+        )
+    )
+    blocks.append(Table(_parameters(diagnosis), "Parameters of the leading explanation at their most probable values"))
+    if posterior is not None:
+        blocks.append(Table(_posterior(posterior), "Posterior of these parameters (emcee)"))
+        if not posterior.chains.converged:
+            blocks.append(Callout("The chains have not settled", [posterior.chains.failure]))
+    tests = pd.DataFrame([asdict(test) for test in diagnosis.tests])
+    blocks.append(
+        Table(tests, "Is more than noise left? Directed tests of the residuals", headings={"gain": "chi-square"})
+    )
+    return blocks
+
+
+def _parameters(diagnosis: Diagnosis) -> pd.DataFrame:
+    leading = diagnosis.leading.best
+    found = [
+        {"of": effect, "parameter": name, "value": value}
+        for effect, values in effect_values(leading).items()
+        for name, value in values.items()
+    ]
+    corrections = refitted_values(leading).items()
+    found += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
+    return pd.DataFrame(found, columns=["of", "parameter", "value"])
+
+
+def _posterior(posterior: EffectPosterior) -> pd.DataFrame:
+    low, median, high = pd.DataFrame(posterior.draws).quantile([0.05, 0.5, 0.95]).to_numpy()
+    return pd.DataFrame({"parameter": posterior.names, "5 %": low, "median": median, "95 %": high})
+
+
+def _how_far(diagnosis: Diagnosis) -> list[Block]:
+    held = diagnosis.held_out
+    blocks: list[Block] = [Text(gap_words.reach(diagnosis))]
+    if held is not None:
+        rows = [
+            {
+                "held out": ", ".join(fold.sweeps),
+                "chosen without it": " + ".join(fold.effects) or "no effect",
+                "nominal": (fold.nominal / fold.count) ** 0.5,
+                "before": (fold.before / fold.count) ** 0.5,
+                "after": (fold.after / fold.count) ** 0.5,
+            }
+            for fold in held.folds
+        ]
+        blocks.append(Table(pd.DataFrame(rows), "Root mean square residual of each level held out, in sigma"))
+    inside = f"On the data that fitted it, the explanation closes {_percent(diagnosis.gap.shrinkage)} of the gap."
+    return [*blocks, Text(inside)]
+
+
+def _next(diagnosis: Diagnosis) -> list[Block]:
+    blocks: list[Block] = [Text(gap_words.following(diagnosis))]
+    if diagnosis.next_tests:
+        table = pd.DataFrame([asdict(test) for test in diagnosis.next_tests])
+        blocks.append(Table(table, "Candidate tests, simulated for the explanations that are alive"))
+    return blocks
+
+
+def _basis(diagnosis: Diagnosis) -> list[Block]:
+    scatter = diagnosis.leading.best.model.scatter
+    rows = diagnosis.leading.best.model.problem.rows
+    stated = "stated" if diagnosis.setting.scatter is not None else "estimated"
+    sd_amplitude, sd_phase = float(np.median(rows.sd_amplitude)), float(np.median(rows.sd_phase))
+    noise = "stated" if diagnosis.setting.noise_known else "estimated from the roughness along the sweeps"
+    return [
+        List(
+            [
+                f"Record {diagnosis.record.source}, model {diagnosis.mode.source}; {diagnosis.mode.units}.",
+                f"{len(rows)} rows in {len(rows.sweeps)} sweeps on {rows.levels} force levels, "
+                + ("with phase." if rows.has_phase else "without phase."),
+                f"Noise ({noise}): median {percent(100.0 * sd_amplitude)} % of amplitude"
+                + (f", {number(sd_phase, 2)} rad of phase." if rows.has_phase else "."),
+                f"Repeatability from sweep to sweep ({stated}): gain {percent(100.0 * scatter.amplitude)} %, "
+                f"frequency {percent(100.0 * scatter.frequency)} %.",
+            ]
+        )
+    ]
+
+
+def _percent(value: float | None) -> str:
+    return NOTHING if value is None else f"{percent(100.0 * value)} %"
