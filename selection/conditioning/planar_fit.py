@@ -152,11 +152,7 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
     starts = _starts(data, fixed)
     _lengths(_real(_jacobian(data, starts[0], free)), free)
-    found = [_minimise(data, fixed, free, start) for start in starts]
-    inside = [one for one in found if _swept(one[1], data, free)]
-    if not inside:
-        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
-    model = min(inside, key=lambda one: one[0])[1]
+    model = _best(data, fixed, free, starts)
     model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
     residuals = data.residuals(model)
     SSE = float(np.sum(np.abs(residuals) ** 2))
@@ -181,6 +177,15 @@ def _starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
     misfit = np.where((omega_p == omega_y)[:, 0], np.inf, misfit)
     best = np.argsort(misfit, kind="stable")[:_REFINED]
     return [PlanarModel(*row) for row in np.hstack([M, C, omega_p, omega_y, theta])[best].tolist()]
+
+
+def _best(data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], starts: list[PlanarModel]) -> PlanarModel:
+    """The lowest minimum with the planes inside the swept frequencies."""
+    found = [_minimise(data, fixed, free, start) for start in starts]
+    inside = [one for one in found if _swept(one[1], data, free)]
+    if not inside:
+        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
+    return min(inside, key=lambda one: one[0])[1]
 
 
 def _swept(model: PlanarModel, data: Phasors, free: tuple[str, ...]) -> bool:

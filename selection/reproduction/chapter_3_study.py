@@ -183,9 +183,9 @@ def measured_table(steps: tuple[Step, ...]) -> pd.DataFrame:
 
 def corrected_rows() -> pd.DataFrame:
     """Rows that Table 3.IV marks as corrected for experimental error: no measurement stands behind them (E3IV-9)."""
-    names = {"omega_rad_s": "omega", "energy_input_in_lb": "energy", "A2p_in": "pitch", "A2y_in": "yaw"}
-    rows = load_table("3_IV").query("corrected_row == 1").rename(columns=names)
-    return rows[["point", *names.values()]].reset_index(drop=True)
+    rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
+    omega, energy, pitch, yaw = columns(rows, "omega_rad_s", "energy_input_in_lb", "A2p_in", "A2y_in")
+    return pd.DataFrame({"point": rows["point"], "omega": omega, "energy": energy, "pitch": pitch, "yaw": yaw})
 
 
 def effect_table(steps: tuple[Step, ...]) -> pd.DataFrame:
