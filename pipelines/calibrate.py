@@ -133,7 +133,7 @@ def figures(coverage: pd.DataFrame, selection: pd.DataFrame, ranks: pd.DataFrame
     for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
         name = str(law) if data == "resonances" else f"{law}, {data}"
         values = group["rank"].to_numpy()
-        found.setdefault(name, {})[quantity] = ecdf(values)
+        found.setdefault(name, {})[str(quantity)] = ecdf(values)
         counts[name] = len(values)
         if quantity == "amplitude beyond":
             beyond[name] = values
