@@ -7,6 +7,7 @@ is recorded before anything is diagnosed; the diagnosis reads the case folders; 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -15,7 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import pipelines.generator
 from pipelines.generator import Case, Stratum, draw_case, strata
+from pipelines.generator.strata import BLIND_CASES, BLIND_SEED
 from pipelines.progress import progress
 from pipelines.scorer import read_sealed, score
 from pipelines.scorer_output import write_scores
@@ -25,6 +28,8 @@ from selection.errors import InputError
 #: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
 DIAGNOSIS_SEED = 1970
 
+__all__ = ["BLIND_CASES", "BLIND_SEED", "blind", "make_cases"]
+
 _REPORTED = 25  # cases between two lines of progress
 
 
@@ -33,6 +38,7 @@ def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
     written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.write_scores``).
+    Cases that the same generator sealed there before, for the same seed, are used again.
 
     Raises:
         InputError: fewer than one case, or an ``out`` that holds the cases of another run.
@@ -43,8 +49,11 @@ def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     strangers = {path.name for path in folder.glob("*")} - set(_names(cases, seed))
     if strangers:
         raise InputError("holds cases of another run", file=folder, expected="an empty --out, or the same run again")
-    sealed = make_cases(folder, labels, cases, seed, jobs=jobs, nearest=True)
-    write_json(out / "sealed.json", {"format": "sealed/1", "sha256": sealed, "cases": cases, "seed": seed})
+    run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _generator_digest()}
+    sealed = _sealed_before(out, run)
+    if sealed is None:
+        sealed = make_cases(folder, labels, cases, seed, jobs=jobs, nearest=True)
+        write_json(out / "sealed.json", {**run, "sha256": sealed})
     from pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
     before = _processor_time()
@@ -52,6 +61,22 @@ def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     spent = _processor_time() - before
     verdicts = read_sealed(labels, out / "answers", sealed)
     write_scores(out, score(verdicts, spent), verdicts)
+
+
+def _sealed_before(out: Path, run: dict[str, Any]) -> str | None:
+    """The SHA-256 of the labels in ``out``, if they are those of this very run; None otherwise."""
+    try:
+        noted = json.loads((out / "sealed.json").read_text(encoding="utf-8"))
+        sealed = hashlib.sha256((out / "labels.sealed.json").read_bytes()).hexdigest()
+    except (FileNotFoundError, ValueError):
+        return None
+    return sealed if noted == {**run, "sha256": sealed} else None
+
+
+def _generator_digest() -> str:
+    """SHA-256 of the generator's source."""
+    modules = sorted(Path(pipelines.generator.__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
 
 
 def _processor_time() -> float:

@@ -9,6 +9,7 @@ from pipelines.generator.effects import LIBRARY, OUTSIDE
 #: Seeds differ so that nothing chosen while developing has seen a blind case.
 DEVELOPMENT_SEED = 20250
 BLIND_SEED = 86400077
+BLIND_CASES = 1500
 
 NULLS = ("null:nothing", "null:parameters", "null:scatter")
 PAIRS = ("pair:force-instrument", "pair:two-forces", "pair:force-structure")

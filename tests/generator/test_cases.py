@@ -13,7 +13,7 @@ from pipelines.generator.draw import draw
 from pipelines.generator.effects import KINDS, LIBRARY, OUTSIDE, applied
 from pipelines.generator.refit import gap
 from pipelines.generator.steady import doubling
-from pipelines.generator.strata import BLIND_SEED, DEVELOPMENT_SEED, NULLS, PAIRS, strata
+from pipelines.generator.strata import BLIND_CASES, BLIND_SEED, DEVELOPMENT_SEED, NULLS, PAIRS, strata
 from pipelines.generator.structure import chosen_rows
 from pipelines.generator.truth import guesses
 
@@ -109,8 +109,8 @@ def test_the_model_holds_the_simulation_and_nothing_of_the_truth():
 
 
 def test_a_run_has_its_nulls_and_every_kind_in_both_conditions():
-    plan = strata(1500)
-    assert len(plan) == 1500
+    plan = strata(BLIND_CASES)
+    assert len(plan) == BLIND_CASES
     assert sum(stratum.kind in NULLS for stratum in plan) >= 500
     counts = Counter(plan)
     assert {stratum.kind for stratum in plan} == {*NULLS, *LIBRARY, *OUTSIDE, *PAIRS}
