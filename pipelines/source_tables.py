@@ -10,6 +10,7 @@ import pandas as pd
 
 from pipelines.progress import progress
 from selection.compare.ranking import Ranking
+from selection.loads.prediction import Loads
 from selection.records.report_tables import load_errata
 from selection.report.results import ChapterResults
 from selection.reproduction.chapter_3_study import Chapter3, chapter_3_results
@@ -34,10 +35,12 @@ def start_chapters(pool: Executor, seed: int) -> StartedChapters:
     return StartedChapters(pool.submit(compute_studies, seed), pool.submit(compute_chapter_3, seed))
 
 
-def finish_chapters(started: StartedChapters, rankings: Mapping[str, Ranking]) -> ChapterResults:
-    """Wait for the chapters and set the report's tables beside them; ``rankings`` as for ``source_tables``."""
+def finish_chapters(
+    started: StartedChapters, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]
+) -> ChapterResults:
+    """Wait for the chapters and set the report's tables beside them; arguments as for ``source_tables``."""
     with progress("source report", 3) as done:
-        tables = source_tables(rankings)
+        tables = source_tables(rankings, loads)
         done("tables")
         found = started.studies.result()
         done("chapters II, IV, V")
@@ -56,11 +59,12 @@ def compute_chapter_3(seed: int) -> Chapter3:
     return chapter_3_results(seed)
 
 
-def source_tables(rankings: Mapping[str, Ranking]) -> dict[str, pd.DataFrame]:
+def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | None = None) -> dict[str, pd.DataFrame]:
     """Named tidy tables of the report's results beside ours.
 
     Args:
-        rankings: by the names of the report's records (``config-2-mode-1`` and so on).
+        rankings: by the names of the report's records (``config-2-mode-1`` and so on). loads: design loads of those
+            that have them.
     """
     return {
         "reproduction": pd.DataFrame([{**asdict(r), "agreement": r.agreement} for r in reproduce()]),
@@ -69,7 +73,9 @@ def source_tables(rankings: Mapping[str, Ranking]) -> dict[str, pd.DataFrame]:
         "regression_deviations": regression_deviations(),
         "linear_coefficients": linear_coefficients(),
         "power_laws": power_laws(),
-        "section_4_3_example": section_4_3_example(rankings["config-2-mode-1"]),
+        "section_4_3_example": section_4_3_example(
+            rankings["config-2-mode-1"], predicted=(loads or {}).get("config-2-mode-1")
+        ),
         "section_6_1": section_6_1(rankings),
         "section_6_1_errors": section_6_1_errors(rankings),
     }

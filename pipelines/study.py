@@ -109,12 +109,13 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         plans = _plan(inputs, settings.seed)
         tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
         sampled = _sample(pool, tasks)
-        named = {one.settings.name: ranking for one, ranking in zip(inputs, rankings, strict=True)}
-        chapters = finish_chapters(started, named) if started else None
-    records = tuple(
-        _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
-        for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
-    )
+        records = tuple(
+            _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
+            for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
+        )
+        named = {record.name: record.ranking for record in records}
+        loads = {record.name: record.design for record in records if record.design}
+        chapters = finish_chapters(started, named, loads) if started else None
     return StudyResult(
         title=settings.title,
         seed=settings.seed,
