@@ -177,6 +177,9 @@ def _coefficients(coordinates: Coordinates, least_squares: Fit, found: Evidence)
     ):
         low, high = np.percentile(draws[name], [tail, 100.0 - tail])
         force, _, shape = name.partition(" ")
+        if shape == "limit":  # least squares has a kink at every measured amplitude: the posterior's spread instead
+            error = np.std(draws[name])
+            t = value / error
         rows.append(Coefficient(force, shape, float(value), float(error), float(t), float(low), float(high)))
     return tuple(rows)
 

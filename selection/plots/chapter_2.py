@@ -64,8 +64,8 @@ def slip_equivalent(slip: Loop, printed: Loop, corrected: Loop, error: Equivalen
     slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
     left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
     left.plot(slip.q, slip.force, color=slip_colour, label="slip joint (exact)")
-    left.plot(corrected.q, corrected.force, color=square_colour, label="$C_3 \\dot q^2$ of equal energy")
-    left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="$C_3$ by (2.4.4) as printed")
+    left.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
+    left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
     left.set_xlabel("displacement / A₁")
     left.set_ylabel("force / K A₁")
     left.set_title(f"Loops at A = {reference:g} A₁")
@@ -79,7 +79,7 @@ def _errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
     square = law_style("velocity-squared").colour
     lines = (
         (error.coefficient_percent, LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
-        (error.corrected_percent, square, "-", f"energy, $C_3$ fixed at {reference:g} A₁"),
+        (error.corrected_percent, square, "-", f"energy, C₃ fixed at {reference:g} A₁"),
         (error.shape_percent, MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
     )
     for values, colour, line, label in lines:
@@ -106,7 +106,7 @@ def slip_energy(energies: pd.DataFrame) -> Figure:
     lines = {
         "exact": (law_style("slip").colour, "-", "slip joint, exact: grows like A"),
         "printed": (LINEAR, (0, (4, 2)), "(2.4.3) as printed: like A²"),
-        "corrected_equivalent": (law_style("velocity-squared").colour, "-", "$C_3 \\dot q^2$: like A³"),
+        "corrected_equivalent": (law_style("velocity-squared").colour, "-", "C₃q̇²: like A³"),
     }
     for name, (colour, line, label) in lines.items():
         axes.plot(energies["amplitude"], energies[name], color=colour, linestyle=line, label=label)

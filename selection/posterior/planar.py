@@ -28,8 +28,7 @@ from scipy.special import ndtr, ndtri
 from selection.arrays import FloatArray
 from selection.conditioning.planar_fit import EXTRAS, Phasors, PlanarModel
 from selection.errors import InputError
-from selection.posterior.evidence import Evidence
-from selection.posterior.importance import importance
+from selection.posterior.importance import Evidence, importance
 from selection.posterior.likelihood import REACH, log_prior
 from selection.posterior.proposal import sobol
 from selection.posterior.sampling import Chains, Settings, Start, Target, run
@@ -159,7 +158,7 @@ def log_posterior(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArra
 def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidence:
     """Marginal likelihood and weighted draws, by importance sampling from the posterior mode outwards."""
     mode = _mode(prior, data)
-    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed)
+    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed, least_rounds=7)
 
 
 def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
