@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from selection.arrays import FloatArray
 from selection.gap.cells import by_quantity, footprint
 from selection.gap.diagnose import Diagnosis
-from selection.gap.fit import Fit
+from selection.gap.fit import WILD_WEIGHT, Fit
 from selection.gap.local import LocalEstimate
 from selection.gap.model import Model, deviated
 from selection.gap.rows import Rows
-from selection.gap.size import WILD_WEIGHT, nominal_residuals, refitted
+from selection.gap.size import nominal_residuals, refitted
 from selection.gap.steady import fitted_terms, steady
 from selection.gap.terms import Terms, complex_stiffness
 from selection.plots.gap_local import gap_local

@@ -6,6 +6,7 @@ markup that passes as it is. The page loads nothing, not even from its own folde
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,10 +18,12 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from selection.plots.style import WIDTH
 from selection.report.words import NOTHING, number
 
 #: How to write a value of a column.
 Format = Callable[[Any], str]
+_WIDTH_POINTS = re.compile(r'<svg[^>]* width="([\d.]+)pt"')
 #: Cells of more characters than this may be broken over lines.
 LONG = 28
 
@@ -81,6 +84,12 @@ class FigureBlock(Block):
     kind: ClassVar[str] = "figure"
     svg: str
     caption: str
+
+    @property
+    def share(self) -> float:
+        """Width over that of a full figure, at most 1: a narrow one stays narrow, its letters as large as others'."""
+        found = _WIDTH_POINTS.search(self.svg)
+        return min(1.0, round(float(found[1]) / (72.0 * WIDTH), 3)) if found else 1.0
 
     @property
     def markup(self) -> Markup:

@@ -50,7 +50,7 @@ def _conditioning(found: Chapter3, figures: Figures) -> list[Block]:
         Text(
             f"One chain of {count(len(found.steps), 'step')} from the raw table gives every modal amplitude of Table "
             f"3.III within {number(amplitude, 2)} per cent and every phase within {number(phase, 2)} rad. What it "
-            f"takes away, {between(total.min(), total.max(), 'in', 2)} in phase with the force, is "
+            f"takes away, {between(total.min(), total.max(), 'inches', 2)} in phase with the force, is "
             f"{percent(change.max())} per cent of the amplitude at the edge of the sweep and {percent(change[peak])} "
             "per cent at its peak: conditioning moves the skirts, not the resonance."
         ),

@@ -18,10 +18,10 @@ from selection.report.chapters.common import (
     table,
 )
 from selection.report.chapters.levels import LEVEL_TABLES, level_blocks
-from selection.report.page import Block, Heading, Text
+from selection.report.page import Block, Heading, Table, Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
-from selection.report.sections.source import known_table
+from selection.report.sections.source import KNOWN, known_table
 from selection.report.words import between, joined, number, percent
 from selection.reproduction.amplitude_frequency import PRINTED, AmplitudeFrequency
 from selection.reproduction.linear_coefficients import IV, Model, V
@@ -65,8 +65,23 @@ def _section_4_1(tables: Tables, figures: Figures) -> list[Block]:
             f"With the square of amplitude, which is case V, {_line(lines, V, 1)}. The report's 0.5486 for both terms "
             "(4.2.11) is half of that: a factor 2 is lost between ξ and C₁ (erratum E4-1)."
         ),
-        *known_table("linear_coefficients", lines),
+        Table(_corrected(lines), _LINES, headings=_SYMBOLS, key="linear_coefficients"),
+        folded(KNOWN["linear_coefficients"].title + ": everything", *known_table("linear_coefficients", lines)),
     ]
+
+
+_LINES = (
+    "Coefficients from the corrected tables with standard error and 90 per cent t interval, and the forces they stand "
+    "for (lb, in, s)."
+)
+_SYMBOLS = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
+
+
+def _corrected(lines: pd.DataFrame) -> pd.DataFrame:
+    """What the page shows of the linear coefficients."""
+    columns = ["mode", "cases", "parameter", "coefficient", "std_error", "low", "high", "printed", "force"]
+    shown = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
+    return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
 def _line(lines: pd.DataFrame, model: Model, mode: int) -> str:

@@ -6,7 +6,7 @@ import pandas as pd
 
 from selection.report.chapters.chosen_terms import TERM_TABLES, term_blocks
 from selection.report.chapters.common import Figures, agreement_text, figure, of_chapter, part, row
-from selection.report.page import Block, Heading, Text
+from selection.report.page import Block, Heading, Table, Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
 from selection.report.sections.source import known_table
@@ -33,11 +33,43 @@ def chapter_5(results: ChapterResults, figures: Figures) -> Part:
         Heading("5.3: regressions from printed, corrected and recovered inputs"),
         Text(_coefficients(tables["regressions"])),
         Text(_check_out(tables["regressions"])),
+        Table(
+            regression_rows(tables["regressions"]), _REGRESSIONS, headings={"T-ratio": "its T-ratio"}, key="regressions"
+        ),
         *known_table("regressions", tables["regressions"]),
         *known_table("regression_deviations", tables["regression_deviations"]),
         *term_blocks(results.studies, figures),
     ]
     return part(5, "Chapter V: energy as a polynomial", blocks, {name: every[name] for name in TERM_TABLES})
+
+
+_REGRESSIONS = (
+    "Coefficients of the energy polynomials: as printed, and by least squares from each kind of input; T-ratio of the "
+    "last."
+)
+
+
+def regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
+    """A row a fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
+
+    The check-out data have no recovered inputs but the law that made them.
+    """
+    rows = []
+    for (fit, equation, term), found in regressions.groupby(["fit", "equation", "term"], sort=False):
+        values, last = found.set_index("inputs")["coefficient"], found.iloc[-1]
+        rows.append(
+            {
+                "fit": fit,
+                "equation": equation,
+                "term": term,
+                "printed": last["printed"],
+                "from printed inputs": values["printed"],
+                "from corrected": values["corrected"],
+                "from recovered or made": last["coefficient"],
+                "T-ratio": last["t_ratio"],
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def _surface(surface: EnergySurface) -> str:

@@ -18,6 +18,8 @@ from selection.report.words import count, joined
 
 #: Figures of the chapters by name, not yet drawn.
 Figures = Mapping[str, ChapterFigure]
+#: Figures whose data are not printed: there is a counterpart, from other data.
+NOT_PRINTED = ("5.1",)
 #: Agreement of a printed number with its recomputation, best first, in words.
 AGREEMENTS = {
     "printed digits": "come out to the printed digits",
@@ -40,9 +42,10 @@ def figure(figures: Figures, name: str, chapter: int) -> ChapterFigureBlock:
     one = figures[name]
     file = f"chapter-{chapter}-{one.name}"
     numbers = one.counterpart.split(", ")
-    head = (
-        f"Fig{'s' * (len(numbers) > 1)}. {joined(numbers)} redrawn: {_lowered(one.title)}" if numbers[0] else one.title
-    )
+    head = one.title
+    if one.counterpart:
+        what = "counterpart" if one.counterpart in NOT_PRINTED else "redrawn"
+        head = f"Fig{'s' * (len(numbers) > 1)}. {joined(numbers)} {what}: {_lowered(one.title)}"
     svg = to_svg(one.draw(), file, one.title, one.description)
     return ChapterFigureBlock(svg, f"{head}. {one.description}", file)
 
@@ -56,8 +59,12 @@ def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str,
 def table(
     chapter: int, name: str, frame: pd.DataFrame, caption: str, headings: Mapping[str, str] | None = None
 ) -> Table:
-    """A table whose whole is in the chapter's CSV file of that name; ``frame`` may be a part of it."""
-    return Table(frame, caption, headings=headings or {}, key=file_of(chapter, name))
+    """A table whose whole is in the chapter's CSV file of that name; ``frame`` may be a part of it.
+
+    Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
+    """
+    own = {column: column for column in map(str, frame.columns) if not column.isascii()}
+    return Table(frame, caption, headings=own | dict(headings or {}), key=file_of(chapter, name))
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable, Mapping
+from typing import Any
 
 import pandas as pd
 
 from selection.report.chapters.common import AGREEMENTS, chapter_of
+from selection.report.chapters.proofs import in_symbols
 from selection.report.page import Block, Fold, Heading, Section, Table, Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
@@ -74,15 +76,23 @@ def errata(results: ChapterResults) -> Part:
     ]
     for key, title in SEVERITIES.items():
         rows = table[table["severity"] == key]
-        shown = rows[["id", "where", "as_printed", "should_be", "proof"]].assign(
-            recomputed=[numbers.get(identity, "") for identity in rows["id"]]
-        )
-        one = Table(shown, f"{title}, with proofs.", headings=_HEADINGS, key="errata")
+        shown = pd.DataFrame([shown_row(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
+        one = Table(shown, f"{title}, with proofs.", key="errata")
         blocks += [Heading(title), one] if key == "A" else [Fold(f"{title}: {len(rows)}", [one])]
     return Part(Section("errata", "Errata of the report", blocks))
 
 
-_HEADINGS = {"recomputed": "numbers recomputed here"}
+def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
+    """An erratum in three cells: where, from what to what, and why, with the numbers recomputed here."""
+    where, printed, right, proof = (
+        in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
+    )
+    said = proof[:1].upper() + proof[1:].rstrip(".") + "."
+    return {
+        "erratum": f"{erratum['id']}: {where}",
+        "printed and right": f"printed {printed}; right: {right}",
+        "proof": f"{said} Recomputed here: {numbers}." if numbers else said,
+    }
 
 
 def counts(rows: pd.DataFrame) -> pd.DataFrame:

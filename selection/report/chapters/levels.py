@@ -9,15 +9,13 @@ import numpy as np
 import pandas as pd
 
 from selection.report.chapters.common import Figures, figure, folded, table
-from selection.report.page import Block, Heading, Text
-from selection.report.words import joined, number
+from selection.report.page import Block, Heading, List, Text
+from selection.report.words import number
 from selection.reproduction.studies import Studies
 
 LEVEL_TABLES = ("level_coefficients", "level_variations", "level_predictions")
 #: What is kept from level to level, in words.
 HELD = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
-#: Cases that the report compares: one coefficient each, no free parameter.
-REPORT_ALPHAS = ("V, alpha = 1", "V, alpha = 100")
 
 
 def level_blocks(studies: Studies, figures: Figures) -> list[Block]:
@@ -31,8 +29,9 @@ def level_blocks(studies: Studies, figures: Figures) -> list[Block]:
             "The right case needs the same coefficient at every level. The report keeps the damping factor ξ = C/(2 M "
             "ω), fixes it at one sweep and compares the others. Here every sweep is the base in turn, the coefficient "
             "itself is kept as well (M changes from sweep to sweep, so the two are different questions), and "
-            "α of case V and of cases I with II, III or IV may be free. " + " ".join(_least(variations))
+            "α of case V and of cases I with II, III or IV may be free. What varies least from level to level:"
         ),
+        List(_least(variations)),
         drawings[0],
         table(
             4,
@@ -74,18 +73,16 @@ def spreads(variations: pd.DataFrame) -> pd.DataFrame:
 def _least(variations: pd.DataFrame) -> list[str]:
     """Which case varies least, among those of the report and among all."""
     said = []
-    for held, words in HELD.items():
-        parts = []
-        for mode in (1, 2):
+    for mode in (1, 2):
+        for held, words in HELD.items():
             rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
             plain = rows[~rows["free"] & (rows["case"] != "V, second term")]
             of_report, of_all = (min(r.to_dict("records"), key=_spread) for r in (plain, rows))
-            parts.append(
-                f"{_case(of_report['case'])} varies least in mode {mode} among the report's cases "
-                f"({number(of_report['spread_percent'], 2)} per cent), {_case(of_all['case'])} among all "
-                f"({number(of_all['spread_percent'], 2)} per cent)"
+            said.append(
+                f"Mode {mode}, {words}: of the report's cases {_case(of_report['case'])} "
+                f"({number(of_report['spread_percent'], 2)} per cent), of all {_case(of_all['case'])} "
+                f"({number(of_all['spread_percent'], 2)} per cent)."
             )
-        said.append(f"With the {words} kept, {joined(parts)}.")
     return said
 
 
