@@ -32,8 +32,8 @@ def chapter_6(results: ChapterResults, figures: Figures) -> Part:
 
 
 _LAWS = (
-    "Each printed number beside its recomputation and beside our fit with its 90 per cent credible interval; the last "
-    f"columns say whether the law gives every tested resonant amplitude within {REPRODUCES:g} per cent."
+    "Each printed number beside its recomputation and beside our fit with its 90 per cent credible interval; then "
+    f"whether the law gives every tested resonant amplitude within {REPRODUCES:g} per cent, in that order."
 )
 
 
@@ -44,6 +44,7 @@ def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
     ]
     where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
     unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
+    reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
     return pd.DataFrame(
         {
             "configuration": where,
@@ -53,7 +54,7 @@ def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
             "printed": laws["printed"],
             "recomputed": laws["recomputed"],
             "ours": ours,
-            **{f"{version} reproduces": laws[f"{version}_reproduces"] for version in VERSIONS},
+            "reproduces": [" / ".join("yes" if one else "no" for one in row) for row in reproduces],
             "erratum": laws["erratum"],
         }
     )

@@ -83,14 +83,13 @@ def errata(results: ChapterResults) -> Part:
 
 
 def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
-    """An erratum in three cells: where, from what to what, and why, with the numbers recomputed here."""
+    """An erratum in two cells: where and what, and why, with the numbers recomputed here."""
     where, printed, right, proof = (
         in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
     )
     said = proof[:1].upper() + proof[1:].rstrip(".") + "."
     return {
-        "erratum": f"{erratum['id']}: {where}",
-        "printed and right": f"printed {printed}; right: {right}",
+        "erratum": f"{erratum['id']}, {where}. Printed: {printed}. Right: {right}.",
         "proof": f"{said} Recomputed here: {numbers}." if numbers else said,
     }
 
