@@ -192,7 +192,8 @@ def _cautions(least_squares: Fit, parts: int, found: Evidence, data: Observation
             said.append(f"coefficient of {name} is negative: not a damping force; left out of the weights")
     freedom = least_squares.rows - least_squares.parameters
     if freedom < 3:
-        said.append(f"{least_squares.rows} points, {_degrees(freedom)}: standard errors rest on the stated scatter")
+        points = f"{least_squares.rows} point{'s' * (least_squares.rows != 1)}"
+        said.append(f"{points}, {_degrees(freedom)}: standard errors rest on the stated scatter")
     if np.isnan(least_squares.std_errors).any():
         said.append("the data cannot tell its parameters apart")
     for name, value in zip(least_squares.names, least_squares.values, strict=True):
