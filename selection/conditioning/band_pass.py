@@ -12,6 +12,8 @@ from scipy.signal.windows import blackmanharris, hann
 from selection.arrays import FloatArray
 from selection.units import RAD_S_PER_HZ
 
+#: Samples a period that are enough: longer records are averaged in groups.
+ENOUGH = 32
 _BESIDE = 4.5  # where noise is looked for, in 1/length above the mode: outside the main lobe of the window used there
 
 Signal = npt.NDArray[np.complex128]
@@ -45,6 +47,20 @@ class Window:
     def gain(self, s: complex) -> complex:
         """What the window makes of exp(s t); its image at the conjugate of s averages out over a level."""
         return complex(0.5 * self.weights @ np.exp((s - 1j * self.omega_0) * self.offsets))
+
+
+def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
+    """Means of groups of samples, so that about ``ENOUGH`` a period of ``frequency`` (Hz) are left.
+
+    A mean over k samples takes sin(k a)/(k sin a), a = pi f dt, of a sine; this is divided out at ``frequency``.
+    """
+    k = int(1.0 / (frequency * dt * ENOUGH))
+    n = len(x) // max(k, 1) * k
+    if k < 2 or n < 2 * k:
+        return t, x
+    angle = np.pi * frequency * dt
+    kept = np.sin(k * angle) / (k * np.sin(angle))
+    return t[0] + dt * (k * np.arange(n // k) + 0.5 * (k - 1)), x[:n].reshape(-1, k).mean(axis=1) / kept
 
 
 def flat_window(frequency: float, periods: float, dt: float) -> Window:

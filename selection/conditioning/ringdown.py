@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 
 from selection.arrays import BoolArray, FloatArray
-from selection.conditioning.band_pass import Signal, Window, flat_window, noise_beside
+from selection.conditioning.band_pass import Signal, Window, flat_window, noise_beside, thinned
 from selection.errors import AnalysisError, InputError
 from selection.units import RAD_S_PER_HZ
 
@@ -44,6 +44,7 @@ WORST_SLOPE = 0.3
 LARGEST_BEND = 0.15
 
 _FEWEST_SAMPLES = 8  # a period must have so many
+_PART = 1_000_000  # samples looked at together
 _UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
@@ -130,7 +131,8 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
-    dt = _step(t, frequency)
+    t, x = thinned(t, x, _step(t, frequency), frequency)
+    dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
         raise AnalysisError(
@@ -148,22 +150,21 @@ def ring_down(
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
-    keep: BoolArray = np.ones(len(t), dtype=bool)
-    if start is not None:
-        keep &= t >= start
-    if end is not None:
-        keep &= t <= end
+    keep: BoolArray = (t >= (-np.inf if start is None else start)) & (t <= (np.inf if end is None else end))
     if np.count_nonzero(keep) < 2:
         has = f"{t[0]:g} to {t[-1]:g} s" if len(t) else "a time history"
         raise InputError("there are no two samples between start and end", expected=has)
-    return t[keep], x[keep]
+    return (t, x) if keep.all() else (t[keep], x[keep])
 
 
 def _step(t: FloatArray, frequency: float) -> float:
     """Time step of an even spacing that resolves the mode."""
     dt = float((t[-1] - t[0]) / (len(t) - 1))
-    if not (np.isfinite(dt) and dt > 0.0) or np.max(np.abs(t - t[0] - dt * np.arange(len(t)))) > _UNEVEN * dt:
-        raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+    for first in range(0, len(t), _PART):
+        part = t[first : first + _PART]
+        off = np.abs(part - (t[0] + dt * np.arange(first, first + len(part))))
+        if not (np.isfinite(dt) and dt > 0.0 and np.max(off) <= _UNEVEN * dt):
+            raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
     if not frequency * dt <= 1.0 / _FEWEST_SAMPLES:
         raise InputError(
             f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz", expected=f"at least {_FEWEST_SAMPLES}"

@@ -156,6 +156,14 @@ def test_the_centre_need_not_be_exact() -> None:
         np.testing.assert_allclose(found.amplitude, np.exp(-0.01 * omega_n * found.time), rtol=1e-3)
 
 
+def test_many_samples_a_period_are_averaged() -> None:
+    """Five thousand samples a period give what twenty do."""
+    few, many = decay(*exponential(0.01, 40)), decay(*exponential(0.01, 40, samples=5000))
+    # a group of samples ends elsewhere: levels differ by a part of a period; both are right to 1e-3
+    np.testing.assert_allclose(many.amplitude, np.exp(-0.01 * omega_n * many.time), rtol=1e-3)
+    np.testing.assert_allclose(many.force / many.amplitude, few.force[0] / few.amplitude[0], rtol=5e-3)
+
+
 def test_neighbouring_modes_drift_and_offset_are_rejected() -> None:
     """As large as the mode itself, at 0.4 and 1.7 of its frequency, an offset and a slow drift."""
     t, x = exponential(0.01, 80)

@@ -12,6 +12,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -29,10 +30,17 @@ _WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its ow
 _WORKING = 200_000_000  # bytes that libraries and buffers may take, beside three times the file
 
 
-def read_arrays(
-    path: str | Path, kind: str, names: Sequence[str], max_size: int
-) -> tuple[dict[str, Array], dict[str, tuple[int, ...]]]:
-    """The arrays ``names`` that the file has, and the shape of every array in it by name.
+@dataclass(frozen=True)
+class Arrays:
+    """Arrays by name, the units that the file gives for them, and the shape of every array in the file by name."""
+
+    values: dict[str, Array]
+    units: dict[str, str]
+    known: dict[str, tuple[int, ...]]
+
+
+def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int) -> Arrays:
+    """The arrays ``names`` that the file has, and what is in it.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73`` or ``hdf5``.
@@ -64,7 +72,8 @@ def read_arrays(
     answer = json.loads(head)
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])
-    return _unpacked(answer["loaded"], body), {name: tuple(shape) for name, shape in answer["known"].items()}
+    known = {name: tuple(shape) for name, shape in answer["known"].items()}
+    return Arrays(_unpacked(answer["loaded"], body), answer["units"], known)
 
 
 _EXPECTED = {

@@ -22,6 +22,7 @@ from selection.records.text import decode, shortened, unguarded
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
+_LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
 
 
@@ -64,6 +65,9 @@ def read_columns(
         raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
     places = _places(names, mapped, known, file, rows.line)
+    if not places:
+        expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
+        raise InputError("no column has the name of a role", file=file, line=rows.line, expected=expected)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
     for row in rows:
@@ -95,6 +99,10 @@ class _Rows:
     def _lines(self) -> Iterator[str]:
         for line in self._stream:
             self.line += 1
+            if len(line) > _LONGEST_LINE:
+                raise InputError(
+                    f"a line of {len(line)} bytes", file=self.file, line=self.line, expected="cells in rows"
+                )
             text, broken = decode(line, self.file)
             if broken is not None:
                 raise InputError(broken.message, file=self.file, line=self.line, expected=broken.expected)

@@ -146,7 +146,8 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
         raise InputError("--dataset is for universal files", file=path)
     names = dict(stated.columns) or {role: name for role, own in _OWN_NAMES.items() for name in own}
     wanted = list(names.values()) if stated.columns else [name for own in _OWN_NAMES.values() for name in own]
-    arrays, known = read_arrays(path, kind, wanted, max_size)
+    found = read_arrays(path, kind, wanted, max_size)
+    arrays, known = found.values, found.known
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
@@ -168,7 +169,12 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
     if "sweep" in names:
         labels = [f"{value:g}" for value in arrays[names["sweep"]].real.reshape(-1)]
         names = {role: name for role, name in names.items() if role != "sweep"}
-    return to_series({role: arrays[name] for role, name in names.items()}, labels, {}, path, Path(path).stem, peak=True)
+    units: dict[str, str] = {}
+    for role, name in names.items():
+        if role in _UNIT_OF and name in found.units:
+            units.setdefault(_UNIT_OF[role], found.units[name])
+    of_role = {role: arrays[name] for role, name in names.items()}
+    return to_series(of_role, labels, units, path, Path(path).stem, peak=True)
 
 
 def _has(known: Mapping[str, tuple[int, ...]]) -> str:

@@ -18,6 +18,8 @@ from selection.records.record import Record
 from selection.records.schema import record_schema
 from selection.units import RAD_S_PER_HZ
 
+#: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
+MOST_ROWS = 100_000
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
@@ -31,6 +33,7 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     Raises:
         InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
     """
+    _not_too_many(series, stated, file)
     labels, forces = _labels(series, stated, file), _stated_forces(series, stated, file)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
@@ -51,6 +54,15 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     return Imported(Record(table, str(file)), summary)
 
 
+def _not_too_many(series: Sequence[Series], stated: Stated, file: str | Path) -> None:
+    low, high = stated.band or (0.0, np.inf)
+    rows = sum(int(np.count_nonzero((one.abscissa >= low) & (one.abscissa <= high))) for one in series)
+    if rows > MOST_ROWS:
+        raise InputError(
+            f"{rows} rows", file=file, expected=f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
+        )
+
+
 def _labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
     """Label of each sweep, all different."""
     if stated.labels:
@@ -59,14 +71,14 @@ def _labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[
                 f"{len(stated.labels)} labels", file=file, expected=f"{len(series)} different ones, one a sweep"
             )
         return list(stated.labels)
-    labels: list[str] = []
+    labels: dict[str, None] = {}  # in order
     for one in series:
         base, number = " ".join(one.label.split()) or "sweep", 2
         label = base
         while label in labels:
             label, number = f"{base} ({number})", number + 1
-        labels.append(label)
-    return labels
+        labels[label] = None
+    return list(labels)
 
 
 def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -> list[float | None]:

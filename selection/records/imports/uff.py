@@ -41,6 +41,7 @@ _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration"
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _TIME, _FREQUENCY = 17, 18
 _MOST_LISTED = 12
+_MOST_SWEEPS = 1000
 
 
 @dataclass(frozen=True)
@@ -181,6 +182,10 @@ def _unfit(one: _Set) -> str:
 
 
 def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Path) -> None:
+    if len(responses) > _MOST_SWEEPS:
+        raise InputError(
+            f"{len(responses)} responses", file=file, expected=f"--dataset numbers of at most {_MOST_SWEEPS}"
+        )
     points = list(dict.fromkeys(one.point for one in responses))
     if len(points) > 1 and not datasets:
         raise InputError(

@@ -15,6 +15,11 @@ from selection.errors import InputError
 from selection.records.text import shortened
 
 HEADER_LINES = 11
+#: Data sets of a file that are looked at.
+MOST_SETS = 50_000
+_CLOSING = re.compile(
+    rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t\r]*(?=\n|\Z)"
+)  # after bytes, where some programs end the line first
 _END = re.compile(rb"^[ \t]{0,8}-1[ \t\r]*$", re.MULTILINE)
 _KIND = re.compile(rb"[ \t]{0,8}(\d{1,6})([bB]?)((?:[ \t]+-?\d{1,12})*)[ \t]*")
 
@@ -80,6 +85,12 @@ class _Lines:
         self.place, self.number = end + 1, self.number + 1
         return line
 
+    def back(self, line: bytes | None) -> None:
+        """To the start of the line just read."""
+        if line is not None:
+            self.place = max(self.data.rfind(b"\n", 0, self.place - 1) + 1, 0)
+            self.number -= 1
+
     def skip_to(self, place: int) -> None:
         self.number += self.data.count(b"\n", self.place, place)
         self.place = place
@@ -92,25 +103,27 @@ def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[Block], int]) 
         InputError: a header of a data set 58 is cut off, or what ``end_of_bytes`` raises.
     """
     lines = _Lines(data)
-    line = lines.next()
-    while line is not None:
-        if line.strip() != b"-1":
-            line = lines.next()  # nothing of ours between sets
-            continue
+    for _ in range(MOST_SETS):
+        opening = _END.search(data, lines.place)  # nothing of ours between sets
+        if opening is None:
+            return
+        lines.skip_to(opening.start())
+        lines.next()
         line = lines.next()
         match = _KIND.fullmatch(line) if line is not None else None
-        if match is None:
-            continue  # two delimiters in a row: the second opens a set
+        if line is None or match is None:  # two delimiters in a row: the second opens a set
+            lines.back(line)
+            continue
         block = _block(lines, match, file)
         if block.binary:
             block = replace(block, end=end_of_bytes(block), closed=True)
         yield block
         lines.skip_to(block.end)
-        line = lines.next()
-        while line is not None and not line.strip():  # the line end that some programs put after the bytes
-            line = lines.next()
-        if line is not None and line.strip() == b"-1":
-            line = lines.next()
+        closing = _END.match(data, lines.place) or _CLOSING.match(data, lines.place)
+        if closing is not None:
+            lines.skip_to(closing.end())
+            lines.next()
+    raise InputError(f"more than {MOST_SETS} data sets", file=file, expected="a file with fewer")
 
 
 def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> Block:

@@ -28,11 +28,12 @@ def main() -> None:
     most, memory, seconds = map(int, sys.argv[4:7])
     _limit(memory, seconds)
     known: dict[str, list[int]] = {}
+    units: dict[str, str] = {}
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     problem = None
     try:
         read = _mat if kind == "mat5" else _hdf
-        for name, array in read(path, kind, names, most, known):
+        for name, array in read(path, kind, names, most, known, units):
             arrays[name] = np.ascontiguousarray(array, dtype=complex if np.iscomplexobj(array) else float)
             most -= arrays[name].nbytes
             if most < 0:
@@ -43,7 +44,7 @@ def main() -> None:
         problem = "it asks for more memory than its size warrants"
     loaded = [(name, "complex" if np.iscomplexobj(array) else "float", array.shape) for name, array in arrays.items()]
     out = sys.stdout.buffer
-    out.write(json.dumps({"known": known, "loaded": loaded, "problem": problem}).encode() + b"\n")
+    out.write(json.dumps({"known": known, "units": units, "loaded": loaded, "problem": problem}).encode() + b"\n")
     for array in arrays.values():
         out.write(array.data if array.size else b"")
     out.flush()
@@ -60,7 +61,7 @@ def _limit(memory: int, seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _mat(path: str, kind: str, names: list[str], most: int, known: dict[str, list[int]]) -> Any:
+def _mat(path: str, kind: str, names: list[str], most: int, known: dict[str, list[int]], units: dict[str, str]) -> Any:
     """Arrays of a MAT file of version 5; fields of structures as ``structure.field``."""
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - half a second, for this format alone
 
@@ -89,8 +90,11 @@ def _mat(path: str, kind: str, names: list[str], most: int, known: dict[str, lis
 _MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
 
-def _hdf(path: str, kind: str, names: list[str], most: int, known: dict[str, list[int]]) -> Any:
-    """Arrays of an HDF5 file by path, ``group/name``; of a MAT file of version 7.3 in MATLAB's order of axes."""
+def _hdf(path: str, kind: str, names: list[str], most: int, known: dict[str, list[int]], units: dict[str, str]) -> Any:
+    """Arrays of an HDF5 file by path, ``group/name``; of a MAT file of version 7.3 in MATLAB's order of axes.
+
+    An attribute ``units`` or ``unit`` of an array is its unit.
+    """
     import h5py  # noqa: PLC0415 - for this format alone
 
     with h5py.File(path, "r", locking=False) as file:
@@ -105,6 +109,9 @@ def _hdf(path: str, kind: str, names: list[str], most: int, known: dict[str, lis
             _readable(h5py, found, name)
             _bounded(found.shape, max(found.dtype.itemsize, 16), most)
             array = _numbers(found[()], name)
+            named = found.attrs.get("units", found.attrs.get("unit"))
+            if isinstance(named, str | bytes):
+                units[name] = (named if isinstance(named, str) else named.decode(errors="replace"))[:60]
             yield name, array.T if kind == "mat73" else array
 
 

@@ -77,6 +77,19 @@ def test_hdf5(truth, tmp_path, imported, options):
     close(found.record, truth)
 
 
+def test_units_in_attributes_of_hdf5(truth, tmp_path, imported):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["frequency"] = truth.f
+        file["response"] = 1e3 * truth.H
+        file["response"].attrs["units"] = "mm/N"
+        file["force"] = truth.F
+        file["force"].attrs["unit"] = np.bytes_("N")
+    found = imported(path, scaling="peak")
+    close(found.record, truth)
+    assert ("response", "receptance", "follows from its unit") in found.summary.rows
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_column_a_sweep(truth, tmp_path, imported, turned):
     path = tmp_path / "a.mat"
@@ -272,9 +285,9 @@ def test_nothing_outside_the_file_is_read(tmp_path):
     for name in ("external", "virtual"):
         with pytest.raises(InputError, match="outside the file"):
             read_arrays(path, "hdf5", [name], 10**6)
-    arrays, known = read_arrays(path, "hdf5", ["link"], 10**6)
-    assert not arrays
-    assert "link" not in known
+    found = read_arrays(path, "hdf5", ["link"], 10**6)
+    assert not found.values
+    assert "link" not in found.known
 
 
 def test_arrays_larger_than_the_file_warrants(tmp_path):

@@ -384,3 +384,32 @@ def test_something_that_is_no_number_names_its_line(read: Read):
 def test_no_universal_file(read: Read):
     with pytest.raises(InputError, match=r"no data set 58 \(it has 151, 15\)"):
         read("    -1\n   151\nmodel\n    -1\n    -1\n    15\n         1\n    -1\n")
+
+
+def test_a_line_of_a_hundred_thousand_values_is_no_crash(read: Read):
+    with pytest.raises(InputError, match="not a number"):
+        read(header(points=6) + "1.0 " * 400_000 + "\n" + END)
+
+
+def test_more_rows_than_a_record_may_have(tmp_path: Path, imported):
+    """A band about the mode is chosen, not all of a spectrum of a hundred and fifty thousand lines."""
+    points = 150_000
+    kind = f"    58b{1:6d}{2:6d}{11:12d}{8 * points:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    path = tmp_path / "file.unv"
+    path.write_bytes(header(kind=kind, points=points).encode() + np.ones(points, "<c8").tobytes() + END.encode())
+    with pytest.raises(InputError, match="150000 rows; expected at most 100000: choose --band"):
+        imported(path, forces=(1.0,))
+    assert len(imported(path, forces=(1.0,), band=(100.0, 200.0)).record) == 101
+
+
+def test_more_data_sets_than_sweeps_can_be(tmp_path: Path, imported):
+    path = tmp_path / "file.unv"
+    path.write_text((header() + SINGLE + END) * 1001)
+    with pytest.raises(InputError, match="1001 responses; expected --dataset"):
+        imported(path, forces=(1.0,))
+    assert imported(path, forces=(1.0,), datasets=(7, 1001)).record.sweeps == ("set 7", "set 1001")
+
+
+def test_junk_between_data_sets(read: Read):
+    found = read("made by a rig\n\n" + END + header() + SINGLE + END + "the end\n", format="uff")
+    np.testing.assert_array_equal(found.response, THREE)
