@@ -34,7 +34,7 @@ _WORKING = 200_000_000  # bytes that libraries and buffers may take, beside thre
 class Arrays:
     """Arrays by name, the units that the file gives for them, and the shape of every array in the file by name."""
 
-    values: dict[str, Array]
+    arrays: dict[str, Array]
     units: dict[str, str]
     known: dict[str, tuple[int, ...]]
 

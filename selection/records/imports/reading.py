@@ -147,7 +147,7 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
     names = dict(stated.columns) or {role: name for role, own in _OWN_NAMES.items() for name in own}
     wanted = list(names.values()) if stated.columns else [name for own in _OWN_NAMES.values() for name in own]
     found = read_arrays(path, kind, wanted, max_size)
-    arrays, known = found.values, found.known
+    arrays, known = found.arrays, found.known
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:

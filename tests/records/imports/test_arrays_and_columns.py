@@ -286,7 +286,7 @@ def test_nothing_outside_the_file_is_read(tmp_path):
         with pytest.raises(InputError, match="outside the file"):
             read_arrays(path, "hdf5", [name], 10**6)
     found = read_arrays(path, "hdf5", ["link"], 10**6)
-    assert not found.values
+    assert not found.arrays
     assert "link" not in found.known
 
 
