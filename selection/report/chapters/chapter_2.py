@@ -9,8 +9,9 @@ from selection.report.chapters.common import Figures, agreement_text, figure, fo
 from selection.report.page import Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
-from selection.report.words import count, number, signed
+from selection.report.words import count, number, percent, signed
 from selection.reproduction.hysteresis_loops import REFERENCE
+from selection.reproduction.lumped_masses import JOINTS, lumped_masses
 
 #: Amplitudes over the slip limit at which the energies are tabled.
 AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
@@ -19,7 +20,7 @@ AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 def chapter_2(results: ChapterResults, figures: Figures) -> Part:
     """The part: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
     loops, energies = results.studies.loops.areas, results.studies.slip.energies
-    at = energies_at(energies)
+    at, modes = energies_at(energies), lumped_masses()
     blocks = [
         Text(
             "Section 2.4 gives each damping mechanism a force whose loop against displacement encloses the energy "
@@ -56,8 +57,19 @@ def chapter_2(results: ChapterResults, figures: Figures) -> Part:
                 2, "hysteresis_loops", loops, "Area of each loop by its corners and energy per cycle in closed form."
             ),
         ),
+        Text(_modes(modes)),
+        folded(
+            "The example of section 2.2 in numbers",
+            table(
+                2,
+                "lumped_masses",
+                modes,
+                "Four equal masses between equal springs, free ends, driven at the fourth (m = k = F = 1).",
+                {"omega": "ω", "omega_closed_form": "ω in closed form", "xi": "ξ", "force": "modal force"},
+            ),
+        ),
     ]
-    tables = {"hysteresis_loops": loops, "slip_equivalent": energies}
+    tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
     return part(2, "Chapter II: hysteresis and slip", blocks, tables)
 
 
@@ -73,6 +85,20 @@ def energies_at(energies: pd.DataFrame) -> pd.DataFrame:
 
 
 _COLUMNS = ("exact", "printed", "corrected_equivalent")
+
+
+def _modes(modes: pd.DataFrame) -> str:
+    """Lumped masses to modes, and modal damping from sub-systems."""
+    off = (modes["omega"] - modes["omega_closed_form"]).abs().max()
+    last = modes.iloc[-1]
+    most = max(JOINTS, key=lambda name: last[name])
+    return (
+        "Sections 2.2 and 2.5, from masses and springs to modes and from dampers of sub-systems to modal "
+        f"coefficients, are given without numbers. With numbers, the report's example of {len(modes)} lumped masses "
+        f"has its closed-form frequencies to {number(off, 1)}, and the dampers of its joints add up to ξ = "
+        f"{number(last['xi'])} of the highest mode, {percent(100.0 * last[most] / last['C'])} per cent of it from "
+        f"{most}."
+    )
 
 
 def _slip(energies: pd.DataFrame, at: pd.DataFrame) -> list[str]:

@@ -1,0 +1,73 @@
+"""docs/report-map.md: what it names exists, and every section and figure of the report is in it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs" / "report-map.md").read_text()
+ROWS = [[cell.strip() for cell in line.strip("|").split("|")] for line in TEXT.splitlines() if re.match(r"\| \d", line)]
+SECTIONS = [row for row in ROWS if len(row) == 5]
+FIGURES = [row for row in ROWS if len(row) == 3]
+NAMED = sorted(set(re.findall(r"`((?:selection|pipelines|tests|data|docs)/[^`]+)`", TEXT)))
+
+
+@cache
+def defined(path: Path) -> set[str]:
+    """Functions and classes at the top of a file."""
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return {node.name for node in ast.parse(path.read_text()).body if isinstance(node, kinds)}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_files_and_names_exist(name: str) -> None:
+    file, _, symbol = name.partition("::")
+    assert (ROOT / file).is_file()
+    assert not symbol or symbol in defined(ROOT / file)
+
+
+def test_commands_exist() -> None:
+    from pipelines.cli import app
+
+    names = {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
+    used = set(re.findall(r"`damping ([a-z]+)", TEXT))
+    assert used <= names
+
+
+def test_every_section_has_module_command_and_test() -> None:
+    # the numbered sections of chapters II to VI; chapter I is the introduction
+    expected = {
+        "2.1",
+        "2.2",
+        "2.3",
+        "2.4",
+        "2.5",
+        "3.1",
+        "3.2",
+        "4.1",
+        "4.2",
+        "4.3",
+        "5.1",
+        "5.2",
+        "5.3",
+        "6.1",
+        "6.2",
+        "6.3",
+    }
+    assert {row[0] for row in SECTIONS} == expected
+    for section, _, module, command, test in SECTIONS:
+        assert "`selection/" in module, section
+        assert command.startswith("`damping "), section
+        assert "`tests/" in test, section
+
+
+def test_every_figure_has_a_drawing() -> None:
+    listed = [number for row in FIGURES for number in row[0].split(", ")]
+    expected = ["2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"]
+    assert listed == expected
+    assert all("`selection/plots/" in row[2] for row in FIGURES)

@@ -1,0 +1,226 @@
+"""The chapters on the page: every figure and table, sentences that say the tables' numbers, errata with proofs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipelines.source_tables import source_tables
+from selection.compare.ranking import rank_laws
+from selection.posterior.law import Law
+from selection.records.report_tables import load_errata
+from selection.report.build import Rendered, render
+from selection.report.chapters import chapter_parts
+from selection.report.chapters.chapter_2 import AMPLITUDES, energies_at
+from selection.report.chapters.chapter_3 import points_text
+from selection.report.chapters.chapter_5 import regression_rows
+from selection.report.chapters.common import agreement_text, chapter_of, of_chapter
+from selection.report.chapters.errata import counts, evidence
+from selection.report.chapters.levels import spreads
+from selection.report.chapters.proofs import in_symbols
+from selection.report.page import Block, FigureBlock, Fold, List, Table, Text
+from selection.report.part import Part
+from selection.report.results import ChapterResults, StudyResult
+from selection.report.words import number
+from selection.reproduction.chapter_3_study import chapter_3_results
+from selection.reproduction.force_laws import printed_laws
+from selection.reproduction.lumped_masses import lumped_masses
+from selection.reproduction.studies import studies
+
+FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
+
+
+@pytest.fixture(scope="module")
+def results(saturn) -> ChapterResults:  # type: ignore[no-untyped-def]  # a function of a name
+    wanted: dict[str, list[Law]] = {}
+    for law in printed_laws():
+        wanted.setdefault(law.record, []).append(Law(law.forces))
+    rankings = {name: rank_laws(saturn(name), 0, tuple(dict.fromkeys(laws))) for name, laws in wanted.items()}
+    return ChapterResults(studies(replicates=(60, 40)), chapter_3_results(), source_tables(rankings))
+
+
+@pytest.fixture(scope="module")
+def parts(results: ChapterResults) -> list[Part]:
+    return chapter_parts(results, {"reproduction": "<svg/>"})
+
+
+@pytest.fixture(scope="module")
+def rendered(study: StudyResult, results: ChapterResults, parts: list[Part]) -> Rendered:
+    """The page with the chapters, which are drawn once."""
+    bare = replace(study.records[0], posteriors=(), bands=None, design=None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selection.report.build.chapter_parts", lambda chapters, svgs: parts)
+        return render(replace(study, records=(bare,), tables=results.tables, chapters=results))
+
+
+def inside(blocks: Iterable[Block]) -> Iterable[Block]:
+    """Blocks with those behind folds."""
+    for block in blocks:
+        yield block
+        if isinstance(block, Fold):
+            yield from inside(block.blocks)
+
+
+def said(part: Part) -> str:
+    """Every sentence of a part."""
+    texts = [block.text for block in part.section.blocks if isinstance(block, Text)]
+    return " ".join([*texts, *(item for b in part.section.blocks if isinstance(b, List) for item in b.items)])
+
+
+def find(parts: list[Part], name: str) -> Part:
+    return next(part for part in parts if part.section.id == name)
+
+
+def test_sections_are_the_chapters(parts: list[Part]) -> None:
+    expected = [*(f"chapter-{n}" for n in range(2, 7)), "reproduction", "errata"]
+    assert [part.section.id for part in parts] == expected
+
+
+def test_every_figure_of_the_report_is_shown_once(parts: list[Part]) -> None:
+    captions = [b.caption for part in parts for b in inside(part.section.blocks) if isinstance(b, FigureBlock)]
+    numbered = [re.match(r"Figs?\. ([\d., and]+?) (?:redrawn|counterpart):", caption) for caption in captions]
+    shown = [n for found in numbered if found for n in re.findall(r"\d\.\d+", found[1])]
+    assert sorted(shown) == sorted(FIGURES)
+    files = [name for part in parts for name in part.figures]
+    assert len(files) == len(set(files)) == len(captions) - 1  # the picture of the reproduction is the study's own
+    assert all(svg.startswith("<svg") and "<desc" in svg for part in parts for svg in part.figures.values())
+
+
+def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: ChapterResults) -> None:
+    anchors = re.findall(r'<section id="([^"]+)"', rendered.html)
+    assert anchors.index("chapter-2") > anchors.index("config-2-mode-1") if "config-2-mode-1" in anchors else True
+    assert anchors[-9:] == [*(f"chapter-{n}" for n in range(2, 7)), "reproduction", "errata", "cautions", "method"]
+    assert "source" not in anchors  # the chapters show what that section would
+    assert all(f'href="#{anchor}"' in rendered.html for anchor in anchors)
+    named = set(re.findall(r'<span class="file">([^<]+)\.csv</span>', rendered.html))
+    assert named <= set(rendered.tables)
+    assert set(results.tables) <= set(rendered.tables)
+    # a page that a browser opens at once: four megabytes with all records, of which this one has none
+    assert len(rendered.html) < 3_000_000
+    long = [t for t in re.findall(r"<details>.*?</details>|<table>.*?</table>", rendered.html, re.DOTALL)
+            if t.startswith("<table>") and t.count("<tr>") > 40]  # fmt: skip
+    assert long == []
+
+
+def test_every_table_of_the_chapters_is_a_file(parts: list[Part], results: ChapterResults) -> None:
+    files = {name for part in parts for name in part.tables}
+    for name in results.studies.tables():
+        assert any(file.endswith(f"_{name}") for file in files), name
+    assert {f"chapter_3_{name}" for name in results.chapter_3.tables} <= files
+
+
+def test_sentences_say_the_numbers(parts: list[Part], results: ChapterResults) -> None:
+    tables = results.tables
+    laws = tables["power_laws"].set_index(["mode", "form", "inputs"])
+    whole = tables["section_4_3_example"].set_index("quantity").loc["error of linear, over all laws"]
+    means = results.chapter_3.tables["branch_means"].set_index("choice")["C_1"]
+    false = results.studies.false.selection.set_index(["terms", "method", "noise_percent"])
+    share = false.loc[("nine terms (5.3.6)", "backward elimination, |T| >= 2", 3.0), "share_false"]
+    summary = tables["section_6_1"].drop_duplicates(["mode", "equation", "configuration"])
+    expected = {
+        "chapter-2": ["1 at 3.00 A₁"],
+        "chapter-3": [
+            "two roots at 13 of 15 points", "none at points 10 and 13", "points 1 to 6, 14 and 15",
+            f"every low root gives {number(means['every low root'])}",
+        ],
+        "chapter-4": [
+            f"p = {number(laws.loc[(1, 'velocity-power', 'corrected'), 'p'], 4)} for mode 1",
+            f"all laws by weight {whole['recomputed']:.0f} per cent",
+            "Mode 1, damping factor ξ: of the report's cases V, α = 1",
+        ],
+        "chapter-5": [f"{100 * share:.0f} per cent of the runs", "6 from the recovered inputs"],
+        "chapter-6": [f"Of 14 laws {int(summary['printed_reproduces'].sum())} as printed", "E4-1", "E43-4"],
+    }  # fmt: skip
+    for name, sentences in expected.items():
+        text = said(find(parts, name))
+        for sentence in sentences:
+            assert sentence in text, f"{name}: {sentence}"
+
+
+def test_energies_of_the_slip_joint(results: ChapterResults) -> None:
+    at = energies_at(results.studies.slip.energies)
+    A = np.array(AMPLITUDES)
+    # K - K1 = 3/4, A1 = 1: exact 4 (K - K1)(A - 1) and printed (K - K1)(A^2 - 1) (erratum E243); read off a table of
+    # 300 amplitudes by straight lines, which misses a parabola by (step)^2/8 of its curvature, 3e-4 at most
+    np.testing.assert_allclose(at["exact"], 3.0 * (A - 1.0), rtol=1e-9, atol=0.0)
+    np.testing.assert_allclose(at["printed"], 0.75 * (A**2 - 1.0), rtol=0.0, atol=1e-3)
+
+
+def test_lumped_masses_have_their_closed_form() -> None:
+    found = lumped_masses()
+    j = np.arange(1, 4)
+    # LAPACK's symmetric eigenvalues: a few units of rounding, more where they are squared away from 0
+    np.testing.assert_allclose(found["omega"], found["omega_closed_form"], rtol=0.0, atol=1e-12)
+    # sum_i cos^2((i - 1/2) j pi/4) = 2, scaled to 1 at the first mass; the fourth moves with it or against it
+    np.testing.assert_allclose(found["mass"][1:], 2.0 / np.cos(j * np.pi / 8.0) ** 2, rtol=1e-12, atol=0.0)
+    np.testing.assert_allclose(found["force"], [1.0, -1.0, 1.0, -1.0], rtol=1e-12, atol=0.0)
+    joints = found.filter(like="joint").sum(axis=1)
+    np.testing.assert_allclose(joints, found["C"], rtol=1e-11, atol=1e-12)
+
+
+def test_points_in_words() -> None:
+    assert points_text([1, 2, 3, 4, 5, 6, 14, 15]) == "points 1 to 6, 14 and 15"
+    assert points_text([10, 13]) == "points 10 and 13"
+    assert points_text([7]) == "point 7"
+    assert points_text([]) == "no point"
+
+
+def test_spreads_are_those_of_the_levels(results: ChapterResults) -> None:
+    variations = results.studies.tables()["level_variations"]
+    wide = spreads(variations).set_index("case")
+    assert len(wide) == variations["case"].nunique()
+    xi = results.studies.levels[1, "xi"].variations.drop_duplicates("case").set_index("case")["spread_percent"]
+    assert wide.loc["III", "mode 1, damping factor ξ"] == xi["III"]
+
+
+def test_regressions_side_by_side(results: ChapterResults) -> None:
+    rows = regression_rows(results.tables["regressions"])
+    reported = rows[rows["fit"].isin(["E1", "E2", "E3", "E4"])]
+    # printed to three or four digits from the recovered inputs (errata E5III-1 to E5IV-2): half a unit of the last one
+    np.testing.assert_allclose(reported["from recovered or made"], reported["printed"], rtol=3e-3, atol=0.0)
+    assert len(rows) == results.tables["regressions"].groupby(["fit", "term"]).ngroups
+
+
+def test_counts_of_the_reproduction(results: ChapterResults) -> None:
+    rows = results.tables["reproduction"]
+    table = counts(rows).set_index("chapter")
+    assert table.loc["all", "printed numbers"] == len(rows) == 479
+    assert table.loc["all", "with erratum"] == (rows["erratum"] != "").sum()
+    kinds = ["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
+    assert (table[kinds].sum(axis=1) == table["printed numbers"]).all()
+    assert {chapter_of(identity) for identity in rows["id"]} == {2, 3, 4, 5}
+    text = agreement_text(of_chapter(rows, 4))
+    assert text.startswith(f"Of the {table.loc['chapter IV', 'printed numbers']} numbers")
+
+
+def test_errata_come_with_their_proof_and_their_numbers(parts: list[Part], results: ChapterResults) -> None:
+    errata = load_errata()
+    shown = [b.frame for b in inside(find(parts, "errata").section.blocks) if isinstance(b, Table)]
+    assert [len(frame) for frame in shown] == [int((errata["severity"] == s).sum()) for s in "ABC"]
+    together = pd.concat(shown)
+    assert {text.split(",")[0] for text in together["erratum"]} == set(errata["id"])
+    assert (together["proof"].str.len() > 5).all()
+    numbers = evidence(results.tables["reproduction"])
+    assert set(numbers) <= set(errata["id"])
+    assert numbers["E4-1"] == "eq4211.c1: 0.5486 → 1.097"
+    proof = together.loc[together["erratum"].str.startswith("E4-1,"), "proof"].iloc[0]
+    assert "Recomputed here: eq4211.c1: 0.5486 → 1.097." in proof
+
+
+@pytest.mark.parametrize(
+    ("plain", "expected"),
+    [
+        ("c1=2*xi_1*M*w_n", "c1=2·ξ_1·M·ω_n"),
+        ("C5 pi A^2 w + (pi/4)A^4 w", "C5 π A² ω + (π/4)A⁴ ω"),
+        ("A^2.5 -> 2pi*1.808", "A^2.5 → 2π·1.808"),
+        ("with the view of a pixel", "with the view of a pixel"),
+        ("|Q| Qd, sin wt", "|Q| Q̇, sin ωt"),
+    ],
+)
+def test_proofs_in_symbols(plain: str, expected: str) -> None:
+    assert in_symbols(plain) == expected
