@@ -17,6 +17,8 @@ from pipelines.export import export, form_table, to_png
 from pipelines.import_ import RingDown, band, import_file, pairs, scales
 from pipelines.rank import load, rank_form, rank_record
 from pipelines.store import write_json
+from selection.compare.candidates import candidate_laws
+from selection.compare.ranking import rank_laws
 from selection.errors import AnalysisError, InputError
 from selection.forces import from_damping
 from selection.records.imports.series import Stated
@@ -81,8 +83,10 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     # the image of the window, 1e-3 and of the second harmonic, averages out over levels of some periods
     np.testing.assert_allclose(record.column("force"), c * n * record.column("amplitude"), rtol=5e-3)
     data, _ = load(out, mode, 10**6)
-    best = next(model for model in rank_form(rank_record(data, 1))["models"] if model["name"] == "viscous")
-    assert best["forces"][0]["coefficient"] == pytest.approx(c, rel=2e-3)
+    laws = [law for law in candidate_laws(data) if law.name in ("viscous", "velocity-squared")]
+    best = rank_laws(data, 1, laws).candidates[0]
+    assert best.name == "viscous"
+    assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), RingDown(mode))
 
