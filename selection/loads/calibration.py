@@ -15,6 +15,7 @@ from scipy.stats import binom
 
 from selection.arrays import BoolArray, FloatArray
 from selection.forces.catalogue import CATALOGUE
+from selection.loads.leave_out import members_of
 from selection.loads.plan import plan_loads
 from selection.loads.prediction import Member, amplitude_draws, predict
 from selection.loads.simulated import OMEGA, Structure, peaks, simulated_levels
@@ -64,9 +65,8 @@ def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)
     plan = plan_loads(data, CANDIDATES, seed)
-    members = [Member(law.name, law.weight, law.coordinates, law.evidence.draws, law.kappa) for law in plan.laws]
     force = data.tested_force[data.top] * np.array(RATIOS)
-    band = predict(members, force, data, LEVEL, seed, plan).average
+    band = predict(members_of(plan), force, data, LEVEL, seed, plan).average
     true = structure.amplitude(force)
     read = true * np.exp(noise * rng.standard_normal(len(force)))
     refused = np.isnan(band.median)

@@ -2,7 +2,7 @@
 
 No law of a few terms is the structure's own. At a force F the logarithm of the resonant amplitude misses the law's by
 
-    delta ~ N(0, (kappa d)^2),      d = |ln(F/F_nearest fitted)|,
+    delta ~ N(0, (kappa d)^2),      d = |ln(F/F_nearest)| beyond the tested forces, d_1 d_2/(d_1 + d_2) between two,
 
 beside the scatter from level to level that tests show at one force. ``kappa`` has a log-normal prior and is learnt, for
 each law, from every level predicted from fewer levels below (all pairs; the pairs of one level count as one level).
@@ -54,5 +54,11 @@ def draw(probability: FloatArray, n: int, rng: np.random.Generator) -> FloatArra
 
 
 def distance(force: FloatArray, tested: FloatArray) -> FloatArray:
-    """|ln(F/F_nearest)| of each force (forces,) from the tested ones (sweeps,)."""
-    return np.asarray(np.abs(np.log(force[:, None] / tested)).min(axis=1))
+    """Distance d of each force (forces,) from the tested ones (sweeps,) in ln F; 0 at a tested force."""
+    log_F, known = np.log(force), np.unique(np.log(tested))
+    above = np.searchsorted(known, log_F)
+    to_lower = np.abs(log_F - known[np.maximum(above - 1, 0)])
+    to_upper = np.abs(known[np.minimum(above, len(known) - 1)] - log_F)
+    between = (above > 0) & (above < len(known))
+    both = np.where(between, to_lower + to_upper, 1.0)
+    return np.where(between, to_lower * to_upper / both, np.minimum(to_lower, to_upper))

@@ -39,7 +39,7 @@ from selection.posterior.observations import Observations
 PLAUSIBLE = 10.0
 #: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
 #: response does not.
-TELLING = 1.2
+TELLING = 1.1
 #: Probability below which the highest level was not foreseen by the laws of the lower ones.
 UNFORESEEN = 0.10
 

@@ -1,9 +1,12 @@
 """Design-load predictions against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from selection.loads.prediction import Member, amplitude_draws, linear_amplitude, predict
+from selection.loads.discrepancy import KAPPA
+from selection.loads.prediction import PARTS, Member, amplitude_draws, linear_amplitude, predict
 from selection.posterior.evidence import evidence
 from selection.posterior.law import Coordinates, Law
 
@@ -68,6 +71,77 @@ def test_saturated_slip_has_no_prediction(peaks):
     assert np.isnan(loads.average.median[1])
     assert np.isnan(loads.linear[1])
     assert any("no prediction" in caution for caution in loads.cautions[1])
+
+
+def test_parts_add_to_the_whole(saturn):
+    """Squares of the four parts add to the variance of ln A in the average, whose quantiles they set."""
+    data = saturn("config-2-mode-1")
+    kappa = np.eye(len(KAPPA))[len(KAPPA) // 2]  # one value, as its prior has too heavy tails for what follows
+    pair = [member(("viscous", "displacement-velocity"), data, 0.6), member(("velocity-power",), data, 0.4)]
+    members = [replace(m, kappa=kappa) for m in pair]
+    loads = predict(members, np.array([40.0, 90.0]), data, 0.6827, seed=1)
+    whole = np.sqrt(sum(part**2 for part in loads.parts.values()))
+    half = 50.0 * np.log(loads.average.high / loads.average.low)
+    # one standard deviation each side of a normal; the tails of the scatter make the central part narrower
+    np.testing.assert_allclose(half, whole, rtol=0.12)
+    assert set(loads.parts) == set(PARTS)
+    assert all(np.all(part >= 0.0) for part in loads.parts.values())
+
+
+def test_parts_of_one_law(saturn):
+    data = saturn("config-2-mode-1")
+    m = member(("velocity-power",), data)
+    loads = predict([m], np.array([28.98, 90.0]), data, 0.9, seed=1)
+    np.testing.assert_allclose(loads.parts["between_model"], 0.0, atol=1e-9)
+    spread = 100.0 * np.log(amplitude_draws(m, np.array([28.98, 90.0]), data)).std(axis=0)
+    np.testing.assert_allclose(loads.parts["parameters"], spread, rtol=1e-9)
+    # one row a level: the scatter is all noise; at a tested force no law is beyond its data
+    scatter = m.coordinates.parameters(m.draws)["scatter"]
+    noise = 100.0 * np.sqrt(np.mean(scatter**2))
+    np.testing.assert_allclose(loads.parts["measurement_noise"], noise, rtol=0.1)  # scatter^2 has a heavy tail
+    np.testing.assert_allclose(loads.parts["level_to_level"][0], 0.0, atol=1e-9)
+    assert loads.parts["level_to_level"][1] > 0.0
+
+
+def test_between_model_part_is_the_spread_of_two_laws(saturn):
+    data = saturn("config-2-mode-1")
+    members = [member(("viscous",), data, 0.5), member(("velocity-squared",), data, 0.5)]
+    loads = predict(members, np.array([90.0]), data, 0.9, seed=1)
+    a, b = (np.log(amplitude_draws(m, np.array([90.0]), data)).mean() for m in members)
+    np.testing.assert_allclose(loads.parts["between_model"], 50.0 * abs(a - b), rtol=1e-9)
+
+
+def test_bands_widen_with_kappa_and_with_distance(saturn):
+    data = saturn("config-2-mode-1")
+    m = member(("velocity-squared",), data)
+    widths = []
+    for median in (0.02, 0.2):
+        kappa = np.exp(-0.5 * (np.log(KAPPA / median) / 0.1) ** 2)
+        one = Member(m.name, 1.0, m.coordinates, m.draws, kappa / kappa.sum())
+        loads = predict([one], np.array([28.98, 45.0, 90.0]), data, 0.9, seed=1)
+        widths.append(np.log(loads.average.high / loads.average.low))
+        expected = 100.0 * median * np.exp(0.01) * np.log(loads.ratio)
+        np.testing.assert_allclose(loads.parts["level_to_level"], expected, rtol=0.05, atol=1e-9)  # 8192 draws: 2 %
+    assert np.all(np.diff(widths, axis=1) > 0.0)
+    assert np.all(widths[1][1:] > widths[0][1:])
+
+
+def test_stated_repeatability_is_the_least_scatter(saturn):
+    data = saturn("config-2-mode-1")
+    m = member(("velocity-squared",), data)
+    loads = predict([m], np.array([45.0]), data, 0.9, seed=1, repeatability=0.5)
+    np.testing.assert_allclose(loads.parts["measurement_noise"], 50.0, rtol=0.05)  # 8192 draws: 0.8 %, and its tail
+
+
+def test_stated_uncertainties_are_noise(saturn):
+    data = saturn("config-2-mode-1")
+    stated = replace(data, sd_amplitude=np.full(3, 0.2), sd_force=np.full(3, 0.3))
+    m = member(("velocity-squared",), data)
+    loads = predict([m], np.array([45.0]), stated, 0.9, seed=1)
+    scatter = np.mean(m.coordinates.parameters(m.draws)["scatter"] ** 2)
+    # C ~ A^2: an error of force of 30 % is one of amplitude of 15 %, but for terms of its own size in D/C
+    expected = 100.0 * np.sqrt(0.2**2 + (0.3 / 2.0) ** 2 + scatter)
+    np.testing.assert_allclose(loads.parts["measurement_noise"], expected, rtol=0.05)
 
 
 def test_cautions(saturn):

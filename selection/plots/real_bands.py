@@ -1,0 +1,113 @@
+"""Design-load bands of one real structure: bands beyond the test, higher levels left out and predicted, the parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from selection.plots.style import (
+    ALERT,
+    AVERAGE,
+    BEYOND,
+    CREDIBLE,
+    LINEAR,
+    MEASURED,
+    PREDICTIVE,
+    WIDTH,
+    plain_log,
+    styled,
+)
+
+_PARTS = {
+    "measurement_noise": ("measurement noise", "#999933"),
+    "parameters": ("parameters", "#56b4e9"),
+    "between_model": ("between models", "#d55e00"),
+    "level_to_level": ("level to level", "#0b2545"),
+}
+
+
+@styled
+def real_bands(bands: pd.DataFrame, tested: pd.DataFrame, left_out: pd.DataFrame, force: str, amplitude: str) -> Figure:
+    """Three panels side by side.
+
+    Args:
+        bands: over a grid of forces, ``force, ratio, median, low, high, credible_low, credible_high, linear`` and the
+            standard deviations of the parts in per cent.
+        tested: ``sweep, force, amplitude``. left_out: of ``leave_higher_levels_out``. force, amplitude: axis labels.
+    """
+    figure = Figure(figsize=(1.35 * WIDTH, 3.1))
+    axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
+    _bands(axes[0], bands, tested)
+    axes[0].set_xlabel(force)
+    axes[0].set_ylabel(amplitude)
+    _left_out(axes[1], left_out)
+    _parts(axes[2], bands)
+    return figure
+
+
+def _bands(ax: Axes, bands: pd.DataFrame, tested: pd.DataFrame) -> None:
+    """Resonant amplitude against force, both logarithmic."""
+    ax.axvspan(tested["force"].max(), bands["force"].max(), color=BEYOND, linewidth=0, zorder=0)
+    ax.fill_between(bands["force"], bands["low"], bands["high"], color=PREDICTIVE, linewidth=0, label="90 % predictive")
+    ax.fill_between(
+        bands["force"],
+        bands["credible_low"],
+        bands["credible_high"],
+        color=CREDIBLE,
+        linewidth=0,
+        label="90 % credible",
+    )
+    ax.plot(bands["force"], bands["median"], color=AVERAGE, label="median")
+    ax.plot(bands["force"], bands["linear"], color=LINEAR, linestyle=(0, (7, 2)), label="linear")
+    ax.plot(tested["force"], tested["amplitude"], "o", color=MEASURED, markeredgecolor="white", label="tested")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, position: f"{value:g}")
+        axis.set_minor_locator(NullLocator())
+    ax.set_xlim(bands["force"].min(), bands["force"].max())
+    ax.set_title("beyond the test")
+    ax.legend()
+
+
+def _left_out(ax: Axes, left_out: pd.DataFrame) -> None:
+    """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
+    place = np.arange(len(left_out))
+    low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
+    ax.vlines(place, low, high, color=CREDIBLE, linewidth=5)
+    ax.plot(place, median, "o", color=AVERAGE, markersize=4)
+    linear = 1.0 + left_out["linear_over_percent"] / 100.0
+    ax.plot(place, linear, "_", color=LINEAR, markersize=9, markeredgewidth=1.8)
+    refused = left_out["refused"].to_numpy(bool)
+    ax.plot(place[refused], np.ones(refused.sum()), "x", color=ALERT)
+    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+    labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
+    ax.set_xticks(place, labels, fontsize=6.5)
+    ax.set_xlim(-0.6, len(left_out) - 0.4)
+    ax.grid(visible=False, axis="x")
+    ax.set_ylabel("predicted over measured")
+    ax.set_title("higher levels left out")
+
+
+def _parts(ax: Axes, bands: pd.DataFrame) -> None:
+    """Standard deviation of each part against the extrapolation ratio."""
+    for name, (label, colour) in _PARTS.items():
+        ax.plot(bands["ratio"], bands[name], color=colour, label=label)
+    ax.plot(
+        bands["ratio"],
+        np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1)),
+        color=MEASURED,
+        lw=1.0,
+        ls=":",
+        label="whole",
+    )
+    ax.set_xscale("log")
+    plain_log(ax.xaxis)
+    ax.set_xlabel("force over largest tested")
+    ax.set_ylabel("standard deviation, % of amplitude")
+    ax.set_title("four parts")
+    ax.legend()

@@ -1,0 +1,61 @@
+"""The structures that predictions are tried on: what they claim to be."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from selection.loads.simulated import OMEGA, Iwan, carrying, peaks, simulated_levels, structures
+
+
+@pytest.mark.parametrize("A", [0.3, 3.9, 4.1, 30.0])
+def test_iwan_energy_is_that_of_its_sliders(A):
+    R, chi, limit = 0.7, -0.6, 4.0
+    energy, error = quad(lambda x: 4.0 * (A - x) * x * R * x**chi, 0.0, min(A, limit), epsabs=1e-12)
+    found = np.pi * A * Iwan(R, chi, limit).quadrature(A, OMEGA)
+    np.testing.assert_allclose(found, energy, rtol=1e-8, atol=error)
+
+
+def test_iwan_energy_is_the_area_of_its_masing_loop():
+    """Independently: the loop from the backbone by Masing's rule, area by the trapezoidal rule."""
+    R, chi, limit, A = 0.7, -0.6, 4.0, 2.5
+
+    def backbone(x):
+        m, n = chi + 2.0, chi + 1.0
+        x = np.minimum(x, limit)
+        return R * (x**m / m + x * (limit**n - x**n) / n)
+
+    q = -A * np.cos(np.linspace(0.0, np.pi, 20001))
+    loading = -backbone(A) + 2.0 * backbone((A + q) / 2.0)
+    area = 2.0 * np.trapezoid(loading, q)  # the unloading branch is its mirror image
+    np.testing.assert_allclose(area, np.pi * A * Iwan(R, chi, limit).quadrature(A, OMEGA), rtol=1e-5)
+
+
+@pytest.mark.parametrize("A", [0.3, 3.0, 4.5, 30.0])
+def test_iwan_slope(A):
+    joint, h = Iwan(0.7, -0.6, 4.0), 1e-6
+    numeric = (joint.quadrature(A * np.exp(h), OMEGA) - joint.quadrature(A * np.exp(-h), OMEGA)) / (2.0 * h)
+    np.testing.assert_allclose(joint.slope(A, OMEGA), numeric, rtol=1e-7)  # truncation h^2, rounding 1e-16/h
+
+
+@pytest.mark.parametrize("structure", structures(), ids=lambda s: s.name)
+def test_every_structure_carries_one_at_one(structure):
+    np.testing.assert_allclose(structure.force.quadrature(1.0, OMEGA), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(structure.amplitude(np.array([1.0])), 1.0, rtol=1e-9)
+    A = structure.amplitude(np.array([0.5, 1.0, 4.0]))
+    np.testing.assert_allclose(structure.force.quadrature(A, OMEGA), [0.5, 1.0, 4.0], rtol=1e-9)
+
+
+def test_noise_is_what_it_says():
+    rng = np.random.default_rng(1)
+    structure = structures()[0]
+    data = simulated_levels(structure, 4000, 4.0, 0.02, rng)
+    error = np.log(data.A / structure.amplitude(data.D))
+    # standard deviation of 4000 draws known to 1.1 %: five of these
+    np.testing.assert_allclose(error.std(), 0.02, rtol=0.056)
+    np.testing.assert_allclose(data.D[-1] / data.D[0], 4.0, rtol=1e-12)
+
+
+def test_shares():
+    np.testing.assert_allclose(carrying(0.3, "coulomb").quadrature(5.0, OMEGA), 0.3, rtol=1e-12)
+    data = peaks(np.array([1.0, 2.0]), np.array([1.0, 1.5]))
+    np.testing.assert_array_equal(data.D, data.tested_force)
