@@ -96,7 +96,7 @@ def _sized(effect: Effect, bench: Bench, noise: Noise, gaps: tuple[float, float]
     here = gap_at(top)
     if here < 1.2 * gaps[0]:
         return None
-    target = log_uniform(rng, gaps[0], min(gaps[1], here))
+    target = log_uniform(rng, 1.1 * gaps[0], min(gaps[1], here))
     bottom, place = top - _LOG_RANGE, top
     for _ in range(_TRIALS):
         if abs(np.log(max(here, _NOTHING) / target)) < _NEAR:
@@ -115,7 +115,7 @@ def _cells(record: tuple[Array, Array], noise: Noise) -> Cells:
 
 
 def _integrated(bench: Bench, effects: tuple[Effect, ...], noise: Noise) -> Drawn | None:
-    """The noise-free record and its gap; None without a stable steady state, or where one of a pair is not needed."""
+    """The noise-free record and its gap; None without a steady state, without a gap, or where one effect would do."""
     try:
         cells = _cells(true_record(*applied(effects, bench)), noise)
     except NoSteadyStateError:
@@ -125,4 +125,7 @@ def _integrated(bench: Bench, effects: tuple[Effect, ...], noise: Noise) -> Draw
         each = tuple(gap(cells, bench, (*effects[:n], *effects[n + 1 :]), reshape=True) for n in range(len(effects)))
         if min(each) < LEAST_OF_EACH:
             return None
-    return Drawn(bench, effects, noise, cells, gap(cells, bench), each)
+    size = gap(cells, bench)
+    if effects and size < SINGLE_GAPS[0]:
+        return None
+    return Drawn(bench, effects, noise, cells, size, each)
