@@ -95,14 +95,19 @@ def rescaled(rows: Rows, guess: UnitGuess) -> Rows:
 def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     """What this record cannot say."""
     found = []
-    if not rows.has_phase:
+    if rows.at_resonance:
+        found.append(
+            "each sweep is one row without a phase: it is taken to be at phase resonance, where the force balances the "
+            "damping; effects that only move the resonance cannot be asked for"
+        )
+    elif not rows.has_phase:
         found.append(
             "no phase: phase lag, and conservative against dissipative, are told from the shape of amplitudes only"
         )
     if rows.levels < 2:
         found.append("one force level: dependence on amplitude is seen only along the sweep; nothing can be held out")
     few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
-    if few:
+    if few and not rows.at_resonance:
         found.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
     found += _resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from selection.arrays import BoolArray, FloatArray, IntArray
-from selection.gap.fit import Fit
+from selection.gap.fit import WILD_WEIGHT, Fit
 from selection.gap.rows import Rows, wrapped
-from selection.gap.size import WILD_WEIGHT, nominal_residuals
+from selection.gap.size import nominal_residuals
 from selection.gap.steady import fitted_terms, steady
 from selection.units import RAD_S_PER_HZ
 

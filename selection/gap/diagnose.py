@@ -16,6 +16,7 @@ from selection.gap.effects.form import Effect
 from selection.gap.held_out import HeldOut, held_out
 from selection.gap.local import LocalEstimate, Trend, local_estimates, trend
 from selection.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
+from selection.gap.noise import spread
 from selection.gap.problem import Setting, setting
 from selection.gap.search import Hypothesis, Search
 from selection.gap.size import Gap, gap
@@ -24,6 +25,10 @@ from selection.records.record import Record
 
 #: Probability that the list of explanations reaches.
 COVER = 0.95
+#: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
+DISPERSED, MOST_DISPERSIONS = 4.0, 3
+#: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
+FEW_ROWS = 40
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,7 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         explanations=shortest(hypotheses),
         groups=equivalents([one.hypothesis for one in hypotheses]),
         tests=tests,
-        unexplained=unexplained(leading.best, tests),
+        unexplained=known.dispersion > 1.0 or unexplained(leading.best, tests, library),
         gap=gap(leading.best),
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
@@ -133,24 +138,44 @@ def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
 
 
 def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """The finished search of a setting, its noise estimated where it is not stated, and the setting with that noise.
+    """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
 
-    Noise is first taken from what the simulation alone leaves, then from what the leading explanation leaves.
+    Where even the best explanation misses by more than noise, all are compared once more with a noise so much larger:
+    among explanations of which none is the whole truth the one that leaves least is sought, not the one that happens
+    to agree with a part of the rows.
+    """
+    known, search = _with_noise(start, effects)
+    for _ in range(MOST_DISPERSIONS):
+        r = search.ranked()[0].best.r
+        rest = spread(r)
+        if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
+            break
+        known = replace(known, dispersion=known.dispersion * rest)
+        search = _run(known, effects)
+    return known, search
+
+
+def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """A search with the noise as stated; else with that of what the simulation alone leaves, or the best single effect.
+
+    A combination of effects could take in some of the noise itself.
     """
     if start.noise_known:
-        search = Search(start.problem, effects, start.scatter)
-        search.run()
-        return start, search
+        return start, _run(start, effects)
     for _ in range(2):
-        alone = Search(start.problem, {}, start.scatter)
-        start = start.with_noise_of(alone.run()[0].best)
-    search = Search(start.problem, effects, start.scatter)
-    better = start.with_noise_of(search.run()[0].best)
-    if _much_the_same(start, better):
+        start = start.with_noise_of(_run(start, {}).ranked()[0].best)
+    search = _run(start, effects)
+    if len(start.problem.rows) < FEW_ROWS:
         return start, search
-    search = Search(better.problem, effects, better.scatter)
+    simple = next(one for one in search.ranked() if len(one.effects) < 2)
+    better = start.with_noise_of(simple.best)
+    return (start, search) if _much_the_same(start, better) else (better, _run(better, effects))
+
+
+def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
+    search = Search(known.problem, effects, known.unknowns)
     search.run()
-    return better, search
+    return search
 
 
 def weighed(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
@@ -171,8 +196,8 @@ def shortest(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
 def _much_the_same(one: Setting, other: Setting) -> bool:
     """Whether two settings have the same noise within a tenth."""
     a, b = one.problem.rows, other.problem.rows
-    ratios = [b.sd_amplitude[0] / a.sd_amplitude[0], b.sd_phase[0] / a.sd_phase[0]]
-    return bool(np.all(np.abs(np.log(ratios)) < 0.1))
+    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
+    return bool(np.sqrt(np.mean(changes**2)) < 0.1)
 
 
 def _unit_caution(name: str, factor: float) -> str:

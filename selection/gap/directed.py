@@ -13,7 +13,7 @@ disturbance) and of neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from scipy.interpolate import BSpline
 from scipy.stats import chi2, norm
 
 from selection.arrays import FloatArray
+from selection.gap.effects.form import Effect
 from selection.gap.fit import Fit
 from selection.gap.model import Residuals
 from selection.gap.rows import Rows
@@ -28,6 +29,8 @@ from selection.gap.terms import ComplexArray
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
 ALARM = 0.002
+#: Most missing forces that an explanation may name and still count as one.
+MOST_FORCES = 2
 #: Residuals beyond this count as so large in tests of sums of squares: wild points say nothing of a model.
 CLIP = 3.0
 #: Rows in a window of frequency.
@@ -67,13 +70,13 @@ def basis(x: FloatArray, size: int) -> FloatArray:
 
 
 def _stiffness(one: Fit) -> FloatArray:
-    rows, found = _at(one)
-    return found.answer.columns(basis(rows.u, 6) * found.found.by_frequency)
+    _, found = _at(one)
+    return found.answer.columns(basis(_motion(one), 6) * found.found.by_frequency)
 
 
 def _damping(one: Fit) -> FloatArray:
-    rows, found = _at(one)
-    return found.answer.columns(1j * basis(rows.u, 6) * found.found.by_frequency)
+    _, found = _at(one)
+    return found.answer.columns(1j * basis(_motion(one), 6) * found.found.by_frequency)
 
 
 def _both(one: Fit) -> FloatArray:
@@ -87,10 +90,16 @@ def _path(one: Fit) -> FloatArray:
     return found.answer.columns(_complex(relative))
 
 
+def _gain(one: Fit) -> FloatArray:
+    """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
+    _, found = _at(one)
+    return found.answer.columns(basis(_motion(one), 4).astype(complex))
+
+
 def _instrument(one: Fit) -> FloatArray:
     """Gain and phase that depend on amplitude."""
-    rows, found = _at(one)
-    return found.answer.columns(_complex(basis(rows.u, 4)))
+    _, found = _at(one)
+    return found.answer.columns(_complex(basis(_motion(one), 4)))
 
 
 def _transfer(one: Fit) -> FloatArray:
@@ -115,6 +124,11 @@ def _at(one: Fit) -> tuple[Rows, Residuals]:
     return one.model.problem.rows, one.model.residuals(one.y[np.newaxis])
 
 
+def _motion(one: Fit) -> FloatArray:
+    """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
+    return one.model.problem.rows.u if one.model.at is None else one.model.at
+
+
 def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
     """Real and imaginary multiples of shapes (k, n): (2 k, n)."""
     return np.concatenate([shape, 1j * shape])
@@ -126,6 +140,7 @@ FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
     "damping with amplitude": _damping,
     "stiffness and damping with amplitude": _both,
     "second path": _path,
+    "gain with amplitude": _gain,
     "instrument with amplitude": _instrument,
     "instrument with frequency": _transfer,
     "drift": _drift,
@@ -184,6 +199,11 @@ def _neighbours(one: Fit) -> Test:
     return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(norm.sf(z)))
 
 
-def unexplained(one: Fit, tests: Sequence[Test]) -> bool:
-    """Whether more than noise is left after a fit: some test is below ``ALARM``, all of them taken together."""
-    return smallest_p(tests) < ALARM
+def unexplained(one: Fit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
+    """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
+
+    It does where some test is below ``ALARM``, all of them taken together. It is where it needs more than
+    ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not have.
+    """
+    forces = sum(effects[name].kind == "force" for name in one.effects)
+    return smallest_p(tests) < ALARM or forces > MOST_FORCES

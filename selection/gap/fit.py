@@ -18,6 +18,8 @@ from selection.gap.model import Model
 #: Share of wild points and their standard deviation in units of noise.
 WILD, WIDE = 0.02, 10.0
 _INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
+#: Robust weight below which a residual is taken for wild and left out of every number.
+WILD_WEIGHT = 0.5
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
 _MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
@@ -58,8 +60,21 @@ def fit(model: Model, x: FloatArray, z: FloatArray | None = None, weights: Float
     """
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
-    found = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
-    found.sort(key=lambda one: -one.log_posterior)
+    rough = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
+    found = [_polished(one, weights) for one in _distinct(rough)]
+    return _distinct(found)
+
+
+def _polished(one: Fit, weights: FloatArray | None) -> Fit:
+    """The fit made again with predictions at the motion that it found: free of the noise of measured amplitudes."""
+    model = one.model.at_motion(one.y)
+    y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
+    return _fit(model, y[0], r[0], J[0], weights)
+
+
+def _distinct(found: list[Fit]) -> list[Fit]:
+    """Fits that differ, best first, without those that are far behind."""
+    found = sorted(found, key=lambda one: -one.log_posterior)
     distinct: list[Fit] = []
     for one in found:
         if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):

@@ -10,11 +10,11 @@ from scipy.stats import norm
 
 from selection.arrays import BoolArray, FloatArray
 from selection.gap.effects.form import Effect
-from selection.gap.fit import Fit
+from selection.gap.fit import WILD_WEIGHT, Fit
 from selection.gap.model import Model, Problem
 from selection.gap.problem import Setting
 from selection.gap.search import Search
-from selection.gap.size import WILD_WEIGHT, nominal_residuals, refitted, shrinkage, whitened
+from selection.gap.size import nominal_residuals, refitted, shrinkage, whitened
 
 #: Most levels held out, the highest first; content of the interval.
 MOST_FOLDS, CONTENT = 3, 0.9
@@ -91,7 +91,7 @@ def _fold(setting: Setting, effects: Mapping[str, Effect], level: int, regular: 
     out = whole.rows.level[whole.rows.sweep] == level
     train = replace(whole, rows=whole.rows.where(~out))
     test = replace(whole, rows=whole.rows.where(out))
-    search = Search(train, effects, setting.scatter)
+    search = Search(train, effects, setting.unknowns)
     chosen = search.run()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)
@@ -103,7 +103,7 @@ def _fold(setting: Setting, effects: Mapping[str, Effect], level: int, regular: 
 
 def _predicted(chosen: Fit, test: Problem) -> FloatArray:
     """Whitened residuals of rows that a fit has not seen."""
-    model = Model(test, chosen.model.parts, chosen.model.scatter)
+    model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
     y = np.concatenate([chosen.y[: chosen.model.size], np.zeros(2 * model.sweeps)])
     r, J = model.jacobian(y[np.newaxis])
     return whitened(r[0], J[0, :, model.size :])

@@ -19,8 +19,13 @@ from selection.gap.rows import Rows
 from selection.records.mode import Mode
 from selection.units import RAD_S_PER_HZ
 
-#: Bands of amplitude in every sweep; powers of amplitude that are tried.
+#: How near to phase resonance a row is taken that stands for it, rad.
+RESONANCE_FOUND = 0.1
+#: Bands of amplitude in every sweep.
 BANDS = 4
+#: With fewer values only growth in proportion is tried.
+FEW = 6
+#: Powers of amplitude that are tried.
 POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
 
@@ -49,16 +54,20 @@ class Trend:
 
 
 def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
-    """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases."""
-    if not rows.has_phase:
+    """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases.
+
+    A row that is at phase resonance has a phase, pi/2; it is taken to be found within 0.1 rad.
+    """
+    if not (rows.has_phase or rows.at_resonance):
         return ()
+    sd_phase = rows.sd_phase if rows.has_phase else np.full(len(rows), RESONANCE_FOUND)
     M = mode.mass * rows.mass
     size = rows.F / rows.A
     Y = size * np.exp(1j * rows.phase)
     squared, zeta = Y.real / M + rows.omega**2, Y.imag / (2.0 * M * rows.omega * mode.omega_n)
     cos, sin = np.cos(rows.phase), np.sin(rows.phase)
-    sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * rows.sd_phase)
-    sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * rows.sd_phase)
+    sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
+    sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)
     found = []
     for number, sweep in enumerate(rows.sweeps):
         own = np.flatnonzero(rows.sweep == number)
@@ -73,13 +82,13 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
 
 
 def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | None:
-    """The power of amplitude with which values (n,) go, by weighted least squares of 1 and A^p; None below 4 values."""
-    if len(value) < 4:
+    """The power of amplitude with which values (n,) go, by weighted least squares of 1 and A^p; None below 3 values."""
+    if len(value) < 3:
         return None
     relative = amplitude / amplitude.max()
     constant = _chi_square(np.ones((len(value), 1)), value, sd)[0]
     found = []
-    for power in POWERS:
+    for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
         found.append(Trend(float(power), float(constant - chi_square), float(change)))
@@ -89,7 +98,7 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | N
 def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float]:
     """Weighted mean that a wild value does not carry away: values beyond 4 sd from the median are left out."""
     near = np.abs(values - np.median(values)) < 4.0 * np.hypot(sd, np.median(sd))
-    weights = np.where(near, sd**-2.0, 0.0)
+    weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
     return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
 
 

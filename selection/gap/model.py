@@ -3,17 +3,18 @@
 Variables y = (x, z): x are the simulation's parameters in units of tolerance and the effects' strengths and shapes,
 z the deviations of gain and frequency of every sweep in units of repeatability. All have the prior N(0, 1).
 
-Residuals are those of ln amplitude and of phase in units of noise. The prediction P(u) is taken at the measured
-amplitude u = ln A, so its own steady amplitude u* = Re P(u*) is, to first order,
+Residuals are those of ln amplitude and of phase in units of noise. The prediction P is taken at an ln amplitude u0: the
+measured one, or (``at``) where an earlier fit found the motion, which is free of noise. Its own steady amplitude
+u* = Re P(u*) is, to first order,
 
-    u - u* = (u - Re P(u))/d,   d = 1 - Re P'(u),      phase* = -Im P(u) + Im P'(u) (u - u*).
+    u0 - u* = (u0 - Re P(u0))/d,   d = 1 - Re P'(u0),      phase* = -Im P(u0) + Im P'(u0) (u0 - u*).
 
 Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` bounds it there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,18 +27,35 @@ from selection.gap.terms import ComplexArray, Prediction, Terms, predict
 
 #: Least |d| that counts: noise of force and frequency hides a sharper fold.
 FOLD = 0.05
+#: Predictions are taken at the motion within so many units of noise of the measured amplitude.
+NEAR = 5.0
 #: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
 STEP = 1e-4
 #: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
 TYPICAL_GAP, SPREAD = 3.0, 1.5
 
 
+#: Stands for none, where one divides by it.
+NO_SCATTER = 1e-9
+
+
 @dataclass(frozen=True)
 class Scatter:
-    """Repeatability: relative standard deviation of gain and of frequency from sweep to sweep."""
+    """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
+
+    ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
+    explanation misses by more than noise.
+    """
 
     amplitude: float
     frequency: float
+    noise: float = 1.0
+    dispersion: float = 1.0
+
+    @property
+    def factor(self) -> float:
+        """Both factors on noise."""
+        return self.noise * self.dispersion
 
 
 @dataclass(frozen=True)
@@ -93,7 +111,7 @@ class Sensitivity:
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first, and their derivatives by gain and frequency.
 
-    ``answer`` says how they change with the prediction, ``found`` is the prediction.
+    ``answer`` says how they change with the prediction, ``found`` is the prediction, ``motion`` its ln amplitude u*.
     """
 
     r: FloatArray
@@ -101,15 +119,17 @@ class Residuals:
     by_frequency: FloatArray
     answer: Sensitivity
     found: Prediction
+    motion: FloatArray
 
 
 @dataclass(frozen=True)
 class Model:
-    """The simulation with effects, on a record."""
+    """The simulation with effects, on a record; ``at`` are the ln amplitudes (n,) at which predictions are taken."""
 
     problem: Problem
     parts: tuple[Part, ...]
     scatter: Scatter
+    at: FloatArray | None = field(default=None, compare=False)
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -141,7 +161,14 @@ class Model:
     def residuals(self, y: FloatArray) -> Residuals:
         """Residuals at variables y (batch, size + 2 sweeps)."""
         z = y[:, self.size :]
-        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter)
+        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at)
+
+    def at_motion(self, y: FloatArray) -> Model:
+        """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
+        rows = self.problem.rows
+        found = self.residuals(y[np.newaxis])
+        near = np.clip(found.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
+        return replace(self, at=near)
 
     def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): differences by x, closed form by z."""
@@ -159,22 +186,29 @@ class Model:
         return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
 
 
-def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Residuals:
-    """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency."""
-    found = predict(deviated(terms, rows, z, scatter), rows.u, rows.drive)
+def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None) -> Residuals:
+    """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
+
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given.
+    """
+    u0 = rows.u if at is None else at
+    found = predict(deviated(terms, rows, z, scatter), u0, rows.drive)
     d = 1.0 - found.by_u.real
     squared = d * d + FOLD**2
-    misfit = rows.u - found.P.real
-    per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude)
+    misfit = u0 - found.P.real
+    motion = u0 - misfit * d / squared
+    sd_phase = rows.sd_phase * scatter.factor
+    per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
     follow = found.by_u.imag * d / squared
-    answer = Sensitivity(per_sd, follow, rows.sd_phase if rows.has_phase else None)
+    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None)
     by_frequency = answer.columns(found.by_frequency)
-    amplitude, by_gain = misfit * per_sd, -d * per_sd
+    amplitude, by_gain = (misfit + (rows.u - u0) * d) * per_sd, -d * per_sd
     if not rows.has_phase:
-        return Residuals(amplitude, by_gain, by_frequency, answer, found)
-    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / rows.sd_phase
+        return Residuals(amplitude, by_gain, by_frequency, answer, found, motion)
+    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / sd_phase
     both = np.concatenate([amplitude, phase], axis=1)
-    return Residuals(both, np.concatenate([by_gain, np.zeros_like(phase)], axis=1), by_frequency, answer, found)
+    by_gain = np.concatenate([by_gain, np.zeros_like(phase)], axis=1)
+    return Residuals(both, by_gain, by_frequency, answer, found, motion)
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:

@@ -70,7 +70,7 @@ def ranked_tests(leading: Fit, rivals: Sequence[Rival]) -> tuple[NextTest, ...]:
 
 
 def _average(odds: list[float], rivals: Sequence[Rival]) -> float:
-    return float(np.average(odds, weights=[rival.probability for rival in rivals]))
+    return float(np.average(odds, weights=[max(rival.probability, 1e-12) for rival in rivals]))
 
 
 def _odds(leading: Fit, rival: Fit, design: Design) -> float:

@@ -10,8 +10,12 @@ from selection.arrays import FloatArray, IntArray
 from selection.gap.rows import Rows
 from selection.records.record import Record
 
-#: What 1.4826 times the median of |x| is to a normal variable: its standard deviation.
-_MAD = 1.4826
+#: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
+_TRIMMED, _OF_NORMAL = 0.15, 0.7215
+#: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
+SHARES, _PRICE = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0), 2.0
+#: Deviations count as so large at most.
+CLIP = 3.0
 #: Noise that is assumed before anything is known: of the order of a careful sine test.
 FIRST_GUESS = 0.02
 #: Smallest noise that is believed, so that computed records do not divide by zero.
@@ -34,32 +38,51 @@ def is_stated(record: Record) -> tuple[bool, bool]:
     return amplitude, phase
 
 
-def roughness(rows: Rows, residual: FloatArray) -> float:
-    """Standard deviation of what is random in residuals (n,) that are otherwise smooth along each sweep.
+def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
+    """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
 
-    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); the
-    median of the sizes is not moved by a few wild points. With fewer than four rows in every sweep, neighbours are
-    subtracted; with one row in each, the spread of all.
+    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
+    fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
+    a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
+    point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
     """
-    for width in (4, 2):
-        found = [_combined(rows.omega[own], residual[own], width) for own in _runs(rows) if len(own) >= width]
-        if found:
-            return max(_MAD * float(np.median(np.abs(np.concatenate(found)))), LEAST)
-    return max(float(np.std(residual)), LEAST)
+    runs = [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
+    width = next((w for w in (4, 2) if max(map(len, runs)) >= w), 1)
+    if rows.at_resonance or width == 1:
+        return np.full(len(rows), FIRST_GUESS)
+    weights, places = zip(
+        *(_combinations(rows.omega[own], own, width) for own in runs if len(own) >= width), strict=True
+    )
+    w, at = np.concatenate(weights), np.concatenate(places)
+    combined = np.sum(w * residual[at], axis=1)
+    found = []
+    for rho in SHARES:
+        shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
+        of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
+        s = max(spread(combined / of_shape), LEAST)
+        price = _PRICE if rho else 0.0
+        found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
+    return max(found, key=lambda one: one[0])[1]
 
 
-def _runs(rows: Rows) -> list[IntArray]:
-    return [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
+def spread(values: FloatArray) -> float:
+    """Standard deviation of normal values of which some are wild."""
+    dropped = int(_TRIMMED * len(values))
+    kept = np.sort(values**2)[: len(values) - dropped]
+    return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
 
 
-def _combined(x: FloatArray, y: FloatArray, width: int) -> FloatArray:
-    """Combinations of ``width`` neighbours, of unit norm, that annul every polynomial of degree width - 2."""
+def _log_likelihood(values: FloatArray, s: float) -> float:
+    return -float(len(values) * np.log(s) + 0.5 * np.sum(np.minimum((values / s) ** 2, CLIP**2)))
+
+
+def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:
+    """Weights of unit norm that annul every polynomial of degree width - 2 over ``width`` neighbours; their rows."""
     places = np.arange(len(x) - width + 1)[:, np.newaxis] + np.arange(width)
     t = x[places]
     t = (t - t.mean(axis=1, keepdims=True)) / max(float(np.ptp(x)), 1e-300)
     vandermonde = np.stack([t**k for k in range(width - 1)], axis=1)
-    weights = np.linalg.svd(vandermonde)[2][:, -1, :]  # orthogonal to all rows
-    return np.asarray(np.sum(weights * y[places], axis=1))
+    return np.linalg.svd(vandermonde)[2][:, -1, :], own[places]  # orthogonal to all rows
 
 
 def _column(record: Record, name: str, row: IntArray) -> FloatArray:

@@ -9,12 +9,16 @@ import numpy as np
 from selection.forces.catalogue import from_damping
 from selection.gap.effects.form import Scales
 from selection.gap.fit import Fit
-from selection.gap.model import Problem, Scatter
+from selection.gap.model import NO_SCATTER, Problem, Scatter
 from selection.gap.noise import is_stated, roughness, stated_noise
 from selection.gap.rows import Rows, read_rows
 from selection.gap.simulation import Simulation
+from selection.gap.unknowns import Unknowns, unknowns
 from selection.records.mode import Mode
 from selection.records.record import Record
+
+#: Standard deviation of the ln of a noise that is no more than a guess.
+GUESS_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -22,14 +26,23 @@ class Setting:
     """A problem with what is known about it.
 
     Attributes:
-        scatter: repeatability from sweep to sweep; None where it is to be estimated.
+        scatter: repeatability from sweep to sweep as stated; None where it is to be estimated.
         amplitude_noise, phase_noise: whether the record states them.
+        dispersion: by how much the best explanation of the library misses by more than noise.
     """
 
     problem: Problem
     scatter: Scatter | None
     amplitude_noise: bool
     phase_noise: bool
+    dispersion: float = 1.0
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n)."""
+        rows = self.problem.rows
+        error = 0.0 if self.noise_known else GUESS_ERROR if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))
+        return unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:
@@ -38,13 +51,12 @@ class Setting:
 
     def with_noise_of(self, reference: Fit) -> Setting:
         """The setting with noise that is not stated taken from the roughness of a fit's residuals."""
-        rows = reference.model.problem.rows
+        rows, factor = reference.model.problem.rows, reference.model.scatter.factor
         n = len(rows)
         if not self.amplitude_noise:
-            sd = roughness(rows, reference.r[:n] * rows.sd_amplitude)
-            rows = replace(rows, sd_amplitude=np.full(n, sd))
+            rows = replace(rows, sd_amplitude=roughness(rows, reference.r[:n] * rows.sd_amplitude * factor))
         if rows.has_phase and not self.phase_noise:
-            rows = replace(rows, sd_phase=np.full(n, roughness(rows, reference.r[n:] * rows.sd_phase)))
+            rows = replace(rows, sd_phase=roughness(rows, reference.r[n:] * rows.sd_phase * factor))
         return replace(self, problem=replace(self.problem, rows=rows))
 
 
@@ -78,5 +90,5 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
     """As stated; none with one sweep, where it cannot be seen; else to be estimated."""
     stated = mode.repeatability
     if stated.amplitude is None and stated.frequency is None:
-        return Scatter(0.0, 0.0) if len(rows.sweeps) < 2 else None
-    return Scatter(stated.amplitude or 0.0, stated.frequency or 0.0)
+        return Scatter(NO_SCATTER, NO_SCATTER) if len(rows.sweeps) < 2 else None
+    return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)

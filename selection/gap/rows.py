@@ -25,10 +25,11 @@ class Rows:
     Attributes:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
             each sweep, (sweeps,), lowest first; repeats of one level share it.
-        F: force. omega: rad/s. u: ln of the amplitude. phase: lag, rad (zeros where none was measured).
+        F: force. omega: rad/s. u: ln of the amplitude. phase: lag, rad (pi/2 where none was measured).
         mass: the row's generalized mass over that of the model.
         sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad.
-        has_phase: whether the phases count.
+        has_phase: whether the phases were measured. at_resonance: whether every row is the phase resonance of its
+            sweep, as in a record whose sweeps are single rows without a phase.
     """
 
     row: IntArray
@@ -43,6 +44,7 @@ class Rows:
     sd_amplitude: FloatArray
     sd_phase: FloatArray
     has_phase: bool
+    at_resonance: bool = False
 
     def __len__(self) -> int:
         return len(self.F)
@@ -55,7 +57,7 @@ class Rows:
     @property
     def drive(self) -> Drive:
         """Force, frequency and mass factor."""
-        return Drive(self.F, self.omega, self.mass)
+        return Drive(self.F, self.omega, self.mass, self.at_resonance)
 
     @property
     def values(self) -> int:
@@ -83,7 +85,8 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     omega = RAD_S_PER_HZ * record.column("frequency")
     order = np.lexsort((np.arange(len(record)), omega, sweep))
     F, A = record.column("force"), record.column("amplitude")
-    phase = record.column("phase") if record.has_phase else np.zeros(len(record))
+    at_resonance = not record.has_phase and len(sweeps) == len(record)
+    phase = record.column("phase") if record.has_phase else np.full(len(record), 0.5 * pi)
     return Rows(
         row=order,
         sweep=sweep[order],
@@ -97,6 +100,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         sd_amplitude=np.ones(len(record)),
         sd_phase=np.ones(len(record)),
         has_phase=record.has_phase,
+        at_resonance=at_resonance,
     )
 
 

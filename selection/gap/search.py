@@ -9,22 +9,23 @@ from itertools import chain
 import numpy as np
 from scipy.special import logsumexp
 
+from selection.gap.effects.catalogue import CONTRADICTORY
 from selection.gap.effects.form import Effect, Form
 from selection.gap.fit import Fit, fit
-from selection.gap.model import Model, Part, Problem, Scatter
-from selection.gap.scatter import with_scatter
+from selection.gap.model import Model, Part, Problem
 from selection.gap.starts import Start, at_gap, starts
+from selection.gap.unknowns import Unknowns, settled
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 15.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
 _GAIN, _NEAR = 2.5, 4.0
-#: Most effects of an explanation; most fits of each number of effects beyond one.
-MOST_EFFECTS, _MOST_FITS = 3, 14
+#: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
+MOST_EFFECTS, ROWS_PER_EFFECT, _MOST_FITS = 3, 15, 14
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
-#: Hypotheses whose evidence is so far behind are not fitted again at the scatter that suits them.
+#: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
 _WORTH = 15.0
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
@@ -66,19 +67,22 @@ class Search:
     """The hypotheses of a problem, fitted on demand.
 
     Attributes:
-        problem, effects: the record with its simulation, and the library. scatter: None where it is to be estimated.
+        problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
         found: hypotheses fitted so far. units: the strength of each form that opens a gap of one unit of noise.
     """
 
     problem: Problem
     effects: Mapping[str, Effect]
-    scatter: Scatter | None
+    unknown: Unknowns
     found: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     units: dict[Form, float] = field(default_factory=dict)
     forms: dict[str, tuple[Form, ...]] = field(init=False)
 
     def __post_init__(self) -> None:
-        forms = {name: effect.forms(self.problem.scales) for name, effect in self.effects.items()}
+        rows = self.problem.rows
+        lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance}
+        asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
+        forms = {name: effect.forms(self.problem.scales) for name, effect in asked.items()}
         self.forms = {name: own for name, own in forms.items() if own}
 
     def run(self) -> list[Hypothesis]:
@@ -89,7 +93,7 @@ class Search:
         for name, some in tried.items():
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
                 self._extend(null, name, some)
-        for size in range(1, MOST_EFFECTS):
+        for size in range(1, self._most_effects()):
             before = len(self.found)
             self._combine(size)
             if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
@@ -100,10 +104,14 @@ class Search:
         """All hypotheses, most probable first."""
         return sorted(self.found.values(), key=lambda one: -one.log_posterior)
 
+    def _most_effects(self) -> int:
+        """Effects that so many rows can carry; at phase resonance only, a level less than there are."""
+        rows = self.problem.rows
+        return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
+
     def _null(self) -> Hypothesis:
         """The simulation alone, refitted within its tolerance; sets the units of strength."""
-        start = self.scatter or Scatter(0.003, 0.03 * self.problem.scales.bandwidth)
-        model = Model(self.problem, (), start)
+        model = Model(self.problem, (), self.unknown.first)
         first = fit(model, np.zeros((1, model.size)))[0]
         for form in chain.from_iterable(self.forms.values()):
             self.units[form] = starts(first, form)[0].part.unit
@@ -120,7 +128,7 @@ class Search:
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
             for name in self.forms:
                 key = base.key | {name}
-                if name in base.effects or key in self.found:
+                if name in base.effects or key in self.found or any(pair <= key for pair in CONTRADICTORY):
                     continue
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
@@ -146,18 +154,17 @@ class Search:
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
-        models = [replace(one.model, parts=parts)]
+        models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
-            models += [replace(one.model, parts=other) for other in _twins(parts)]
+            models += [replace(models[0], parts=other) for other in _twins(parts)]
         return list(chain.from_iterable(fit(model, x) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[Fit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
         near = [one for one in fits if one.log_evidence > top - 10.0]
-        if self.scatter is None:
-            least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
-            near = [with_scatter(one, least) for one in near]
+        least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
+        near = [settled(one, self.unknown, least) for one in near]
         best = max(near, key=lambda one: one.log_evidence)
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)

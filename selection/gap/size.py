@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from selection.arrays import BoolArray, FloatArray
-from selection.gap.fit import Fit, fit
+from selection.gap.fit import WILD_WEIGHT, Fit, fit
 from selection.gap.model import Model
-
-#: Robust weight below which a residual is taken for wild and left out of every number.
-WILD_WEIGHT = 0.5
 
 
 @dataclass(frozen=True)
@@ -48,21 +45,27 @@ def shrinkage(before: float, after: float, values: int) -> float | None:
 def root_mean_square(one: Fit, regular: BoolArray) -> float:
     """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
     z = one.y[one.model.size :]
-    return float(np.sqrt((np.sum(one.r[regular] ** 2) + z @ z) / regular.sum()))
+    r = one.r[regular] * one.model.scatter.dispersion
+    return float(np.sqrt((r @ r + z @ z) / regular.sum()))
 
 
 def refitted(leading: Fit) -> Fit:
     """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
-    model = Model(leading.model.problem, (), leading.model.scatter)
+    model = _alone(leading)
     weights = (leading.weights > WILD_WEIGHT).astype(float)
     return fit(model, np.zeros((1, model.size)), weights=weights)[0]
 
 
 def nominal_residuals(leading: Fit) -> FloatArray:
     """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
-    model = Model(leading.model.problem, (), leading.model.scatter)
+    model = _alone(leading)
     r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
     return whitened(r[0], J[0, :, model.size :])
+
+
+def _alone(leading: Fit) -> Model:
+    """The simulation alone, with the leading fit's repeatability and the noise as it is."""
+    return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
 
 
 def whitened(r: FloatArray, C: FloatArray) -> FloatArray:

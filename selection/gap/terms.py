@@ -82,11 +82,15 @@ class Terms:
 
 
 class Drive(NamedTuple):
-    """What the rig does: force, frequency in rad/s, and the factor of each row on M; (n,) each."""
+    """What the rig does: force, frequency in rad/s, and the factor of each row on M; (n,) each.
+
+    ``resonant``: every row is at phase resonance, wherever that is: its force balances the damping alone.
+    """
 
     F: FloatArray
     omega: FloatArray
     mass: FloatArray
+    resonant: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,9 +122,22 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     if terms.received:
         F = F * np.exp(sum(part(drive.omega) for part in terms.received))
     H = found.H
+    if drive.resonant:
+        return _at_resonance(found, terms, F)
     real = 0.5 * np.log(H.real**2 + H.imag**2) + (terms.gain + np.log(F))
     imaginary = np.arctan2(H.imag, H.real) - terms.lag
     return Prediction(real + 1j * imaginary, -found.by_u / H, -found.by_frequency / H)
+
+
+def _at_resonance(found: _Receptance, terms: Terms, F: FloatArray) -> Prediction:
+    """The prediction with Im(1/H) in the place of 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+    loss = (1.0 / found.H).imag
+    squared = found.H * found.H
+    real = terms.gain + np.log(F) - np.log(np.abs(loss))
+    by_u, by_frequency = (
+        (-(part / squared).imag / loss).astype(np.complex128) for part in (found.by_u, found.by_frequency)
+    )
+    return Prediction(np.asarray(real - 0.5j * np.pi), by_u, by_frequency)
 
 
 def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:

@@ -38,3 +38,6 @@ CATALOGUE: dict[str, Effect] = {
     "phase-lag": PHASE_LAG,
     "force-dropout": FORCE_DROPOUT,
 }
+
+#: Effects that deny each other: both at once stand for a stiffness of another shape.
+CONTRADICTORY = (frozenset({"stiffness-hardening", "stiffness-softening"}),)

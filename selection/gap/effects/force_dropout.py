@@ -56,4 +56,5 @@ FORCE_DROPOUT = Effect(
     sentence="the real force falls below the recorded one near resonance",
     forms=forms,
     simulate=simulate,
+    need="sweep",
 )

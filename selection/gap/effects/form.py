@@ -97,6 +97,8 @@ class Form:
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]
+#: What an effect cannot be told without: measured phases; rows beside resonance.
+Need = Literal["", "phase", "sweep"]
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class Effect:
         name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
         forms: its forms for a problem, or none. simulate: the terms with the effect as a model file's table gives it.
         force: name of the damping force that it adds to a model file; empty where it is none.
+        need: what it cannot be told without.
     """
 
     name: str
@@ -115,3 +118,4 @@ class Effect:
     forms: Callable[[Scales], tuple[Form, ...]]
     simulate: Callable[[Terms, Mapping[str, float]], Terms]
     force: str = ""
+    need: Need = ""

@@ -39,4 +39,5 @@ NATURAL_FREQUENCY = Effect(
     sentence="the natural frequency is off by more than its tolerance",
     forms=forms,
     simulate=simulate,
+    need="sweep",
 )

@@ -36,4 +36,5 @@ PHASE_LAG = Effect(
     sentence="all phases are off by one constant",
     forms=forms,
     simulate=simulate,
+    need="phase",
 )

@@ -46,4 +46,5 @@ PLANAR_COUPLING = Effect(
     sentence="the drive excites two close modes in principal planes at an angle",
     forms=forms,
     simulate=simulate,
+    need="sweep",
 )

@@ -50,4 +50,5 @@ RESIDUAL_MODES = Effect(
     sentence="other modes or rigid-body motion add an in-phase part",
     forms=forms,
     simulate=simulate,
+    need="sweep",
 )
