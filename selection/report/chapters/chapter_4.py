@@ -109,13 +109,13 @@ def _section_4_2(every: Tables, curves: AmplitudeFrequency, figures: Figures) ->
         Heading("4.2: response curves"),
         Text(
             "The Ritz-averaged steady state of each case is drawn with the one coefficient that gives the measured "
-            f"resonance of sweep C, first mode. At A = {PRINTED['A']:g} inches the horizontal difference of case I comes "
-            f"out as {number(delta['computed'], 4)} (printed {number(delta['printed'], 4)}) and the distance of the "
-            f"undamped curve as {number(distance['computed'], 4)} (printed {number(distance['printed'], 4)}, erratum "
-            f"{distance['erratum']}). Neglecting damping is wrong by {number(half['computed'])} per cent at half the "
-            f"resonant amplitude (printed {number(half['printed'], 2)}), by {number(edge['computed'])} per cent at η² "
-            f"= {PRINTED['eta_squared']:g}, and by {between(heavy.min(), heavy.max())} per cent, depending on the "
-            "case, at nine tenths of it."
+            f"resonance of sweep C, first mode. At A = {PRINTED['A']:g} inches the horizontal difference of case I "
+            f"comes out as {number(delta['computed'], 4)} (printed {number(delta['printed'], 4)}) and the distance of "
+            f"the undamped curve as {number(distance['computed'], 4)} (printed {number(distance['printed'], 4)}, "
+            f"erratum {distance['erratum']}). Neglecting damping is wrong by {number(half['computed'])} per cent at "
+            f"half the resonant amplitude (printed {number(half['printed'], 2)}), by {number(edge['computed'])} per "
+            f"cent at η² = {PRINTED['eta_squared']:g}, and by {between(heavy.min(), heavy.max())} per cent, depending "
+            "on the case, at nine tenths of it."
         ),
         *(
             figure(figures, name, 4)
