@@ -110,7 +110,8 @@ def _natural(coordinates: Coordinates, x: FloatArray) -> FloatArray:
 
 def _whiten(n: FloatArray, h: FloatArray, variance: FloatArray, level: float, sweep: IntArray) -> FloatArray:
     """Residuals of unit covariance: the inverse Cholesky factor of diag(variance) + level h h^T, sweep by sweep."""
-    z = n / np.sqrt(variance)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a force that is not there at all: no finite residual
+        z = n / np.sqrt(variance)
     if level == 0.0:
         return z
     for s in np.unique(sweep):

@@ -64,7 +64,7 @@ class Proposal:
     def transform(self, z: FloatArray, chi_square: FloatArray, part: IntArray) -> FloatArray:
         """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and the part of each draw (n,)."""
         t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
-        return self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t)
+        return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
     def _inverse_roots(self) -> FloatArray:
@@ -93,9 +93,10 @@ class Proposal:
     def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
         """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
         n, d = x.shape
-        new = self.transform(
-            rng.standard_normal((n, d)), rng.chisquare(DEGREES_OF_FREEDOM, n), self._part(rng.random_sample(n))
-        )
+        z = rng.standard_normal((n, d))
+        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, n))
+        u = np.asarray(rng.random_sample(n))
+        new = self.transform(z, chi_square, self._part(u))
         return new, self.log_density(x) - self.log_density(new)
 
     def _part(self, u: FloatArray) -> IntArray:
