@@ -68,7 +68,7 @@ class Proposal:
 
     @cached_property
     def _inverse_roots(self) -> FloatArray:
-        return np.linalg.inv(self.roots)
+        return np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
 
     @cached_property
     def _log_norms(self) -> FloatArray:
