@@ -149,3 +149,21 @@ def test_loads_form(damping, saturn_data, tmp_path):
     np.testing.assert_allclose(at_test["extrapolation_ratio"], 1.0, rtol=1e-12)
     # the band at the largest tested force holds the amplitude measured there (Table 4.II: 1.567 in)
     assert at_test["low"] < 1.567 < at_test["high"]
+
+
+@pytest.mark.sampling
+def test_sweep_writes_a_record_that_rank_and_extrapolate_accept(damping, saturn_data, tmp_path):
+    model, out = saturn_data / "modes" / "config-2-mode-1.toml", tmp_path / "sweep.csv"
+    forces = ("--force", 15, "--force", 20, "--force", 30)
+    assert damping("sweep", model, *forces, "--frequency", "1.62:1.71:13", "--out", out).code == 0
+    ranked = damping("rank", out, "--mode", model, "--json", "-")
+    assert ranked.code == 0
+    best = json.loads(ranked.out)["models"][0]
+    # the model is viscous, 1.643: noise-free averages give the law and its coefficient back
+    assert best["name"] == "viscous"
+    np.testing.assert_allclose(best["forces"][0]["coefficient"], 1.643, rtol=1e-6)
+    predicted = damping("extrapolate", out, "--mode", model, "--force", 60, "--json", "-")
+    assert predicted.code == 0
+    loads = json.loads(predicted.out)["predictions"][0]
+    # F/(c omega_n); the band also holds discrepancy beyond the test, the median is within a few per cent
+    np.testing.assert_allclose(loads["median"], 60 / (1.643 * 2 * np.pi * 1.6662), rtol=0.05)
