@@ -52,7 +52,7 @@ def linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
 
 def _coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
     models = {"I + IV": "viscous + displacement-velocity", "I + V": "viscous + quadratic-displacement"}
-    labels = {"I + IV": "$C_{01} + C_{11} A$ (cases I + IV)", "I + V": "$C_{01} + C_{11} A^2$ (cases I + V)"}
+    labels = {"I + IV": "C₀₁ + C₁₁ A (cases I + IV)", "I + V": "C₀₁ + C₁₁ A² (cases I + V)"}
     for cases, law in models.items():
         line = data.lines[data.lines["cases"] == cases]
         colour = law_style(law).colour
