@@ -76,14 +76,19 @@ def test_saturated_slip_has_no_prediction(peaks):
 def test_parts_add_to_the_whole(saturn):
     """Squares of the four parts add to the variance of ln A in the average, whose quantiles they set."""
     data = saturn("config-2-mode-1")
-    kappa = np.eye(len(KAPPA))[len(KAPPA) // 2]  # one value, as its prior has too heavy tails for what follows
-    pair = [member(("viscous", "displacement-velocity"), data, 0.6), member(("velocity-power",), data, 0.4)]
-    members = [replace(m, kappa=kappa) for m in pair]
+    # normal parameters, one value of kappa and of the scatter: otherwise tails are too heavy for a quantile to stand
+    # for a variance
+    kappa, pair = np.eye(len(KAPPA))[len(KAPPA) // 2], (("viscous", "displacement-velocity"), ("velocity-power",))
+    members = [member(law, data, weight) for law, weight in zip(pair, (0.6, 0.4), strict=True)]
+    for m in members:
+        m.draws[:] = m.draws.mean(axis=0) + 0.03 * np.random.default_rng(0).standard_normal(m.draws.shape)
+        m.draws[:, -1] = 0.0
+    members = [replace(m, kappa=kappa) for m in members]
     loads = predict(members, np.array([40.0, 90.0]), data, 0.6827, seed=1)
     whole = np.sqrt(sum(part**2 for part in loads.parts.values()))
     half = 50.0 * np.log(loads.average.high / loads.average.low)
-    # one standard deviation each side of a normal; the tails of the scatter make the central part narrower
-    np.testing.assert_allclose(half, whole, rtol=0.12)
+    # 20 000 draws: quantiles at one standard deviation are known to 1 %; two laws 4 % apart are not quite one normal
+    np.testing.assert_allclose(half, whole, rtol=0.04)
     assert set(loads.parts) == set(PARTS)
     assert all(np.all(part >= 0.0) for part in loads.parts.values())
 
