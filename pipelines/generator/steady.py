@@ -90,5 +90,6 @@ def doubling(structure: Structure, rows: Rows, guesses: Sequence[Complex], dwell
     state = motion.dwelt(steady_state(motion, guesses), dwell)
     once, _ = motion.first_harmonic(state)
     twice, _ = motion.first_harmonic(motion.dwelt(state, dwell))
-    finer = steady(structure, rows, guesses, steps=2 * STEPS)
+    fine = Motion(structure, rows, 2 * STEPS)
+    finer, _ = fine.first_harmonic(steady_state(fine, [_position(motion, state)]))
     return float(np.max(np.abs(twice - once) / np.abs(once))), float(np.max(np.abs(finer - once) / np.abs(once)))
