@@ -13,6 +13,8 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
+from pipelines.commands import files
+from pipelines.commands.options import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
 from selection.errors import AnalysisError, InputError
 
 app = typer.Typer(
@@ -22,15 +24,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is sampled.")]
-MaxSize = Annotated[int, typer.Option("--max-size", help="Largest input file accepted, bytes.")]
-RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
-ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
-
-MAX_SIZE = 200_000_000
-DEFAULT_SEED = 1970
 
 
 @app.command()
@@ -164,6 +157,10 @@ def blind(
     from pipelines.generator.strata import BLIND_SEED
 
     run(out, cases, BLIND_SEED if seed is None else seed, jobs)
+
+
+app.command("import")(files.import_)
+app.command("export")(files.export)
 
 
 def main(arguments: list[str] | None = None) -> None:
