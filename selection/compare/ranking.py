@@ -17,7 +17,7 @@ from selection.compare.candidates import candidate_laws
 from selection.compare.fit import Fit, fit
 from selection.compare.held_out import fitted_force, held_out_errors, percent_errors, root_mean_square
 from selection.errors import AnalysisError
-from selection.posterior.evidence import Evidence, evidence
+from selection.posterior.evidence import Estimate, Evidence, evidence
 from selection.posterior.law import EXPONENT_RANGE, Coordinates, Law
 from selection.posterior.observations import Observations
 
@@ -97,18 +97,21 @@ def rank_laws(
     seed: int = 0,
     laws: Sequence[Law] | None = None,
     done: Callable[[str], None] = lambda name: None,
+    estimate: Estimate = evidence,
+    hold_out: bool = True,
 ) -> Ranking:
     """Fit and rank candidates.
 
     Args:
         laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
+        estimate: of the marginal likelihood. hold_out: whether held-out errors are wanted; else they are NaN.
 
     Raises:
         AnalysisError: no candidate could be fitted.
     """
     rows = []
     for law in candidate_laws(data) if laws is None else laws:
-        rows.append(_candidate(law, data, seed))
+        rows.append(_candidate(law, data, seed, estimate, hold_out))
         done(law.name)
     fitted = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not fitted:
@@ -127,20 +130,20 @@ def _weights(fitted: Sequence[Candidate]) -> list[float]:
     return [float(v) for v in w / w.sum()]
 
 
-def _candidate(law: Law, data: Observations, seed: int) -> Candidate:
+def _candidate(law: Law, data: Observations, seed: int, estimate: Estimate, hold_out: bool) -> Candidate:
     """Fit one law; what cannot be done becomes a caution."""
     nothing = Candidate(law, None, (), np.nan, 0.0, np.nan, np.nan, False, ())
     if not law.has_resonance:
         return replace(nothing, cautions=("friction alone sets no resonant amplitude",))
     coordinates = Coordinates.of(law, data)
     try:
-        found = evidence(coordinates, data, seed)
+        found = estimate(coordinates, data, seed)
     except AnalysisError as error:
         return replace(nothing, cautions=(str(error),))
     least_squares = fit(coordinates, data, found.mode)
     parts = len(law.parts)
     errors = percent_errors(fitted_force(coordinates, least_squares, found.mode), data)
-    held_out, held_out_caution = _held_out(law, data)
+    held_out, held_out_caution = _held_out(law, data) if hold_out else (np.nan, ())
     return Candidate(
         law=law,
         rank=None,

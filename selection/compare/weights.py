@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, softmax
 
 from selection.arrays import FloatArray, Floats, IntArray
-from selection.posterior.evidence import evidence
+from selection.posterior.evidence import Estimate, evidence
 from selection.posterior.law import Coordinates, Law
 from selection.posterior.observations import Observations
 from selection.response.ritz import resonant_amplitude
@@ -83,7 +83,9 @@ def level_numbers(force: FloatArray) -> IntArray:
     return number
 
 
-def held_out(law: Law, data: Observations, below: int, seed: int = 0) -> tuple[HeldOut, ...]:
+def held_out(
+    law: Law, data: Observations, below: int, seed: int = 0, estimate: Estimate = evidence
+) -> tuple[HeldOut, ...]:
     """Every level above the ``below`` lowest, predicted by a law fitted to those.
 
     Raises:
@@ -92,7 +94,7 @@ def held_out(law: Law, data: Observations, below: int, seed: int = 0) -> tuple[H
     levels = level_numbers(data.tested_force)
     lower = data.keep_sweeps(levels < below)
     coordinates = Coordinates.of(law, lower)
-    found = evidence(coordinates, lower, seed)
+    found = estimate(coordinates, lower, seed)
     x = found.draws[:: len(found.draws) // DRAWS]
     scatter = resonance_scatter(coordinates, x)
     largest = lower.tested_force.max()

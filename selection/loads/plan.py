@@ -31,7 +31,7 @@ from selection.errors import AnalysisError
 from selection.loads import discrepancy
 from selection.loads.near import at_resonance
 from selection.loads.trend import Trend, bistability, trend
-from selection.posterior.evidence import Evidence, evidence
+from selection.posterior.evidence import Estimate, Evidence, evidence
 from selection.posterior.law import Coordinates, Law
 from selection.posterior.observations import Observations
 
@@ -114,21 +114,25 @@ def plan_loads(
     seed: int = 0,
     done: Callable[[str], None] = lambda name: None,
     mass: float | None = None,
+    estimate: Estimate = evidence,
 ) -> Plan:
     """Choose and weigh laws for predictions beyond the test.
 
     Args:
         data: rows near resonance (``near_resonance``). laws: candidates, by default ``load_candidates``. done: called
-            with each candidate's name. mass: generalized mass, to see whether the mode is bistable.
+            with each candidate's name. mass: generalized mass, to see whether the mode is bistable. estimate: of
+            marginal likelihoods and posteriors.
 
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
     laws = load_candidates(data) if laws is None else laws
-    chosen = _plausible(data, laws, seed, done)
+    chosen = _plausible(data, laws, seed, done, estimate)
     top = int(level_numbers(data.tested_force).max())
     splits = range(FEWEST_BELOW, top + 1)
-    predictions = [tuple(p for below in splits for p in _held_out(law, data, below, seed)) for law, _, _ in chosen]
+    predictions = [
+        tuple(p for below in splits for p in _held_out(law, data, below, seed, estimate)) for law, _, _ in chosen
+    ]
     weights = pseudo_bma(np.array([_log_densities(found, len(splits)) for found in predictions]))
     planned = [
         Planned(law, float(weight), coordinates, own, found, discrepancy.posterior(found))
@@ -141,7 +145,7 @@ def plan_loads(
         laws=tuple(sorted(planned, key=lambda p: -p.weight)),
         held_out=len(splits),
         trend=exponents,
-        change=_change(data, laws, seed) if exponents.rising else None,
+        change=_change(data, laws, seed, estimate) if exponents.rising else None,
         bistable=bistability(data, mass) if mass else "",
     )
 
@@ -159,13 +163,13 @@ def _judged(data: Observations) -> Observations:
 
 
 def _plausible(
-    data: Observations, laws: Sequence[Law], seed: int, done: Callable[[str], None]
+    data: Observations, laws: Sequence[Law], seed: int, done: Callable[[str], None], estimate: Estimate
 ) -> list[tuple[Law, Coordinates, Evidence]]:
     """Laws within a factor of the best, each with its evidence on all rows near resonance."""
     judged, rows, reasons = _judged(data), [], []
     for law in laws:
         try:
-            rows.append(_judge(law, judged, seed))
+            rows.append(_judge(law, judged, seed, estimate))
         except AnalysisError as error:
             reasons.append(str(error))
         done(law.name)
@@ -177,7 +181,7 @@ def _plausible(
             continue
         coordinates = Coordinates.of(law, data)
         try:
-            chosen.append((law, coordinates, evidence(coordinates, data, seed) if data.has_repeats else own))
+            chosen.append((law, coordinates, estimate(coordinates, data, seed) if data.has_repeats else own))
         except AnalysisError as error:
             reasons.append(str(error))
     if not chosen:
@@ -185,28 +189,28 @@ def _plausible(
     return chosen
 
 
-def _judge(law: Law, data: Observations, seed: int) -> tuple[Law, Evidence, bool]:
+def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Law, Evidence, bool]:
     """A law's evidence, and whether its unconstrained coefficients are all >= 0."""
     if not law.has_resonance:
         raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
     coordinates = Coordinates.of(law, data)
-    own = evidence(coordinates, data, seed)
+    own = estimate(coordinates, data, seed)
     return law, own, bool(np.all(fit(coordinates, data, own.mode).values[: len(law.parts)] >= 0.0))
 
 
-def _held_out(law: Law, data: Observations, below: int, seed: int) -> tuple[HeldOut, ...]:
+def _held_out(law: Law, data: Observations, below: int, seed: int, estimate: Estimate) -> tuple[HeldOut, ...]:
     """Predictions of the higher levels; none where the law cannot carry the lower ones."""
     try:
-        return held_out(law, data, below, seed)
+        return held_out(law, data, below, seed, estimate)
     except AnalysisError:
         return ()
 
 
-def _change(data: Observations, laws: Sequence[Law], seed: int) -> Change | None:
+def _change(data: Observations, laws: Sequence[Law], seed: int, estimate: Estimate) -> Change | None:
     """Whether the laws of the lower levels, by their own evidence there, foresaw the highest."""
     levels = level_numbers(data.tested_force)
     top = int(levels.max())
-    fits = [p for law in laws if law.has_resonance for p in _held_out(law, data, top, seed)]
+    fits = [p for law in laws if law.has_resonance for p in _held_out(law, data, top, seed, estimate)]
     weights = softmax(np.array([p.log_z for p in fits]))
     foreseen = float(sum(w * p.probability_below() for w, p in zip(weights, fits, strict=True)))
     if foreseen >= UNFORESEEN:

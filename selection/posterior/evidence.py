@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from selection.posterior.importance import Evidence, importance
@@ -10,7 +11,10 @@ from selection.posterior.likelihood import log_posterior
 from selection.posterior.mode import covariance_at, find_mode
 from selection.posterior.observations import Observations
 
-__all__ = ["Evidence", "evidence"]
+__all__ = ["Estimate", "Evidence", "evidence"]
+
+#: A way to the marginal likelihood and draws of a law on observations, with a seed: ``evidence``, or ``laplace``.
+Estimate = Callable[[Coordinates, Observations, int], Evidence]
 
 
 def evidence(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evidence:

@@ -21,7 +21,7 @@ from selection.posterior.proposal import sobol
 
 _STARTS_POWER = 9  # 512 prior points: enough to meet every mode of a slip joint or an exponent
 _STEP = 1e-4  # of a standard normal variable, for the descents
-_BARRIER = 1e8  # stands for an impossible law in the minimiser, which needs finite numbers
+BARRIER = 1e8  # stands for an impossible law in the minimiser, which needs finite numbers
 _WIDTHS = (1e-5, 1e-2)  # least and largest step of a difference quotient
 _FRACTIONS = np.array([1.0, 0.5, 0.2, 0.05, 0.01])  # of a Newton step, tried at once
 _MOST_STEPS = 20
@@ -35,29 +35,29 @@ def find_mode(coordinates: Coordinates, data: Observations, starts: int = 3) -> 
     Raises:
         AnalysisError: the law cannot carry the measured forces at any parameter value tried.
     """
-    negative = _negative(coordinates, data)
+    negative = negative_log_posterior(coordinates, data)
     points = ndtri(sobol(coordinates.dimension, _STARTS_POWER, seed=0))
     order = np.argsort(negative(points))
-    if not negative(points[order[:1]])[0] < _BARRIER:
+    if not negative(points[order[:1]])[0] < BARRIER:
         raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
     found = [
         minimize(_value_and_gradient, points[i], (negative,), "L-BFGS-B", jac=True, options={"maxiter": 200})
         for i in order[:starts]
     ]
-    return _polished(np.asarray(min(found, key=lambda result: float(result.fun)).x), negative)
+    return polished(np.asarray(min(found, key=lambda result: float(result.fun)).x), negative)
 
 
 def covariance_at(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     """Inverse Hessian of the negative log posterior at its mode, (d, d); no wider than the prior."""
-    return _derivatives(x, _negative(coordinates, data), np.full(x.size, _WIDTHS[1]))[1]
+    return derivatives(x, negative_log_posterior(coordinates, data), np.full(x.size, _WIDTHS[1]))[1]
 
 
-def _negative(coordinates: Coordinates, data: Observations) -> Negative:
+def negative_log_posterior(coordinates: Coordinates, data: Observations) -> Negative:
     """Minus the log posterior, a large finite number where the law is impossible."""
 
     def negative(x: FloatArray) -> FloatArray:
         value = -log_posterior(x, coordinates, data)
-        return np.where(np.isfinite(value), value, _BARRIER + np.sum(x**2, axis=-1))
+        return np.where(np.isfinite(value), value, BARRIER + np.sum(x**2, axis=-1))
 
     return negative
 
@@ -70,12 +70,12 @@ def _value_and_gradient(x: FloatArray, negative: Negative) -> tuple[float, Float
     return float(values[0]), (values[1 : 1 + d] - values[1 + d :]) / (2.0 * _STEP)
 
 
-def _polished(x: FloatArray, negative: Negative) -> FloatArray:
+def polished(x: FloatArray, negative: Negative) -> FloatArray:
     """Newton steps until none goes down."""
     widths = np.full(x.size, _STEP)
     value = float(negative(x[None, :])[0])
     for _ in range(_MOST_STEPS):
-        gradient, covariance, widths = _derivatives(x, negative, widths)
+        gradient, covariance, widths = derivatives(x, negative, widths)
         tried = x - _FRACTIONS[:, None] * (covariance @ gradient)
         values = negative(tried)
         best = int(np.argmin(values))
@@ -85,7 +85,7 @@ def _polished(x: FloatArray, negative: Negative) -> FloatArray:
     return x
 
 
-def _derivatives(x: FloatArray, negative: Negative, widths: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def derivatives(x: FloatArray, negative: Negative, widths: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gradient and inverse Hessian by differences whose steps are a third of a standard deviation along each axis."""
     d = x.size
     here = float(negative(x[None, :])[0])
