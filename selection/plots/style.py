@@ -24,6 +24,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
+from selection.plots.scales import scales
+
 #: Width of a full figure, inches: 17 cm, the text width of an A4 page.
 WIDTH = 6.7
 #: Labels beside points: more hide the points.
@@ -168,7 +170,8 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
 
     Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
-    so figures with different names can share a page.
+    so figures with different names can share a page. ``data-axes`` says how to read values off it
+    (:func:`selection.plots.scales.scales`).
     """
     prefix = identifier(name)
     buffer = io.BytesIO()
@@ -179,7 +182,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
         # print_svg lays the figure out and draws it once, where savefig does so twice
         FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
     svg = _printable(buffer.getvalue().decode("utf-8"))
-    return _standing_alone(svg, prefix, _printable(title), _printable(description))
+    return _standing_alone(svg, prefix, _printable(title), _printable(description), _printable(scales(figure)))
 
 
 def _printable(text: str) -> str:
@@ -194,8 +197,8 @@ _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 
 
-def _standing_alone(svg: str, prefix: str, title: str, description: str) -> str:
-    """Matplotlib's SVG with a text alternative, ids of its own only where they are used, and two decimals."""
+def _standing_alone(svg: str, prefix: str, title: str, description: str, axes: str) -> str:
+    """Matplotlib's SVG with a text alternative and its axes, ids only where they are used, and two decimals."""
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)
     root = ElementTree.fromstring(svg)
@@ -206,6 +209,8 @@ def _standing_alone(svg: str, prefix: str, title: str, description: str) -> str:
             container.remove(child)
     root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt", "role": "img"}
     root.set("aria-labelledby", f"{prefix}-title {prefix}-desc")
+    if axes:
+        root.set("data-axes", axes)
     for position, (tag, text) in enumerate((("title", title), ("desc", description))):
         element = ElementTree.Element(f"{{{_SVG}}}{tag}", {"id": f"{prefix}-{tag}"})
         element.text = text

@@ -7,9 +7,11 @@ markup that passes as it is. The page loads nothing, not even from its own folde
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -172,8 +174,21 @@ def written(value: Any) -> str:
 
 
 def page(title: str, sections: Sequence[Section], footer: Footer) -> str:
-    """The page as HTML. Equal arguments give equal text."""
-    return _template().render(title=title, sections=sections, footer=footer)
+    """The page as HTML. Equal arguments give equal text.
+
+    Its policy lets the reader's browser run the one script of :func:`_script` and nothing else.
+    """
+    script = _script()
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    return _template().render(
+        title=title, sections=sections, footer=footer, script=script, script_hash=Markup(f"sha256-{digest}")
+    )
+
+
+@cache
+def _script() -> Markup:
+    """The script beside this file: ours, so safe markup."""
+    return Markup((Path(__file__).parent / "page.js").read_text("utf-8"))
 
 
 @cache

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import isfinite
 from typing import SupportsFloat
+
+from selection.plots.words import joined as joined  # one of the words of the report
 
 #: What stands for a number that does not exist.
 NOTHING = "–"
@@ -33,15 +34,6 @@ def share(value: SupportsFloat) -> str:
     if x == 0.0 or x >= 0.0095:
         return f"{x:.2f}" if x else "0"
     return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
-
-
-def joined(parts: Iterable[str]) -> str:
-    """``a, b and c``; items that hold commas are joined by semicolons."""
-    items = list(parts)
-    comma = "; " if any("," in item for item in items) else ", "
-    if len(items) < 2:
-        return "".join(items)
-    return comma.join(items[:-1]) + " and " + items[-1]
 
 
 def count(n: int, what: str) -> str:

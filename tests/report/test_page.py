@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
+from base64 import b64encode
 from collections import Counter
 from dataclasses import replace
+from hashlib import sha256
 from html.parser import HTMLParser
 from itertools import pairwise
+from xml.etree import ElementTree
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -70,12 +75,55 @@ def test_page_loads_nothing(rendered: Rendered, reader: Reader) -> None:
     assert not re.search(r"(https?:)?//\w", bare)
     assert not re.search(r"@import|url\((?!#)", bare)
     for tag, attributes in reader.elements:
-        assert tag not in {"script", "link", "img", "iframe", "object", "embed", "base"}
+        assert tag not in {"link", "img", "iframe", "object", "embed", "base"}
         assert "src" not in attributes
         for name in ("href", "xlink:href"):
             assert (attributes.get(name) or "#").startswith("#")
     policy = [a["content"] for _, a in reader.elements if a.get("http-equiv") == "Content-Security-Policy"]
-    assert policy == ["default-src 'none'; style-src 'unsafe-inline'"]
+    digest = b64encode(sha256(programs(rendered.html)[0].encode()).digest()).decode()
+    assert policy == [f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"]
+
+
+def programs(html: str) -> list[str]:
+    """The scripts that a browser would run."""
+    return re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+
+
+def test_the_page_runs_one_script_the_same_on_every_page(rendered: Rendered, reader: Reader) -> None:
+    kinds = Counter(attributes.get("type") for tag, attributes in reader.elements if tag == "script")
+    # one program; and for the one record with design forces the numbers behind its slider
+    assert kinds == {None: 1, "application/json": 1}
+    assert programs(rendered.html) == programs(page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+
+
+def test_the_slider_holds_the_tables_of_design_loads(study: StudyResult, rendered: Rendered) -> None:
+    data = json.loads(re.findall(r'<script type="application/json">(.*?)</script>', rendered.html, re.DOTALL)[0])
+    bands, design = study.records[0].bands, study.records[0].design
+    assert bands is not None
+    assert design is not None
+    forces = sorted({*bands.force, *design.force})
+    np.testing.assert_allclose(data["force"], forces, rtol=5e-5, atol=0.0)  # five digits are kept
+    for name in ("low", "median", "high"):
+        for force, wanted in zip(design.force, getattr(design.average, name), strict=True):
+            np.testing.assert_allclose(data[name][forces.index(force)], wanted, rtol=5e-5, atol=0.0)
+    at = forces.index(design.force[1])
+    assert data["texts"]["over"][at].startswith(signed(design.overprediction[1]))
+    assert data["texts"]["median"][at] == f"{number(design.average.median[1])} in"
+
+
+def test_figures_say_where_their_axes_lie(rendered: Rendered) -> None:
+    svg = ElementTree.fromstring(rendered.figures["config-2-mode-1-fits"])
+    axes = json.loads(svg.get("data-axes", ""))[0]
+    left, top, width, height = axes["box"]
+    (x0, x1), (y0, y1) = ((axes[a]["low"], axes[a]["high"]) for a in "xy")
+    peaks = rendered.tables["config-2-mode-1-observations"]
+    ns = {"s": "http://www.w3.org/2000/svg"}
+    marks = [(float(use.get("x", "")), float(use.get("y", ""))) for use in svg.findall(".//s:g[@clip-path]/s:use", ns)]
+    for A, D in peaks[["amplitude", "damping_force"]].to_numpy():
+        wanted = (left + width * (A - x0) / (x1 - x0), top + height * (y1 - D) / (y1 - y0))
+        nearest = min(marks, key=lambda mark: np.hypot(mark[0] - wanted[0], mark[1] - wanted[1]))
+        # coordinates are rounded to 0.01 point, and the box once more
+        np.testing.assert_allclose(nearest, wanted, rtol=0.0, atol=0.03)
 
 
 def test_links_lead_somewhere_and_contents_list_every_section(reader: Reader) -> None:
@@ -116,7 +164,8 @@ def test_hostile_text_is_text(hostile: StudyResult) -> None:
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0
-    assert reader.count("script") == 0
+    assert programs(out.html) == programs(page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+    assert reader.count("script") == 2  # the page's own and the numbers of one slider
     assert "<img" not in out.html
     assert any("<img src=x onerror=alert(1)>" in text for text in reader.texts)
 

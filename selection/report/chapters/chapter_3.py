@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import pairwise
-
-import numpy as np
 import pandas as pd
 
+from selection.plots.chapter_3_words import change_by_conditioning
+from selection.plots.words import points_text
 from selection.report.chapters.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
 from selection.report.chapters.two_planes import plane_blocks
 from selection.report.page import Block, Heading, Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
-from selection.report.words import between, count, joined, number, percent
+from selection.report.words import between, count, number, percent
 from selection.reproduction.chapter_3_study import Chapter3
 
 
@@ -40,9 +38,7 @@ def _conditioning(found: Chapter3, figures: Figures) -> list[Block]:
     chain = found.tables["conditioned"]
     amplitude = 100.0 * (chain["A_2"] / chain["A_2_printed"] - 1.0).abs().max()
     phase = (chain["phi_2"] - chain["phi_2_printed"]).abs().max()
-    effect = found.effect
-    first, last = (effect[effect["step"] == step]["amplitude"].to_numpy() for step in effect["step"].iloc[[0, -1]])
-    change, peak = 100.0 * np.abs(last / first - 1.0), int(first.argmax())
+    largest, at_peak = change_by_conditioning(found.effect)
     removed = found.tables["removed"].drop(columns=["point", "omega"])
     total = removed.sum(axis=1).abs()
     return [
@@ -50,9 +46,9 @@ def _conditioning(found: Chapter3, figures: Figures) -> list[Block]:
         Text(
             f"One chain of {count(len(found.steps), 'step')} from the raw table gives every modal amplitude of Table "
             f"3.III within {number(amplitude, 2)} per cent and every phase within {number(phase, 2)} rad. What it "
-            f"takes away, {between(total.min(), total.max(), 'inches', 2)} in phase with the force, is "
-            f"{percent(change.max())} per cent of the amplitude at the edge of the sweep and {percent(change[peak])} "
-            "per cent at its peak: conditioning moves the skirts, not the resonance."
+            f"takes away, {between(total.min(), total.max(), 'inches', 2)} in phase with the force, changes the "
+            f"amplitude by up to {percent(largest)} per cent, and by {percent(at_peak)} per cent at its peak"
+            + (": conditioning moves the skirts, not the resonance." if at_peak < 0.1 * largest else ".")
         ),
         figure(figures, "tail-displacement", 3),
         figure(figures, "tail-phase-sine", 3),
@@ -142,14 +138,3 @@ def _means(means: pd.DataFrame, branches: pd.DataFrame) -> str:
         f"(printed {between(*near)}) rest on that choice: every low root gives {number(low['C_1'])}, every high root "
         f"{number(high['C_1'])}."
     )
-
-
-def points_text(points: Iterable[int]) -> str:
-    """``points 1 to 6, 14 and 15``."""
-    numbers = sorted(int(p) for p in points)
-    if not numbers:
-        return "no point"
-    cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
-    runs = [numbers[a:b] for a, b in pairwise(cuts)]
-    parts = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(n) for n in run])]
-    return f"point{'s' * (len(numbers) > 1)} {joined(parts)}"

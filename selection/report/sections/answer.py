@@ -7,7 +7,8 @@ import numpy as np
 from selection.loads.prediction import Loads
 from selection.report.page import Block, Facts, Heading, Section, Text
 from selection.report.results import RecordResult, StudyResult
-from selection.report.sections.common import Svgs, figure, file_stem, weighted
+from selection.report.sections.common import Svgs, weighted
+from selection.report.sections.explorer import bands_figure
 from selection.report.words import between, count, force_text, joined, number, percent, quantity, share, signed
 
 #: Laws whose medians differ by less than this many per cent at the largest design force predict the same.
@@ -26,7 +27,7 @@ def answer(study: StudyResult, svgs: Svgs) -> Section:
             else [Text(" ".join(_law(result)))]
         )
         if not drawn:
-            shown = figure(svgs, file_stem(result, "design_loads"), bands_caption(result))
+            shown = bands_figure(result, svgs, bands_caption(result))
             blocks, drawn = blocks + shown, bool(shown)
     return Section("answer", "The answer first", blocks)
 

@@ -9,7 +9,8 @@ from selection.loads.prediction import Loads
 from selection.report.page import Block, Format, Heading, List, Section, Table, Text
 from selection.report.results import RecordResult, StudyResult
 from selection.report.sections.answer import bands_caption
-from selection.report.sections.common import Svgs, figure, file_stem
+from selection.report.sections.common import Svgs, file_stem
+from selection.report.sections.explorer import bands_figure
 from selection.report.tables import loads_table
 from selection.report.words import between, force_text, number, percent, share, signed
 
@@ -35,7 +36,7 @@ def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
         if result is first:
             blocks.append(Text("The figure stands with the answer, at the top."))
         else:
-            blocks += figure(svgs, file_stem(result, "design_loads"), bands_caption(result))
+            blocks += bands_figure(result, svgs, bands_caption(result))
         blocks += [
             _predictions(result, result.design),
             _by_model(result, result.design),
