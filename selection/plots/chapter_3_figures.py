@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selection.plots import chapter_3, chapter_3_planar
+from selection.plots import chapter_3_words as words
 from selection.reproduction.chapter_3 import PLANES
 from selection.reproduction.chapter_3_study import Chapter3
 
@@ -27,14 +28,12 @@ def _of_the_report(result: Chapter3) -> list[Row]:
     return [
         (
             "tail-displacement", "3.2", "Tail displacement against frequency",
-            "Fifteen printed points with two peaks, and the planar oscillator fitted to the tail (motion in phase with "
-            "the force fitted too) with its 90 per cent band: two planes at an angle give both peaks.",
+            words.two_peaks(measured, tail),
             lambda: chapter_3.tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
         ),
         (
             "tail-phase-sine", "3.3", "Sine of the tail phase angle against frequency",
-            "Printed points and the same fit; the printed sines are lower on the left and higher on the right, as "
-            "if all phases had been read too small.",
+            words.sines_beside_the_fit(measured, tail),
             lambda: chapter_3.tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
         ),
         (
@@ -45,7 +44,7 @@ def _of_the_report(result: Chapter3) -> list[Row]:
         ),
         (
             "modal-amplitude", "3.6", "Amplitude of the second mode against frequency",
-            "Printed and computed amplitudes agree; the fitted planar oscillator has their warped shape.",
+            words.modal_points(measured, mode),
             lambda: chapter_3.modal_amplitude(measured, mode.omega, mode.amplitude),
         ),
         (
@@ -56,8 +55,9 @@ def _of_the_report(result: Chapter3) -> list[Row]:
         ),
         (
             "principal-amplitudes", "3.10", "Amplitudes in the principal planes",
-            "Printed values, those at the nearest root of the energy balance (none at points 10 and 13), and curves "
-            "with one damping factor: planes fitted, and planes of the report.",
+            "Printed values, those at the nearest root of the energy balance (none at "
+            f"{words.without_a_root(measured)}), and curves with one damping factor: planes fitted, and planes of the "
+            "report.",
             lambda: chapter_3.principal_amplitudes(measured, result.corrected, result.curves),
         ),
     ]  # fmt: skip
@@ -68,8 +68,7 @@ def _beyond(result: Chapter3) -> list[Row]:
     return [
         (
             "conditioning-effect", "", "What each step of the conditioning removed",
-            "Amplitude after each step, motion in phase with the force that was removed, and how amplitude and phase "
-            "changed: up to 30 per cent away from resonance, next to nothing at it.",
+            words.effect_of_steps(result.effect),
             lambda: chapter_3.conditioning_effect(result.effect, result.tables["removed"]),
         ),
         (
@@ -85,15 +84,14 @@ def _beyond(result: Chapter3) -> list[Row]:
         ),
         (
             "damping-roots", "", "All damping factors that balance the energy",
-            "Low and high root of the energy balance at each point with the printed factor: the report took the low "
-            "one at points 1 to 6, 14 and 15, the high one at 7, 8, 9, 11 and 12; at 10 and 13 there is none.",
+            words.roots_taken(result.tables["branches"]),
             lambda: chapter_3_planar.damping_roots(
                 result.tables["branches"], np.quantile(result.draws["xi"], [0.05, 0.5, 0.95]).tolist()
             ),
         ),
         (
             "yaw-amplitude", "", "Yaw amplitude, measured and predicted",
-            "Yaw motion that fits to the pitch motion predict, beside the measured yaw motion, which no fit has seen.",
+            words.yaw_predicted(result.tables["yaw"]),
             lambda: chapter_3_planar.yaw_amplitude(result.tables["yaw"]),
         ),
     ]  # fmt: skip

@@ -9,10 +9,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from selection.plots import chapter_2, chapter_4, chapter_5
+from selection.plots.words import joined
 from selection.reproduction.amplitude_frequency import PRINTED, amplitude_frequency
 from selection.reproduction.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
 from selection.reproduction.circularity import ROUTES
-from selection.reproduction.hysteresis_loops import REFERENCE
+from selection.reproduction.hysteresis_loops import REFERENCE, equal_amplitudes
 from selection.reproduction.studies import Studies
 
 
@@ -48,8 +49,8 @@ def _chapter_2(found: Studies) -> list[ChapterFigure]:
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
             f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
             "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
-            "The printed energy is right at three times that amplitude only; a coefficient fixed at one amplitude "
-            "is wrong at every other.",
+            f"The printed energy is right at {_equal(slip.energies, 'printed')} times that amplitude only, a fixed "
+            f"coefficient at {_equal(slip.energies, 'corrected_equivalent')} times.",
             lambda: chapter_2.slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
         ),
         ChapterFigure(
@@ -59,6 +60,17 @@ def _chapter_2(found: Studies) -> list[ChapterFigure]:
             lambda: chapter_2.slip_energy(slip.energies),
         ),
     ]  # fmt: skip
+
+
+def _equal(energies: pd.DataFrame, column: str) -> str:
+    return joined(f"{A:.2f}" for A in equal_amplitudes(energies, column))
+
+
+def _by_width(widths: pd.DataFrame) -> str:
+    """Cases by the width of their curves at half the resonant amplitude, with that width over the first one's."""
+    half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
+    over = half["width_eta_squared"] / half["width_eta_squared"].iloc[0]
+    return joined(f"{case.removeprefix('case ')} ({x:.2f})" for case, x in zip(half["case"], over, strict=True))
 
 
 def _chapter_4(found: Studies) -> list[ChapterFigure]:
@@ -88,8 +100,8 @@ def _chapter_4(found: Studies) -> list[ChapterFigure]:
         ),
         ChapterFigure(
             "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
-            "First mode, sweep C: all cases pass through the one measured resonance; I and II are the narrowest, III "
-            "and IV wider, V depends on α.",
+            "First mode, sweep C: all cases pass through the one measured resonance. From the narrowest to the widest "
+            f"at half of its amplitude: {_by_width(curves.widths)}.",
             lambda: chapter_4.response_curves(curves),
         ),
         ChapterFigure(
@@ -98,19 +110,20 @@ def _chapter_4(found: Studies) -> list[ChapterFigure]:
         ),
         ChapterFigure(
             "response-differences", "4.7, 4.8", "Difference of damped and undamped curves",
-            "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at 1.01 in.",
+            "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at "
+            f"{PRINTED['A']:g} in.",
             lambda: chapter_4.differences(curves, (PRINTED["A"], PRINTED["delta"])),
         ),
         ChapterFigure(
             "undamped-error", "4.9", "Error of neglecting damping",
-            "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed 14 per "
-            "cent at one half.",
+            "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed "
+            f"{PRINTED['percent_at_half']:g} per cent at one half.",
             lambda: chapter_4.undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
         ),
         ChapterFigure(
             "force-amplitude", "4.10", "Resonant force against amplitude",
             "Least squares line with its 90 per cent interval, the printed slope, linear damping, and the printed "
-            "amplitudes at 90 lb.",
+            f"amplitudes at {F_EXAMPLE:g} lb.",
             lambda: chapter_4.force_amplitude(found.force_lines, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
         ),
         *levels,

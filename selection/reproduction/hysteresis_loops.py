@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from selection.arrays import FloatArray
 from selection.forces.catalogue import CATALOGUE, case_five, make
 from selection.forces.contract import Force, Sum
 from selection.forces.derived import energy_per_cycle
@@ -96,6 +97,18 @@ def slip_equivalent(stiffness: float = SLIP_STIFFNESS, reference: float = REFERE
         error=equivalence_error(slip, A, reference),
         energies=energies,
     )
+
+
+def equal_amplitudes(energies: pd.DataFrame, column: str) -> FloatArray:
+    """Amplitudes over A1 at which an energy of ``SlipEquivalent.energies`` is the exact one, in rising order.
+
+    The printed energy is right at one (3 A1, erratum E243). The cube of a fixed C3 meets the straight line of the joint
+    at two, or touches it at 1.5 A1.
+    """
+    A = energies["amplitude"].to_numpy(float)
+    off = (energies[column] - energies["exact"]).to_numpy(float)
+    left = np.flatnonzero(np.diff(np.sign(off)) != 0.0)
+    return A[left] - off[left] * (A[left + 1] - A[left]) / (off[left + 1] - off[left])
 
 
 def _scaled(name: str) -> Force:

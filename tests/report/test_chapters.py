@@ -17,7 +17,6 @@ from selection.records.report_tables import load_errata
 from selection.report.build import Rendered, render
 from selection.report.chapters import chapter_parts
 from selection.report.chapters.chapter_2 import AMPLITUDES, energies_at
-from selection.report.chapters.chapter_3 import points_text
 from selection.report.chapters.chapter_5 import regression_rows
 from selection.report.chapters.common import agreement_text, chapter_of, of_chapter
 from selection.report.chapters.errata import counts, evidence
@@ -161,13 +160,6 @@ def test_lumped_masses_have_their_closed_form() -> None:
     np.testing.assert_allclose(found["force"], [1.0, -1.0, 1.0, -1.0], rtol=1e-12, atol=0.0)
     joints = found.filter(like="joint").sum(axis=1)
     np.testing.assert_allclose(joints, found["C"], rtol=1e-11, atol=1e-12)
-
-
-def test_points_in_words() -> None:
-    assert points_text([1, 2, 3, 4, 5, 6, 14, 15]) == "points 1 to 6, 14 and 15"
-    assert points_text([10, 13]) == "points 10 and 13"
-    assert points_text([7]) == "point 7"
-    assert points_text([]) == "no point"
 
 
 def test_spreads_are_those_of_the_levels(results: ChapterResults) -> None:

@@ -13,7 +13,7 @@ from selection.forces.slip import Slip
 from selection.forces.slip_equivalent import printed_energy
 from selection.reproduction.amplitude_frequency import PRINTED, RATIOS, amplitude_frequency, section_4_2_points
 from selection.reproduction.chapter_4 import SWEEP_C, resonances
-from selection.reproduction.hysteresis_loops import REFERENCE, hysteresis_loops, slip_equivalent
+from selection.reproduction.hysteresis_loops import REFERENCE, equal_amplitudes, hysteresis_loops, slip_equivalent
 from selection.reproduction.linear_coefficients import coefficient_lines
 from selection.reproduction.power_laws import chance_of_exponent, force_amplitude_lines
 from selection.response.ritz import steady_state
@@ -48,6 +48,14 @@ def test_slip_and_its_equivalent() -> None:
     # C3 fixed: the equivalent's energy grows with the cube of amplitude
     growth = found.energies["corrected_equivalent"] / A**3
     np.testing.assert_allclose(growth, energy / REFERENCE**3, rtol=1e-12, atol=0.0)
+
+
+def test_amplitudes_at_which_slip_and_its_stand_ins_lose_the_same() -> None:
+    energies = slip_equivalent().energies
+    # (A + 1)/4 = 1 at A = 3; 3 (A - 1) = (3/8) A^3 at 2 and sqrt(5) - 1. Straight lines between 300 amplitudes
+    np.testing.assert_allclose(equal_amplitudes(energies, "printed"), [3.0], rtol=1e-5, atol=0.0)
+    found = equal_amplitudes(energies, "corrected_equivalent")
+    np.testing.assert_allclose(found, [sqrt(5.0) - 1.0, 2.0], rtol=1e-4, atol=0.0)
 
 
 @pytest.mark.parametrize("curve", CURVES.curves, ids=lambda curve: curve.name)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from selection.arrays import FloatArray
 from selection.report.chapters.common import Figures, agreement_text, figure, folded, of_chapter, part, table
 from selection.report.page import Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults
-from selection.report.words import count, number, percent, signed
-from selection.reproduction.hysteresis_loops import REFERENCE
+from selection.report.words import count, joined, number, percent, signed
+from selection.reproduction.hysteresis_loops import REFERENCE, equal_amplitudes
 from selection.reproduction.lumped_masses import JOINTS, lumped_masses
 
 #: Amplitudes over the slip limit at which the energies are tabled.
@@ -103,17 +104,22 @@ def _modes(modes: pd.DataFrame) -> str:
 
 def _slip(energies: pd.DataFrame, at: pd.DataFrame) -> list[str]:
     """What the slip joint shows."""
-    ratio = energies["printed"] / energies["exact"]
-    equal = float(np.interp(1.0, ratio, energies["amplitude"]))
+    right, equal = (equal_amplitudes(energies, name) for name in ("printed", "corrected_equivalent"))
     low, high = at.iloc[1], at.iloc[-1]
     return [
         "The energy printed for the slip joint grows like the square of amplitude, the area of its loop only in "
         f"proportion (erratum E243): printed over exact is {number(low['printed_over_exact'])} at "
-        f"{low['amplitude']:g} A₁, 1 at {number(equal)} A₁ and {number(high['printed_over_exact'])} at "
+        f"{low['amplitude']:g} A₁, 1 at {_times(right)} and {number(high['printed_over_exact'])} at "
         f"{high['amplitude']:g} A₁.",
-        f"The equivalence itself holds at one amplitude only: with its coefficient fixed at {REFERENCE:g} A₁, "
-        f"velocity-squared damping is off by {signed(low['equivalent_percent'])} at {low['amplitude']:g} A₁ and by "
+        f"The equivalence itself holds at single amplitudes only: with its coefficient fixed at {REFERENCE:g} A₁, "
+        f"velocity-squared damping has the energy of the joint at {_times(equal)} and is off by "
+        f"{signed(low['equivalent_percent'])} at {low['amplitude']:g} A₁ and by "
         f"{signed(high['equivalent_percent'])} at {high['amplitude']:g} A₁.",
         "So slip is kept here as a force of its own, with its exact bilinear loop, and never extrapolated as "
         "velocity-squared damping.",
     ]
+
+
+def _times(amplitudes: FloatArray) -> str:
+    """``1.24 and 2.00 A₁``."""
+    return f"{joined(number(A) for A in amplitudes)} A₁"
