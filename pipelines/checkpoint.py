@@ -6,18 +6,20 @@ all, and a run that goes on gives the same digits as one that was never interrup
 
 from __future__ import annotations
 
-import os
+import io
 from pathlib import Path
 
 import emcee
+import h5py
 import numpy as np
 
+from pipelines.store import make_folder, write_bytes
 from selection.posterior.sampling import Checkpoint
 
 
 def checkpoint_in(folder: Path, key: str) -> Checkpoint:
     """A checkpoint of the run ``key`` (a digest of everything its chains depend on) under ``folder``."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
 
     def path(ensemble: int) -> Path:
         return folder / f"{key}-{ensemble}.h5"
@@ -46,18 +48,25 @@ def load_chain(path: Path) -> emcee.backends.Backend | None:
 
 
 def save_chain(path: Path, backend: emcee.backends.Backend) -> None:
-    """Write the steps of an in-memory backend as a file that emcee's HDF backend reads."""
-    temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    temporary.unlink(missing_ok=True)
-    stored = emcee.backends.HDFBackend(str(temporary))
-    stored.reset(*backend.shape)
-    stored.grow(backend.iteration, None)
-    with stored.open("a") as file:
-        group = file[stored.name]
-        group["chain"][...] = backend.chain[: backend.iteration]
-        group["log_prob"][...] = backend.log_prob[: backend.iteration]
-        group["accepted"][...] = np.asarray(backend.accepted, dtype=float)
+    """Write the steps of an in-memory backend as a file that emcee's HDF backend reads.
+
+    Raises:
+        InputError: it cannot be written; the chain of the block before stays.
+    """
+    walkers, dimensions = backend.shape
+    memory = io.BytesIO()
+    with h5py.File(memory, "w") as file:
+        group = file.create_group(emcee.backends.HDFBackend("").name)
+        group["chain"] = backend.chain[: backend.iteration]
+        group["log_prob"] = backend.log_prob[: backend.iteration]
+        group["accepted"] = np.asarray(backend.accepted, dtype=float)
+        group.attrs.update(
+            version=emcee.__version__,
+            nwalkers=walkers,
+            ndim=dimensions,
+            has_blobs=False,
+            iteration=backend.iteration,
+        )
         for i, part in enumerate(backend.random_state):
             group.attrs[f"random_state_{i}"] = part
-        group.attrs["iteration"] = backend.iteration
-    os.replace(temporary, path)
+    write_bytes(path, memory.getvalue())

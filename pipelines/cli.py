@@ -33,11 +33,12 @@ def study(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
+    png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
     from pipelines.study import run_study
 
-    run_study(settings, out, seed)
+    run_study(settings, out, seed, png=png)
 
 
 @app.command()
@@ -161,6 +162,19 @@ def blind(
 
 app.command("import")(files.import_)
 app.command("export")(files.export)
+
+
+@app.command()
+def calibrate(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
+    seed: Seed = DEFAULT_SEED,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+) -> None:
+    """Check on known structures that bands and posteriors hold what they say."""
+    from pipelines.calibrate import calibrate as run
+
+    run(out, quick, seed, jobs)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -17,6 +17,8 @@ import numpy as np
 
 from pipelines.checkpoint import checkpoint_in
 from pipelines.extrapolate import LEAST_WEIGHT, sample_candidate
+from pipelines.manifest import sole_writer
+from pipelines.processes import end_with_parent
 from pipelines.progress import Advance, progress
 from pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from pipelines.source_tables import finish_chapters, start_chapters
@@ -71,17 +73,21 @@ class Task:
     chains: Path
 
 
-def run_study(settings_file: Path | None, out: Path | None, seed: int | None) -> None:
-    """Run a study and write its results; earlier results stay as they were if anything fails."""
+def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False) -> None:
+    """Run a study and write its results; earlier results stay as they were if anything fails.
+
+    A run that was interrupted goes on from the chains that it left under ``.chains``.
+    """
     path = settings_file or default_study()
     settings = read_settings(path)
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
     inputs = read_inputs(settings, path.parent)
-    result = compute(settings, inputs, hashes(path, settings), out / ".chains")
-    write_study(result, out)
-    shutil.rmtree(out / ".chains", ignore_errors=True)
+    with sole_writer(out):
+        result = compute(settings, inputs, hashes(path, settings), out / ".chains")
+        write_study(result, out, png=png)
+        shutil.rmtree(out / ".chains", ignore_errors=True)
     print(f"{out / 'report.html'} written")
 
 
@@ -103,7 +109,9 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the chapters of the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
-    with ProcessPoolExecutor(max_workers=cpu_count(), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
+    ) as pool:
         started = start_chapters(pool, settings.seed) if settings.source_report else None
         rankings = _rank(inputs, settings.seed)
         plans = _plan(inputs, settings.seed)

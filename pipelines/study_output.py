@@ -14,29 +14,29 @@ import pandas as pd
 
 from pipelines.chapter_output import chapters_summary, planar_data, rows
 from pipelines.extrapolate import loads_form
+from pipelines.manifest import publish
+from pipelines.pictures import pictures
 from pipelines.rank import rank_form
-from pipelines.store import plain, to_json, write_bytes
+from pipelines.store import plain, to_json
+from selection.errors import InputError
 from selection.posterior.checks import inference_data
 from selection.records.serialise import record_to_csv
 from selection.report.build import render
 from selection.report.results import LawPosterior, RecordResult, StudyResult
 
 
-def write_study(study: StudyResult, out: Path) -> None:
-    """Write ``report.html``, ``summary.json``, ``*.csv``, ``figures/*.svg`` and ``posterior/*.nc`` under ``out``.
+def write_study(study: StudyResult, out: Path, *, png: bool = False) -> None:
+    """Write ``report.html``, ``summary.json``, ``*.csv``, ``figures/*.svg``, ``posterior/*.nc`` and the manifest.
 
-    Everything is rendered before the first file is written. Files of an earlier study that this one does not have are
-    removed at the end, so that a folder never mixes two studies.
+    Everything is rendered before the first file is written; ``png``: figures as PNG too.
 
     Raises:
         InputError: a file cannot be written.
     """
     files = study_files(study)
-    for name, content in files.items():
-        write_bytes(out / name, content)
-    for old in (*out.glob("*.csv"), *out.glob("figures/*.svg"), *out.glob("posterior/*.nc")):
-        if str(old.relative_to(out)) not in files:
-            old.unlink()
+    if png:
+        files |= pictures(study, [name for name in files if name.endswith(".svg")])
+    publish(out, files, seed=study.seed, versions=study.versions, inputs=study.inputs)
 
 
 def study_files(study: StudyResult) -> dict[str, bytes]:
@@ -69,7 +69,12 @@ def to_netcdf(data: arviz.InferenceData) -> bytes:
     """A posterior as ArviZ netCDF."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "posterior.nc"
-        data.to_netcdf(str(path))
+        try:
+            data.to_netcdf(str(path))
+        except (OSError, RuntimeError) as error:  # RuntimeError: what the netCDF library makes of a full disk
+            raise InputError(
+                f"cannot be written ({error})", file=path, expected="free space for temporary files"
+            ) from None
         return path.read_bytes()
 
 

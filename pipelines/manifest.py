@@ -1,0 +1,177 @@
+"""Folders of results that one run wrote: staged, moved into place, and sealed by a manifest of hashes written last.
+
+A file is moved into place whole. Between the first move and the last the manifest in the folder, if any, fits no more,
+so a reader that checks it never takes files of two runs for one: it says which file is of another run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pipelines.store import make_folder, to_json, write_bytes
+from selection.errors import InputError
+from selection.records.text import read_bytes
+
+#: Name of the manifest in its folder.
+MANIFEST = "manifest.json"
+_STAGED = ".staged"
+_MAX_SIZE = 10_000_000
+_MOST_FILE = 1_000_000_000
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class Manifest(BaseModel):
+    """``inputs`` and ``outputs``: SHA-256 by name; outputs relative to the folder, inputs to the settings."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    format: Literal["manifest/1"] = "manifest/1"
+    seed: int
+    versions: dict[str, str]
+    inputs: dict[str, Digest]
+    outputs: dict[str, Digest]
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder whose manifest was read; ``read`` gives contents that are those of the run."""
+
+    path: Path
+    manifest: Manifest
+
+    def read(self, name: str) -> bytes:
+        """Contents of an output. InputError where it is missing or of another run."""
+        if name not in self.manifest.outputs:
+            raise InputError(f"no {name} in the manifest", file=self.path / MANIFEST, expected="a folder of this kind")
+        path = self.path / name
+        if path.is_symlink():
+            raise InputError("is a link", file=path, expected="the file that the run wrote")
+        content = read_bytes(path, _MOST_FILE)
+        if digest(content) != self.manifest.outputs[name]:
+            raise InputError("is not of the run of the manifest", file=path, expected=_AGAIN)
+        return content
+
+
+_AGAIN = "files of one run; run the study again, it goes on where it was"
+
+
+def digest(content: bytes) -> str:
+    """SHA-256 in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def publish(
+    folder: Path, files: Mapping[str, bytes], *, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+) -> None:
+    """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
+
+    Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
+    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last.
+
+    Raises:
+        InputError: a file cannot be written; the earlier results are as they were.
+    """
+    outputs = {name: digest(content) for name, content in files.items()}
+    manifest = Manifest(seed=seed, versions=dict(versions), inputs=dict(inputs), outputs=outputs)
+    staged = folder / _STAGED
+    try:
+        for name, content in files.items():
+            write_bytes(staged / name, content)
+        write_bytes(staged / MANIFEST, to_json(manifest.model_dump()).encode())
+        for name in files:
+            make_folder((folder / name).parent)
+    except BaseException:
+        shutil.rmtree(staged, ignore_errors=True)
+        raise
+    old = _outputs_of_before(folder)
+    for name in files:
+        os.replace(staged / name, folder / name)
+    for name in old - set(files):
+        (folder / name).unlink(missing_ok=True)
+    os.replace(staged / MANIFEST, folder / MANIFEST)
+    shutil.rmtree(staged, ignore_errors=True)
+
+
+def _outputs_of_before(folder: Path) -> set[str]:
+    """Files that the manifest in the folder names; none where there is no readable one."""
+    with suppress(InputError):
+        return set(open_folder(folder).manifest.outputs)
+    return set()
+
+
+def open_folder(folder: Path) -> Folder:
+    """A folder of results by its manifest, whose files are checked when they are read.
+
+    Raises:
+        InputError: no manifest, not one of ours, or one that names files outside the folder.
+    """
+    path = folder / MANIFEST
+    if not folder.is_dir():
+        raise InputError("no such folder" if not folder.exists() else "is no folder", file=folder)
+    if not path.is_file():
+        raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a study that was finished")
+    try:
+        manifest = Manifest.model_validate_json(read_bytes(path, _MAX_SIZE))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a manifest/1") from None
+    for name in manifest.outputs:
+        parts = PurePosixPath(name)
+        if parts.is_absolute() or ".." in parts.parts or "\\" in name or "\0" in name or not parts.parts:
+            raise InputError(f"{name!r} is outside the folder", file=path, expected="names relative to it")
+        if any((folder / parent).is_symlink() for parent in parts.parents):
+            raise InputError(f"{name!r} is behind a link", file=path, expected="files in the folder itself")
+    return Folder(folder, manifest)
+
+
+def verify(folder: Path) -> Folder:
+    """The folder with every one of its files checked. InputError for the first that is missing or of another run."""
+    found = open_folder(folder)
+    for name in found.manifest.outputs:
+        found.read(name)
+    return found
+
+
+@contextmanager
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
+
+    The lock ends with the process, however that ends. What a killed run had staged is removed.
+
+    Raises:
+        InputError: the folder cannot be written, or another run holds it.
+    """
+    make_folder(folder)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        _lock(handle, folder)
+        shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        write_bytes(folder / _STAGED / "probe", b"can be written")
+        shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int, folder: Path) -> None:
+    try:
+        import fcntl  # noqa: PLC0415 - there is none on Windows
+    except ImportError:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError("another run is writing here", file=folder, expected="another --out, or to wait") from None
+    except OSError:  # a file system without locks
+        return
