@@ -99,11 +99,27 @@ class FigureBlock(Block):
         return Markup(self.svg)
 
 
+class Link(NamedTuple):
+    """A value of a table, or an item of ``Links``: a text that leads to ``href``, a relative address made by us."""
+
+    text: str
+    href: str
+
+
+@dataclass(frozen=True)
+class Links(Block):
+    """Links in one line."""
+
+    kind: ClassVar[str] = "links"
+    items: Sequence[Link]
+
+
 class Cell(NamedTuple):
-    """A cell as written; ``css`` says whether it is a number or a long text."""
+    """A cell as written; ``css`` says whether it is a number or a long text; ``href`` where it leads, if anywhere."""
 
     text: str
     css: str
+    href: str = ""
 
 
 @dataclass(frozen=True)
@@ -205,6 +221,8 @@ def _template() -> Template:
 
 
 def _cell(value: Any, form: Format) -> Cell:
+    if isinstance(value, Link):
+        return _cell(value.text, form)._replace(href=value.href)
     text = form(value)
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Cell(text, "number")
