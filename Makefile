@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: help study test lint types bench clean
+.PHONY: help study test lint types docs bench clean
 
 help:
 	@echo "make study   install into $(VENV) and run the Saturn V study: results/saturn-v/report.html"
 	@echo "make test    install into $(VENV) and run the tests"
+	@echo "make docs    the documentation: docs/_build/index.html"
 	@echo "make lint    ruff;  make types  mypy;  make bench  speed against named peers"
 
 $(BIN)/python:
@@ -23,7 +24,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing with the tools for development (once)"
-	$(INSTALL) '.[dev]'
+	$(INSTALL) '.[dev,docs]'
 	@touch $@ $(VENV)/.installed
 
 study: $(VENV)/.installed
@@ -38,6 +39,10 @@ lint: $(VENV)/.installed-dev
 
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m sphinx --fail-on-warning --quiet docs docs/_build
+	@echo "docs/_build/index.html written"
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks

@@ -1,8 +1,13 @@
-"""Fixtures that several parts share: the report's records as observations, and synthetic resonances."""
+"""Fixtures that several parts share: the report's records as observations, synthetic resonances, pages in a browser."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
@@ -12,7 +17,12 @@ from selection.posterior.observations import Observations, observe
 from selection.records.reading import read_record
 from selection.records.report_tables import data_folder
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
 assert pipelines.__doc__  # imported for its effect
+#: Names under which systems install the browser.
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:
@@ -45,3 +55,48 @@ def peaks() -> Callable[..., Observations]:
 def saturn() -> Callable[[str], Observations]:
     """Observations of a record of the report by name."""
     return lambda name: observe(read_record(data_folder() / "saturn-v" / "records" / f"{name}.csv"))
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Headless Chromium; without it the tests are skipped, and say so."""
+    from playwright.sync_api import sync_playwright
+
+    found = next((path for path in map(shutil.which, CHROMIUM) if path), None)
+    if found is None:
+        pytest.skip(f"NO BROWSER, PAGES NOT CHECKED: none of {', '.join(CHROMIUM)} is installed (.ci/run installs it)")
+    with sync_playwright() as playwright:
+        # without a sandbox of its own, so that it starts in a container
+        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+@dataclass
+class Opened:
+    """A page in the browser with what it complained about and what it asked for."""
+
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+
+@pytest.fixture
+def opened(browser: Browser) -> Callable[..., AbstractContextManager[Opened]]:
+    """``with opened(path, width=390, scheme="dark") as one``: a page loaded from its file."""
+
+    @contextmanager
+    def opening(path: Path, width: int = 1280, scheme: str = "light", scripts: bool = True) -> Iterator[Opened]:
+        size = {"width": width, "height": 900}
+        context = browser.new_context(viewport=size, color_scheme=scheme, java_script_enabled=scripts)
+        page = context.new_page()
+        one = Opened(page)
+        page.on("console", lambda said: one.complaints.append(said.text) if said.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: one.complaints.append(str(error)))
+        page.on("dialog", lambda dialog: one.complaints.append(f"dialog {dialog.message}"))
+        page.on("request", lambda request: one.requests.append(request.url))
+        page.goto(path.as_uri())
+        yield one
+        context.close()
+
+    return opening

@@ -1,0 +1,237 @@
+"""Pages as a reader has them: in Chromium, narrow and wide, light and dark, by pointer and by keyboard, on paper."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selection.report.build import Rendered, render
+from selection.report.results import StudyResult
+from selection.report.words import between, number, signed
+
+ROOT = Path(__file__).parents[2]
+COMMITTED = sorted((ROOT / "results").rglob("*.html"))
+CONTRAST = (Path(__file__).parent / "contrast.js").read_text()
+#: Widths of a telephone and of a desk screen, pixels.
+WIDTHS = (390, 1280)
+#: A page that can be sent by mail.
+MOST_BYTES = 6_000_000
+
+
+@pytest.fixture(scope="module")
+def rendered(study: StudyResult) -> Rendered:
+    return render(study)
+
+
+@pytest.fixture(scope="module")
+def html(rendered: Rendered, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(rendered.html)
+    return path
+
+
+def check_page(opened: Callable, path: Path, width: int, scheme: str) -> None:
+    """Quiet, self-contained, no wider than the window, readable; with every fold open."""
+    with opened(path, width=width, scheme=scheme) as one:
+        one.page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
+        assert one.complaints == []
+        assert one.requests == [path.as_uri()]
+        assert one.page.evaluate("document.documentElement.scrollWidth") <= width
+        contrast = one.page.evaluate(CONTRAST)
+        assert contrast["checked"] > 50
+        assert contrast["found"] == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_page_is_quiet_fits_and_can_be_read(opened, html, width, scheme):
+    check_page(opened, html, width, scheme)
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
+@pytest.mark.parametrize("path", COMMITTED, ids=lambda path: str(path.relative_to(ROOT)))
+def test_committed_pages(opened, path, width, scheme):
+    assert path.stat().st_size < MOST_BYTES
+    check_page(opened, path, width, scheme)
+
+
+def test_hostile_text_stays_text(opened, hostile, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(render(hostile).html)
+    with opened(path) as one:
+        one.page.locator(".explorer input").first.press("ArrowLeft")
+        one.page.locator(".sort").first.click()
+        assert one.complaints == []
+        assert one.page.locator("img").count() == 0
+        assert "<img src=x onerror=alert(1)>" in one.page.locator("h1").inner_text()
+
+
+def shown(page, name: str) -> str:
+    return page.locator(f'.explorer [data-shows="{name}"]').first.inner_text()
+
+
+def test_slider_shows_the_tables(opened, html, rendered, study):
+    design, units = study.records[0].design, study.records[0].mode.units
+    with opened(html) as one:
+        box = one.page.locator(".explorer")
+        assert box.count() == 1
+        for i, force in enumerate(design.force):
+            box.get_by_role("button", name=f"{force:g} {units.force}").click()
+            band = design.average
+            assert shown(one.page, "median") == f"{number(band.median[i])} in"
+            assert shown(one.page, "predictive") == between(band.low[i], band.high[i], "in")
+            assert shown(one.page, "linear") == f"{number(design.linear[i])} in"
+            over = (design.overprediction, design.overprediction_low, design.overprediction_high)
+            assert shown(one.page, "over") == "{} ({} to {})".format(*(signed(values[i]) for values in over))
+            assert shown(one.page, "ratio") == number(design.ratio[i])
+
+
+def test_slider_moves_the_band_by_keyboard(opened, html):
+    with opened(html) as one:
+        slider = one.page.locator(".explorer input")
+        data = json.loads(one.page.locator(".explorer script").text_content())
+        axes = json.loads(one.page.locator("figure:has(.explorer) svg").get_attribute("data-axes"))[0]
+        left, top, width, height = axes["box"]
+        slider.focus()
+        for key, i in (("Home", 0), ("ArrowRight", 1), ("ArrowRight", 2), ("End", len(data["force"]) - 1)):
+            one.page.keyboard.press(key)
+            assert slider.get_attribute("aria-valuetext") == data["texts"]["force"][i] == shown(one.page, "force")
+            bar = one.page.locator(".cursor rect").first  # the predictive band at this force
+            y, tall = (float(bar.get_attribute(name)) for name in ("y", "height"))
+            x = float(bar.get_attribute("x")) + 0.5 * float(bar.get_attribute("width"))
+            share = (data["force"][i] - axes["x"]["low"]) / (axes["x"]["high"] - axes["x"]["low"])
+            of_top = [1.0 - data[name][i] / axes["y"]["high"] for name in ("high", "low")]  # the axis starts at 0
+            ends = top + height * np.clip(of_top, 0.0, 1.0)
+            # the same arithmetic on the same numbers
+            np.testing.assert_allclose([x, y, y + tall], [left + width * share, *ends], rtol=0.0, atol=1e-6)
+
+
+def test_tables_sort_by_keyboard_and_back(opened, html):
+    with opened(html) as one:
+        ranking = one.page.locator("table:has(caption:has-text('Every candidate'))").first
+        heads = ranking.locator("th")
+        at = heads.all_inner_texts().index(next(t for t in heads.all_inner_texts() if t.startswith("−2 ln Z")))
+        cells = ranking.locator(f"tbody td:nth-child({at + 1})")
+        before = cells.all_inner_texts()
+        button = heads.nth(at).locator("button")
+        button.focus()
+        one.page.keyboard.press("Enter")
+        assert heads.nth(at).get_attribute("aria-sort") == "ascending"
+        up = [value(text) for text in cells.all_inner_texts()]
+        assert up == sorted(up)  # a value that does not exist is infinite: always last
+        one.page.keyboard.press("Enter")
+        assert heads.nth(at).get_attribute("aria-sort") == "descending"
+        down = [v for v in (value(text) for text in cells.all_inner_texts()) if np.isfinite(v)]
+        assert down == sorted(down, reverse=True)
+        one.page.keyboard.press(" ")
+        assert heads.nth(at).get_attribute("aria-sort") is None
+        assert cells.all_inner_texts() == before
+
+
+def value(text: str) -> float:
+    return np.inf if text == "–" else float(text.replace("−", "-"))
+
+
+@pytest.mark.parametrize(
+    ("texts", "ordered"),
+    [
+        (["10", "9", "–", "−3.5"], ["−3.5", "9", "10", "–"]),
+        (["1.2×10⁶", "3.0×10⁻⁵", "2"], ["3.0×10⁻⁵", "2", "1.2×10⁶"]),
+        (["0.001", "< 0.001", "0.25"], ["< 0.001", "0.001", "0.25"]),
+        (["+67 %", "−4 %", "+5 %"], ["−4 %", "+5 %", "+67 %"]),
+        (["2.5 (2.1 to 3.0)", "0.9 (0.5 to 1.3)"], ["0.9 (0.5 to 1.3)", "2.5 (2.1 to 3.0)"]),
+        (["4.3.13", "4.3.2", "Table 2.II"], ["4.3.2", "4.3.13", "Table 2.II"]),
+    ],
+)
+def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
+    import pandas as pd
+
+    from selection.report.page import Footer, Section, Table, page
+
+    path = tmp_path / "page.html"
+    path.write_text(page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))
+    with opened(path) as one:
+        one.page.locator(".sort").click()
+        assert one.page.locator("tbody td").all_inner_texts() == ordered
+
+
+def test_figures_say_their_values(opened, html, rendered):
+    peaks = rendered.tables["config-2-mode-1-observations"].sort_values("amplitude")
+    with opened(html) as one:
+        figure = one.page.locator("#record-config-2-mode-1 figure:has-text('Damping force (force in quadrature)')")
+        figure.scroll_into_view_if_needed()
+        figure.locator(".scroll").focus()
+        for A, D in peaks[["amplitude", "damping_force"]].to_numpy():
+            one.page.keyboard.press("ArrowRight")
+            said = [float(text) for text in re.findall(r": (-?[\d.]+)", one.page.locator(".said").inner_text())]
+            # coordinates are rounded to 0.01 point of some 400, and written to a thousandth of the axis
+            np.testing.assert_allclose(said, [A, D], rtol=2e-3, atol=0.0)
+        one.page.keyboard.press("Escape")
+        assert not one.page.locator(".tip").is_visible()
+        mark = figure.locator("g[clip-path] > use").first.bounding_box()
+        one.page.mouse.move(mark["x"] + mark["width"] / 2 + 3, mark["y"] + mark["height"] / 2)
+        assert "amplitude (in): 1.2" in one.page.locator(".tip").inner_text()
+        assert one.page.locator(".ring").count() == 1
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_reader_chooses_light_or_dark(opened, html, scheme):
+    with opened(html, scheme=scheme) as one:
+        paper, flip = look(one.page)
+        assert (flip != "none") is (scheme == "dark")
+        one.page.get_by_role("button", name="Dark page" if scheme == "light" else "Light page").click()
+        changed = look(one.page)
+        assert changed[0] != paper
+        assert (changed[1] != "none") is (scheme == "light")
+        one.page.locator(".theme").click()
+        assert look(one.page) == [paper, flip]
+
+
+def look(page) -> list[str]:
+    """Colour of the paper and the filter of figures."""
+    return page.evaluate(
+        """() => [getComputedStyle(document.body).backgroundColor,
+                  getComputedStyle(document.querySelector("figure svg")).filter]"""
+    )
+
+
+def test_every_control_is_reached_by_tab_and_shows_it(opened, html):
+    with opened(html) as one:
+        wanted = one.page.evaluate(
+            """() => [...document.querySelectorAll("a, button, input, summary, [tabindex='0']")]
+                .filter((element) => element.checkVisibility())
+                .map((element, i) => { element.dataset.stop = i; return i; })"""
+        )
+        reached = set()
+        for _ in range(len(wanted) + 5):
+            one.page.keyboard.press("Tab")
+            stop, outline = one.page.evaluate(
+                """() => [document.activeElement.dataset.stop, getComputedStyle(document.activeElement).outlineStyle]"""
+            )
+            if stop is not None:
+                assert outline != "none"
+                reached.add(int(stop))
+        assert reached == set(wanted)
+
+
+def test_without_scripts_everything_is_there_and_nothing_is_dead(opened, html, rendered):
+    with opened(html, scripts=False) as one:
+        assert one.page.locator("table").count() == rendered.html.count("<table>")
+        assert one.page.locator("figure svg").first.is_visible()
+        assert not one.page.locator(".explorer").is_visible()
+        assert not one.page.locator(".theme").is_visible()
+        assert one.page.locator(".sort").count() == 0
+
+
+def test_on_paper_there_is_what_paper_can_hold(opened, html):
+    with opened(html, scheme="dark") as one:
+        one.page.emulate_media(media="print")
+        for name in (".explorer", ".theme", "nav", ".skip", ".cursor"):
+            assert not one.page.locator(name).first.is_visible(), name
+        assert look(one.page) == ["rgb(255, 255, 255)", "none"]
+        assert one.page.pdf(format="A4").startswith(b"%PDF")
