@@ -21,6 +21,7 @@ from selection.conditioning import description as schema
 from selection.conditioning.chain import Step
 from selection.conditioning.chain import condition as condition_table
 from selection.conditioning.description import Description
+from selection.conditioning.uncertainty import with_uncertainties
 from selection.errors import InputError
 from selection.records.keys import line_of, read_toml
 from selection.records.reading import read_table
@@ -30,6 +31,14 @@ from selection.records.text import Rows, read_bytes
 
 #: What must come before a key on its line, for the line of a key in an array of tables.
 _KEY = r"^\s*{}\s*="
+
+#: How the keys that hold more than one thing are written.
+_EXPECTED: dict[tuple[str | int, ...], str] = {
+    ("sensors",): "[[sensors]], one for each reading",
+    ("yaw",): "[[yaw]], one for each node",
+    ("modes",): "[[modes]], one for each mode",
+    ("raw", "keep"): 'a list of columns, ["point"]',
+}
 
 
 def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
@@ -43,7 +52,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     if out.resolve() in (raw.resolve(), config.resolve()):
         raise InputError("--out is the raw table or its description", file=out, expected="another file")
     table = read_raw(raw, description, max_size)
-    done = condition_table(table, description)
+    done = with_uncertainties(condition_table(table, description), table, description)
     record = done[-1].after
     _check_repeats(record, raw, max_size)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
@@ -119,6 +128,8 @@ def _check_ranges(table: pd.DataFrame, description: Description, path: Path, max
             check(sensor.column, table[sensor.column] <= 0.0, "an amplitude > 0")
         else:
             check(sensor.column, table[sensor.column] < 0.0, "an amplitude >= 0")
+    for column in d.uncertainties.values():
+        check(column, table[column] < 0.0, "a standard uncertainty >= 0")
     check(d.raw.frequency, table[d.raw.frequency] <= 0.0, "a frequency > 0")
     check(d.raw.force, table[d.raw.force] <= 0.0, "a force amplitude > 0")
     if d.node.phase:
@@ -156,8 +167,12 @@ def _input_error(problem: Any, path: Path, content: str) -> InputError:
         expected = f"{nearest(str(keys[-1]), known)} (nearest of {', '.join(known)})"
         return InputError("unknown key", file=path, line=line, column=_name(keys), expected=expected)
     if problem["type"] == "missing":
-        expected = f"[[{keys[0]}]]" if keys[0] == "sensors" and len(keys) == 1 else f"{keys[-1]}"
-        return InputError("missing key", file=path, line=line, column=_name(keys), expected=expected)
+        what = "key" if len(keys) > 1 else "table"
+        expected = str(keys[-1]) if len(keys) > 1 else _EXPECTED.get(keys, f"[{keys[0]}]")
+        return InputError(f"missing {what}", file=path, line=line, column=_name(keys), expected=expected)
+    if problem["type"] in ("tuple_type", "model_type"):
+        expected = _EXPECTED.get(keys) or _EXPECTED.get(keys[:1], f"a table [{keys[0]}]")
+        return InputError("another kind of value", file=path, line=line, column=_name(keys), expected=expected)
     return InputError(problem["msg"], file=path, line=line, column=_name(keys))
 
 

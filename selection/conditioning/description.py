@@ -15,6 +15,7 @@ which are used. All numbers are in one consistent system of units; names of unit
     [raw]
     frequency = "omega_rad_s"     # columns of the raw table
     force = "force_lb"            # force amplitude at the point of application
+    force_sd = "force_sd_lb"      # optional: its standard uncertainty
     sweep = "run"                 # labels of the sweeps; or sweep_label = "I", one label for all rows
     keep = ["point"]              # columns that go unchanged into the record
 
@@ -25,6 +26,7 @@ which are used. All numbers are in one consistent system of units; names of unit
     factor = 1e-4                 # reading = factor times the number in the column (default 1)
     unit = 386.0                  # of one unit of the reading, in the units above: here g in in/s^2 (default 1)
     per_force = true              # readings are per unit of force (default false)
+    sd = "tip_pitch_sd_g_per_lb_e4"  # optional: standard uncertainty of the number in the column
 
     [[yaw]]                       # optional: yaw displacement of a node measured in pitch only (Eq. 3.1.1)
     name = "tail yaw"
@@ -35,6 +37,7 @@ which are used. All numbers are in one consistent system of units; names of unit
     [node]                        # the motion that becomes the mode
     sensor = "tail pitch"
     phase = "tail_phase_rad"      # column: lag behind the force; without it nothing can be removed
+    phase_sd = "tail_phase_sd"    # optional: its standard uncertainty
     lag = 0.0                     # known lag of the instruments, taken off the phase (in its unit)
 
     [mode]
@@ -63,6 +66,9 @@ which are used. All numbers are in one consistent system of units; names of unit
     branch = "near"               # which root xi of Eq. 3.2.15: "low", "high", or "near" the one given
     xi = 0.005                    # with "near"
     largest = 0.05                # roots above are no damping factors of a structure (default 0.1)
+
+Standard uncertainties that are stated go through the chain (``selection.conditioning.uncertainty``) into the record's
+``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
 """
 
 from __future__ import annotations
@@ -113,6 +119,7 @@ class Raw(_Table):
 
     frequency: Name
     force: Name
+    force_sd: Name | None = None
     sweep: Name | None = None
     sweep_label: Name | None = None
     keep: tuple[Name, ...] = Field(default=(), strict=False)
@@ -127,6 +134,7 @@ class Sensor(_Table):
     factor: Positive = 1.0
     unit: Positive = 1.0
     per_force: bool = False
+    sd: Name | None = None
 
 
 class Yaw(_Table):
@@ -143,6 +151,7 @@ class Node(_Table):
 
     sensor: Name
     phase: Name | None = None
+    phase_sd: Name | None = None
     lag: FiniteFloat = 0.0
 
 
@@ -221,7 +230,14 @@ class Description(_Table):
         names = [self.raw.frequency, self.raw.force, *(sensor.column for sensor in self.sensors), self.node.phase]
         names.append(self.rigid_body.identify_from if self.rigid_body else None)
         names.append(self.correction.column if self.correction else None)
-        return tuple(dict.fromkeys(name for name in names if name))
+        return tuple(dict.fromkeys(name for name in (*names, *self.uncertainties.values()) if name))
+
+    @property
+    def uncertainties(self) -> dict[str, str]:
+        """Columns of stated standard uncertainties, by the column whose they are."""
+        pairs = [(self.raw.force, self.raw.force_sd), *((sensor.column, sensor.sd) for sensor in self.sensors)]
+        pairs.append((self.node.phase or "", self.node.phase_sd))
+        return {column: sd for column, sd in pairs if column and sd}
 
     def problems(self) -> Iterator[Problem]:
         """What contradicts itself, in the order of the schema."""
@@ -235,7 +251,7 @@ class Description(_Table):
             yield Problem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
         if self.raw.sweep in self.columns:
             yield Problem(("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels")
-        meant = {*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS, *WORKING_COLUMNS}
+        meant = {*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS, *WORKING_COLUMNS, *(f"{name}_sd" for name in WORKING_COLUMNS)}
         for name in self.raw.keep:
             if name in meant:
                 yield Problem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
@@ -268,6 +284,8 @@ class Description(_Table):
         if self.correction is not None and (self.modes or rigid is not None):
             yield Problem(("correction",), "the total correction is given and computed", "it, or modes and rigid_body")
         removed = [key for key in ("modes", "rigid_body", "correction", "principal") if getattr(self, key)]
+        if self.node.phase is None and self.node.phase_sd is not None:
+            yield Problem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
         if self.node.phase is None and removed:
             yield Problem((removed[0],), "nothing can be removed without the phase of the node", "phase in [node]")
         if self.principal is not None and (self.principal.branch == "near") != (self.principal.xi is not None):

@@ -132,10 +132,15 @@ def test_principal_planes_leave_out_and_name_rows_without_a_root(raw: Path, conf
         ("[rigid_body]", '[correction]\ncolumn = "x"\n\n[rigid_body]', 70, "correction", "given and computed"),
         ("[rigid_body]", PRINCIPAL.replace("xi = 0.005", "") + "[rigid_body]", 71, "principal", "both or neither"),
         ("[units]", "[units", 6, "7", "not TOML"),
+        ('keep = ["point"]', 'keep = "point"', 16, "raw, keep", 'expected a list of columns, ["point"]'),
+        ("[mode]                      # Table 3.II\nphi = 0.041", "", None, "mode", "missing table; expected [mode]"),
+        ("title", "correction = 3\ntitle", 4, "correction", "another kind of value; expected a table [correction]"),
+        ('keep = ["point"]', 'force_sd = "sd"\nkeep = ["xi_sd"]', 17, "raw, keep", "would stand for a result"),
+        ('phase = "tail_phase_rad"', 'phase_sd = "sd"', 47, "node, phase_sd", "no phase that it belongs to"),
     ],
 )
 def test_a_mistake_in_the_description_is_named_with_its_line(
-    old: str, new: str, line: int, column: str, words: str, raw: Path, config: Path, tmp_path: Path
+    old: str, new: str, line: int | None, column: str, words: str, raw: Path, config: Path, tmp_path: Path
 ) -> None:
     file = changed(config, tmp_path, old, new)
     with pytest.raises(InputError) as found:
@@ -169,6 +174,26 @@ def test_a_mistake_in_the_raw_table_is_named_with_its_line(
     error = found.value
     assert (error.file, error.line, error.column) == (str(file), line, column)
     assert words in str(error)
+
+
+def test_uncertainties_reach_the_record(raw: Path, config: Path, tmp_path: Path) -> None:
+    lines = raw.read_text().splitlines()
+    text = [f"{lines[0]},sd_1,sd_2,sd_3", *(f"{line},5,0.01,{0.02 if k else -1}" for k, line in enumerate(lines[1:]))]
+    file = tmp_path / "raw.csv"
+    file.write_text("\n".join(text) + "\n")
+    stated = changed(config, tmp_path, 'keep = ["point"]', 'keep = ["point"]\nforce_sd = "sd_1"')
+    stated = changed(stated, tmp_path, "factor = 1e-2", 'factor = 1e-2\nsd = "sd_2"')
+    stated = changed(stated, tmp_path, 'phase = "tail_phase_rad"', 'phase = "tail_phase_rad"\nphase_sd = "sd_3"')
+    with pytest.raises(InputError, match=r"line 2, column sd_3: -1; expected a standard uncertainty >= 0"):
+        condition(file, stated, tmp_path / "record.csv", None, SIZE)
+    file.write_text("\n".join(text).replace(",-1", ",0.02") + "\n")
+    condition(file, stated, tmp_path / "record.csv", tmp_path / "steps", SIZE)
+    record = read_record(tmp_path / "record.csv")
+    assert_allclose(record.column("force_sd"), 0.041 * 5.0, rtol=1e-8)
+    # corrections in phase with the force turn some of one into the other; far from resonance by a tenth, at it by less
+    assert_allclose(record.column("amplitude_sd")[6:9], 0.0001 / 0.041, rtol=0.2)
+    assert_allclose(record.column("phase_sd")[6:9], 0.02, rtol=0.2)
+    assert (tmp_path / "steps" / "09-uncertainties.csv").read_text() == (tmp_path / "record.csv").read_text()
 
 
 def test_the_first_mistake_in_the_file_comes_first(raw: Path, config: Path, tmp_path: Path) -> None:
