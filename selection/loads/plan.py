@@ -195,6 +195,8 @@ def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple
         raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
     coordinates = Coordinates.of(law, data)
     own = estimate(coordinates, data, seed)
+    if len(law.parts) == 1:  # one force carries what was measured with a coefficient > 0
+        return law, own, True
     return law, own, bool(np.all(fit(coordinates, data, own.mode).values[: len(law.parts)] >= 0.0))
 
 

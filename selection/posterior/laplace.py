@@ -8,6 +8,8 @@ a normal posterior; rough where a share lies at the edge of its range or two mod
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -16,7 +18,7 @@ from selection.errors import AnalysisError
 from selection.posterior.importance import Evidence
 from selection.posterior.law import Coordinates
 from selection.posterior.likelihood import REACH
-from selection.posterior.mode import BARRIER, Negative, derivatives, negative_log_posterior, polished
+from selection.posterior.mode import BARRIER, Negative, derivatives, negative_log_posterior
 from selection.posterior.observations import Observations
 from selection.posterior.proposal import Proposal, sobol
 
@@ -37,11 +39,13 @@ def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evid
         AnalysisError: the law cannot carry the measured forces.
     """
     negative = negative_log_posterior(coordinates, data)
-    mode = polished(_descended(coordinates, negative), negative)
-    covariance = derivatives(mode, negative, np.full(mode.size, _STEP))[1]
+    near = _descended(coordinates, negative)
+    gradient, covariance, _ = derivatives(near, negative, np.full(near.size, _STEP))
+    ends = np.vstack([near - covariance @ gradient, near])  # one more step, where it gains
+    mode = ends[np.argmin(negative(ends))]
     root = np.linalg.cholesky(covariance)
     log_z = -float(negative(mode[None, :])[0]) + 0.5 * mode.size * np.log(2.0 * np.pi)
-    normal = ndtri(sobol(mode.size, _DRAWS_POWER, seed))
+    normal = _normal(mode.size, _DRAWS_POWER, seed)
     return Evidence(
         log_z=log_z + float(np.sum(np.log(np.diagonal(root)))),
         standard_error=np.nan,
@@ -52,9 +56,15 @@ def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evid
     )
 
 
+@lru_cache(maxsize=16)  # every law of as many variables asks for the same points
+def _normal(dimension: int, power: int, seed: int) -> FloatArray:
+    """2^power standard normal points that fill space, (2^power, dimension)."""
+    return np.asarray(ndtri(sobol(dimension, power, seed)))
+
+
 def _descended(coordinates: Coordinates, negative: Negative) -> FloatArray:
     """A point close to the mode: Newton steps from the best of many prior points, all starts at once."""
-    points = ndtri(sobol(coordinates.dimension, _STARTS_POWER, seed=0))
+    points = _normal(coordinates.dimension, _STARTS_POWER, 0)
     values = negative(points)
     best = np.argsort(values)[:_STARTS]
     if not values[best[0]] < BARRIER:

@@ -44,7 +44,7 @@ def find_mode(coordinates: Coordinates, data: Observations, starts: int = 3) -> 
         minimize(_value_and_gradient, points[i], (negative,), "L-BFGS-B", jac=True, options={"maxiter": 200})
         for i in order[:starts]
     ]
-    return polished(np.asarray(min(found, key=lambda result: float(result.fun)).x), negative)
+    return _polished(np.asarray(min(found, key=lambda result: float(result.fun)).x), negative)
 
 
 def covariance_at(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -70,7 +70,7 @@ def _value_and_gradient(x: FloatArray, negative: Negative) -> tuple[float, Float
     return float(values[0]), (values[1 : 1 + d] - values[1 + d :]) / (2.0 * _STEP)
 
 
-def polished(x: FloatArray, negative: Negative) -> FloatArray:
+def _polished(x: FloatArray, negative: Negative) -> FloatArray:
     """Newton steps until none goes down."""
     widths = np.full(x.size, _STEP)
     value = float(negative(x[None, :])[0])

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy.stats import gmean
 
 from selection.arrays import BoolArray, FloatArray, IntArray
 from selection.errors import AnalysisError
@@ -63,7 +62,9 @@ class Observations:
 
         Geometric means over the sweeps' resonances.
         """
-        means = [float(gmean(x)) for x in (self.tested_amplitude, self.tested_omega, self.tested_force)]
+        means = [
+            float(np.exp(np.mean(np.log(x)))) for x in (self.tested_amplitude, self.tested_omega, self.tested_force)
+        ]
         return means[0], means[1], means[2]
 
     @property
