@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -50,7 +51,6 @@ class Diagnosis:
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
         unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
-        next_tests: candidate tests, the one that tells the explanations apart best first; none where none is needed.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
     """
@@ -67,7 +67,6 @@ class Diagnosis:
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
     held_out: HeldOut | None
-    next_tests: tuple[NextTest, ...]
     local: tuple[LocalEstimate, ...]
     damping_trend: Trend | None
     frequency_trend: Trend | None
@@ -77,6 +76,11 @@ class Diagnosis:
     def leading(self) -> Hypothesis:
         """The most probable hypothesis."""
         return self.hypotheses[0].hypothesis
+
+    @cached_property
+    def next_tests(self) -> tuple[NextTest, ...]:
+        """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
+        return ranked_tests(self.leading.best, rivals(self.hypotheses))
 
     @property
     def next_test(self) -> NextTest | None:
@@ -120,8 +124,7 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         gap=gap(leading.best),
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
-        held_out=held_out(known, library, leading.best),
-        next_tests=ranked_tests(leading.best, rivals(hypotheses)),
+        held_out=held_out(known, search, leading.best),
         local=local,
         damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
         frequency_trend=trend(
@@ -151,7 +154,7 @@ def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Se
         if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break
         known = replace(known, dispersion=known.dispersion * rest)
-        search = _run(known, effects)
+        search = search.again(known.problem, known.unknowns)
     return known, search
 
 

@@ -22,6 +22,8 @@ _INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
 WILD_WEIGHT = 0.5
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
 _MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
+#: Median residual, over that of noise, from which a fit is far off.
+_FAR_OFF = 1.5
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
 _TRIED, _PATIENCE, _SURVIVORS = 4, 5, 2
 
@@ -121,20 +123,22 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
         new_r, new_J = model.jacobian(new)
-        gain = _cost(r[at], y[at], scale, weights) - _cost(new_r, new, scale, weights)
+        cost = _cost(r[at], y[at], scale, weights)
+        gain = cost - _cost(new_r, new, scale, weights)
         better = gain > 0.0
         won = at[better]
         y[won], r[won], J[won] = new[better], new_r[better], new_J[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
-        little = _SETTLED + _ROUGHLY * np.maximum(_cost(r[at], y[at], scale, weights) - r.shape[1], 0.0)
+        little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
         settled = (better & (gain < little)) | (damping[at] > 1e6)
         active[at[settled & (scale == 1.0)]] = False
     return y, r, J
 
 
 def _spread(r: FloatArray) -> FloatArray:
-    """Scale of the residuals of each start, at least 1: what counts as wild while a fit is far off."""
-    return np.maximum(1.0, 1.4826 * np.median(np.abs(r), axis=1))
+    """Scale of the residuals of each start, 1 unless it is far off: what counts as wild meanwhile."""
+    scale = 1.4826 * np.median(np.abs(r), axis=1)
+    return np.where(scale > _FAR_OFF, scale, 1.0)
 
 
 def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
 
 from selection.arrays import BoolArray, FloatArray
-from selection.gap.effects.form import Effect
 from selection.gap.fit import WILD_WEIGHT, Fit
 from selection.gap.model import Model, Problem
 from selection.gap.problem import Setting
@@ -52,9 +50,10 @@ class HeldOut:
     high: float | None
 
 
-def held_out(setting: Setting, effects: Mapping[str, Effect], leading: Fit) -> HeldOut | None:
+def held_out(setting: Setting, search: Search, leading: Fit) -> HeldOut | None:
     """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
 
+    Every hypothesis of ``search`` is fitted again to the other levels, and the most probable of them is chosen there.
     ``leading`` is the fit to the whole record: its wild points are left out of the comparison, and nothing else.
     """
     rows = setting.problem.rows
@@ -62,7 +61,7 @@ def held_out(setting: Setting, effects: Mapping[str, Effect], leading: Fit) -> H
     if rows.levels < 2:
         return None
     regular = leading.weights > WILD_WEIGHT
-    folds = tuple(_fold(setting, effects, int(level), regular) for level in levels)
+    folds = tuple(_fold(setting, search, int(level), regular) for level in levels)
     values = sum(fold.count for fold in folds)
     nominal, before, after = (
         float(np.sqrt(sum(getattr(fold, name) for fold in folds) / values)) for name in ("nominal", "before", "after")
@@ -85,14 +84,13 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
     return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
 
 
-def _fold(setting: Setting, effects: Mapping[str, Effect], level: int, regular: BoolArray) -> Fold:
+def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> Fold:
     """Choose and fit without a level, and predict it."""
     whole = setting.problem
     out = whole.rows.level[whole.rows.sweep] == level
     train = replace(whole, rows=whole.rows.where(~out))
     test = replace(whole, rows=whole.rows.where(out))
-    search = Search(train, effects, setting.unknowns)
-    chosen = search.run()[0].best
+    chosen = search.again(train, setting.unknowns).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)
     before = _predicted(refitted(chosen), test)

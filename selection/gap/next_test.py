@@ -141,7 +141,7 @@ def _cross_axis(terms: Terms, rows: Rows) -> ComplexArray:
     """Motion across the drive, (n,): F sin(theta) cos(theta) (H_1 - H_2)."""
     if terms.plane is None:
         return np.zeros(len(rows), dtype=np.complex128)
-    t, ratio, _ = terms.plane
+    t, ratio = terms.plane.weight, terms.plane.ratio
     Z, _ = complex_stiffness(terms, np.exp(rows.u), rows.drive)
     second = Z + terms.M * rows.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
     return np.asarray((rows.F * np.sqrt(t) / (1.0 + t) * (1.0 / Z - 1.0 / second))[0])

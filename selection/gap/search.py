@@ -23,6 +23,8 @@ PRIOR_NULL = 15.0
 _GAIN, _NEAR = 2.5, 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS, ROWS_PER_EFFECT, _MOST_FITS = 3, 15, 14
+#: Modes whose evidence is within this of the best are weighed.
+_CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
@@ -40,21 +42,25 @@ class Hypothesis:
 
     Attributes:
         effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
-        others: the best modes of other forms that are about as good.
+        plain: the best mode before scatter and noise were chosen, in which scatter cannot hide what an effect would
+            explain. others: the best plain modes of other forms that are about as good.
         log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
         log_posterior: with the prior of so many effects, not normalised.
+        forms: number of forms of the last effect, over which the evidence is averaged.
     """
 
     effects: tuple[str, ...]
     best: Fit
+    plain: Fit
     others: tuple[Fit, ...]
     log_evidence: float
     log_posterior: float
+    forms: int
 
     @property
     def near(self) -> tuple[Fit, ...]:
-        """The best fit and those about as good."""
-        return (self.best, *self.others)
+        """The best plain fit and those about as good."""
+        return (self.plain, *self.others)
 
     @property
     def key(self) -> frozenset[str]:
@@ -100,6 +106,18 @@ class Search:
                 break
         return self.ranked()
 
+    def again(self, problem: Problem, unknown: Unknowns) -> Search:
+        """The same hypotheses fitted to another problem, from the modes found: no other is tried.
+
+        Strengths keep their units, so that priors stay what they are.
+        """
+        other = Search(problem, self.effects, unknown, units=self.units)
+        for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
+            models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
+            fits = [fit(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)]
+            other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
+        return other
+
     def ranked(self) -> list[Hypothesis]:
         """All hypotheses, most probable first."""
         return sorted(self.found.values(), key=lambda one: -one.log_posterior)
@@ -118,7 +136,7 @@ class Search:
         return self._store((), [first], 1)
 
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
-        return [starts(base.best, form, self.units[form]) for form in self.forms[name]]
+        return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
 
     def _combine(self, size: int) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
@@ -140,7 +158,7 @@ class Search:
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
-        rough = float(np.sqrt(np.mean(base.best.r**2)))
+        rough = float(np.sqrt(np.mean(base.plain.r**2)))
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
         found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
         if found:
@@ -162,14 +180,14 @@ class Search:
     def _store(self, effects: tuple[str, ...], fits: list[Fit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
-        near = [one for one in fits if one.log_evidence > top - 10.0]
+        plain = [one for one in fits if one.log_evidence > top - _CLOSE_MODES]
         least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
-        near = [settled(one, self.unknown, least) for one in near]
-        best = max(near, key=lambda one: one.log_evidence)
+        near = [settled(one, self.unknown, least) for one in plain]
+        first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
-        others = _other_forms(best, near) if effects else ()
-        hypothesis = Hypothesis(effects, best, others, evidence, evidence + float(prior))
+        others = _other_forms(plain[first], plain) if effects else ()
+        hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
 

@@ -33,7 +33,7 @@ _REFINEMENTS = 2
 
 
 class Plane(NamedTuple):
-    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency to omega_n.
+    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
 
     ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
     """
@@ -41,6 +41,7 @@ class Plane(NamedTuple):
     weight: Floats
     ratio: Floats
     alike: bool
+    damping: Floats = 1.0
 
 
 @dataclass(frozen=True)
@@ -166,9 +167,10 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     by_u, by_frequency = squared * slope, squared * by_stiffness
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
-        t, ratio, alike = terms.plane
+        t, ratio, alike, damping = terms.plane
         other = terms if alike else replace(terms, forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
+        Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
         second = 1.0 / (Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0))
         squared = t * second * second
         by_u = (by_u + squared * slope) / (1.0 + t)

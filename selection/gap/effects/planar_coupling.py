@@ -12,6 +12,9 @@ from selection.arrays import Floats
 from selection.gap.effects.form import Effect, Form, Scales, Shape
 from selection.gap.terms import Plane, Terms
 
+#: Damping of the second plane over that of the first: the report takes them equal; a tenth more or less is usual.
+DAMPING = Shape(centre=1.0, width=0.1, starts=(0.0,))
+
 
 def forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: tan^2(theta). Shape: |omega_y/omega_p - 1|, a fraction of the bandwidth to the edge of the band.
@@ -24,20 +27,25 @@ def forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def _side(apart: Shape, sign: float, alike: bool, twin: Form | None = None) -> Form:
-    def change(terms: Terms, weight: Floats, distance: Floats) -> Terms:
-        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike))
+    def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
+        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
 
-    def report(weight: Floats, distance: Floats) -> dict[str, Floats]:
+    def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
         values = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
+        values |= {"damping_ratio": damping}
         return values | ({"alike": 1.0} if alike else {})
 
     label = ("above" if sign > 0.0 else "below") + (", damped alike" if alike else "")
-    return Form("planar-coupling", change, report, 0.3, (apart,), largest=30.0, label=label, twin=twin)
+    return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
 
 
 def simulate(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The second plane of a table ``angle`` (rad), ``frequency_ratio``; with ``alike`` all forces act in it too."""
-    return replace(terms, plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], "alike" in table))
+    """The second plane of a table ``angle`` (rad), ``frequency_ratio``, ``damping_ratio`` (1 if absent).
+
+    With ``alike`` all forces act in it too.
+    """
+    damping = table.get("damping_ratio", 1.0)
+    return replace(terms, plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], "alike" in table, damping))
 
 
 PLANAR_COUPLING = Effect(
