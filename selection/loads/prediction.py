@@ -40,7 +40,8 @@ PARTS = ("measurement_noise", "parameters", "between_model", "level_to_level")
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``kappa``: posterior probability of each of ``discrepancy.KAPPA``; the prior where None.
+    ``kappa``: posterior probability of each of ``discrepancy.KAPPA``; the prior where None. ``cautions``: what to know
+    of the draws.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     kappa: FloatArray | None = None
+    cautions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ def predict(
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
+    of_draws = tuple(dict.fromkeys(caution for member in members for caution in member.cautions))
     return Loads(
         force=force,
         level=level,
@@ -145,7 +148,8 @@ def predict(
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
-            cautions(f, bool(p), data, [m.weight for m in members], plan) for f, p in zip(force, predicted, strict=True)
+            cautions(f, bool(p), data, [m.weight for m in members], plan) + of_draws
+            for f, p in zip(force, predicted, strict=True)
         ),
         limit=plan.limit if plan else np.inf,
     )
