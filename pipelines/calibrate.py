@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from pipelines.processes import end_with_parent
 from pipelines.progress import progress
 from pipelines.store import write_bytes, write_text
 from selection.loads import calibration_tables as tables
@@ -40,6 +41,8 @@ SWEPT, CHAINED = Law(("viscous", "velocity-squared")), Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
 _DPI = 130
+#: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
+_OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ def run(trials: list[Trial], jobs: int) -> dict[tuple[Any, ...], Any]:
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with (
         progress("calibrating", len(trials)) as done,
-        ProcessPoolExecutor(max_workers=jobs, mp_context=get_context("spawn")) as pool,
+        ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool,
     ):
         futures = {pool.submit(_batch, batch): batch for batch in batches}
         for future in as_completed(futures):
@@ -131,7 +134,7 @@ def figures(coverage: pd.DataFrame, selection: pd.DataFrame, ranks: pd.DataFrame
     beyond: dict[str, np.ndarray] = {}
     counts: dict[str, int] = {}
     for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
-        name = str(law) if data == "resonances" else f"{law}, {data}"
+        name = str(law) if data == "resonances" else f"{law}\n({_OF[str(data)]})"
         values = group["rank"].to_numpy()
         found.setdefault(name, {})[str(quantity)] = ecdf(values)
         counts[name] = len(values)

@@ -19,21 +19,22 @@ def coverage(table: pd.DataFrame, level: float) -> Figure:
     Args:
         table: ``structure, levels, noise, ratio, predicted, inside`` (counts). level: content of the bands.
     """
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Figure(figsize=(WIDTH, 4.8))
     groups = {
         "ratio": "force over largest tested",
         "levels": "levels tested",
         "noise": "noise, % of amplitude",
-        "structure": "",
+        "structure": "structure",
     }
-    axes = figure.subplots(1, 4, width_ratios=[4, 3, 4, 7], sharey=True)
+    grid = figure.add_gridspec(2, 3)
+    axes = [figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[0, 2], grid[1, :])]
     for ax, (column, label) in zip(axes, groups.items(), strict=True):
         counts = table.groupby(column, sort=False)[["inside", "predicted"]].sum()
         _shares(ax, counts, 100.0 if column == "noise" else 1.0)
         ax.axhline(level, color=ALERT, linewidth=1.0, linestyle="--")
         ax.set_xlabel(label)
-    axes[3].tick_params(axis="x", rotation=90)
-    axes[0].set_ylabel(f"share of next tests inside the {100 * level:g} % band")
+        ax.set_ylim(min(0.8, axes[0].get_ylim()[0]), 1.01)
+    figure.supylabel(f"share of next tests inside the {100 * level:g} % band", fontsize=8.5)
     return figure
 
 
@@ -44,7 +45,7 @@ def _shares(ax: Axes, counts: pd.DataFrame, scale: float) -> None:
     limits = [result.proportion_ci(0.95, "wilson") for result in found]
     ax.vlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE, linewidth=4)
     ax.plot(place, [result.statistic for result in found], "o", color=AVERAGE, markersize=4)
-    labels = [name if isinstance(name, str) else f"{scale * name:g}" for name in counts.index]
+    labels = [name.replace(" + ", " +\n") if isinstance(name, str) else f"{scale * name:g}" for name in counts.index]
     ax.set_xticks(place, labels)
     ax.set_xlim(-0.6, len(counts) - 0.4)
     ax.grid(visible=False, axis="x")
