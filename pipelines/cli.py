@@ -177,6 +177,47 @@ def calibrate(
     run(out, quick, seed, jobs)
 
 
+@app.command()
+def fleet(
+    records: Annotated[
+        Path, typer.Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go; what is there is not redone.")],
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
+    ] = None,
+    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes of the local cluster; 0: none, one by one.")
+    ] = None,
+    force: Annotated[
+        list[float] | None,
+        typer.Option("--force", metavar="F", help="Design force; without it 1.5 and 2 times the largest tested."),
+    ] = None,
+    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    seed: Seed = DEFAULT_SEED,
+    dashboard: Annotated[
+        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
+    ] = "127.0.0.1:8787",
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Rank, extrapolate and diagnose many records on Dask."""
+    from pipelines.fleet.command import fleet as run
+
+    run(
+        records,
+        out,
+        scheduler=scheduler,
+        fast=fast,
+        workers=workers,
+        forces=tuple(force or ()),
+        level=level,
+        seed=seed,
+        dashboard=None if dashboard == "off" else dashboard,
+        max_size=max_size,
+    )
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +11,16 @@ import numpy as np
 from pipelines.progress import progress
 from pipelines.store import write_json
 from pipelines.tables import Notes, console, number, plain_table
-from selection.compare.ranking import Candidate
-from selection.errors import AnalysisError, InputError
+from selection.errors import InputError
+from selection.loads import members
+from selection.loads.members import LEAST_WEIGHT
+from selection.loads.members import sample_candidate as sample_candidate
 from selection.loads.near import near_resonance
-from selection.loads.plan import Plan, Planned, load_candidates, plan_loads
-from selection.loads.prediction import PARTS, Loads, Member, amplitude_draws, predict
+from selection.loads.plan import Plan, load_candidates, plan_loads
+from selection.loads.prediction import PARTS, Loads, Member, predict
 from selection.posterior.observations import Observations
-from selection.posterior.sampling import Checkpoint, Posterior, Settings, sample
 from selection.records.mode import Mode, read_mode
 from selection.records.reading import read_record
-
-#: Laws with less weight do not take part in the average.
-LEAST_WEIGHT = 0.01
-#: Steps after which a chain that has not converged is given up: minutes, where most laws take seconds.
-SETTINGS = Settings(budget=5000)
-#: Effective importance draws that may stand for a chain that does not converge: they give the end of a 90 % band to 7 %
-#: of the standard deviation, sqrt(0.05 * 0.95 / n) / 0.103.
-INSTEAD = 200
 
 
 def extrapolate(
@@ -39,9 +31,9 @@ def extrapolate(
     read, described = read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
     data = near_resonance(read)
     plan = plan_record(data, described, seed)
-    members = sample_members(plan, np.array(forces), seed)
+    sampled = sample_members(plan, np.array(forces), seed)
     repeatability = described.repeatability.amplitude or 0.0
-    loads = predict(members, np.array(forces), data, level, seed, plan, repeatability)
+    loads = predict(sampled, np.array(forces), data, level, seed, plan, repeatability)
     if json_out is not None:
         write_json(json_out, {**loads_form(loads), **plan_form(plan)})
     if json_out != "-":
@@ -65,57 +57,9 @@ def plan_record(data: Observations, mode: Mode, seed: int) -> Plan:
 
 
 def sample_members(plan: Plan, forces: np.ndarray, seed: int) -> list[Member]:
-    """Sample every law with weight. Where a chain does not converge, importance draws stand in or the law is left out.
-
-    Both are said, as progress and among the cautions of every prediction.
-
-    Raises:
-        AnalysisError: no chain converged, and importance draws are too few.
-    """
-    laws = [law for law in plan.laws if law.weight > LEAST_WEIGHT]
-    members, left_out = [], []
-    with progress("sampling", len(laws)) as done:
-        for law in laws:
-            member, said = _member(law, sample_candidate(law, plan.data, forces, seed, settings=SETTINGS))
-            if member:
-                members.append(member)
-            else:
-                left_out.append(said)
-            done(said or law.name)
-    if not members:
-        raise AnalysisError("no chain converged: " + "; ".join(left_out))
-    return [replace(member, cautions=(*member.cautions, *left_out)) for member in members]
-
-
-def _member(law: Planned, posterior: Posterior) -> tuple[Member | None, str]:
-    """A law with its draws, and what is to be said of them; None where there are too few."""
-    if posterior.converged:
-        return Member(law.name, law.weight, posterior.coordinates, posterior.draws, law.kappa), ""
-    said = f"{law.name}: the chain did not converge ({posterior.failure}), "
-    if law.evidence.effective_draws < INSTEAD:
-        return None, said + "left out"
-    said += f"importance draws worth {law.evidence.effective_draws:.0f} are used"
-    return Member(law.name, law.weight, law.coordinates, law.evidence.draws, law.kappa, (said,)), said
-
-
-def sample_candidate(
-    law: Candidate | Planned,
-    data: Observations,
-    forces: np.ndarray,
-    seed: int,
-    checkpoint: Checkpoint | None = None,
-    settings: Settings | None = None,
-) -> Posterior:
-    """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
-    assert law.coordinates is not None  # a law with a weight was fitted
-    assert law.evidence is not None
-    name, coordinates = law.name, law.coordinates
-
-    def amplitudes(x: np.ndarray) -> dict[str, np.ndarray]:
-        draws = amplitude_draws(Member(name, 1.0, coordinates, x), forces, data)
-        return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
-
-    return sample(coordinates, data, law.evidence, amplitudes, seed, settings, checkpoint)
+    """Sample every law with weight (:func:`selection.loads.members.sample_members`), with progress shown."""
+    with progress("sampling", sum(law.weight > LEAST_WEIGHT for law in plan.laws)) as done:
+        return members.sample_members(plan, forces, seed, done)
 
 
 def loads_form(loads: Loads) -> dict[str, Any]:

@@ -130,7 +130,11 @@ def diagnose_case(folder: Path) -> dict[str, Any]:
         spent = time.process_time() - started  # without the next test, which is found on demand
         return gap_form(diagnosis) | {"cpu_seconds": spent}
     except DampingError as error:
-        return {"format": FORMAT, "error": str(error)}
+        return _failure(str(error))
+
+
+def _failure(error: str) -> dict[str, Any]:
+    return {"format": FORMAT, "error": error}
 
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:

@@ -157,8 +157,10 @@ def sole_writer(folder: Path) -> Iterator[None]:
     try:
         _lock(handle, folder)
         shutil.rmtree(folder / _STAGED, ignore_errors=True)
-        write_bytes(folder / _STAGED / "probe", b"can be written")
-        shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        try:
+            write_bytes(folder / _STAGED / "probe", b"can be written")
+        finally:
+            shutil.rmtree(folder / _STAGED, ignore_errors=True)
         yield
     finally:
         os.close(handle)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.checkpoint import checkpoint_in
-from pipelines.extrapolate import LEAST_WEIGHT, sample_candidate
+from selection.loads.members import LEAST_WEIGHT, sample_candidate
 from pipelines.manifest import sole_writer
 from pipelines.processes import end_with_parent
 from pipelines.progress import Advance, progress

@@ -1,15 +1,16 @@
-"""One record from files to its row and its pages: what a worker does. It writes nothing that stays and prints nothing."""
+"""One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from pipelines.extrapolate import LEAST_WEIGHT, sample_candidate
+from selection.loads.members import LEAST_WEIGHT, sample_candidate
 from pipelines.fleet.inputs import MULTIPLES, Task
 from pipelines.fleet.rows import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from selection.compare.candidates import candidate_laws
@@ -33,6 +34,7 @@ from selection.report.gap_page import gap_page
 _UNNAMED = "mode-without-a-name"
 #: Forces over which bands are drawn.
 _GRID = 40
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class _Analysis:
         pages[row["report"]] = record_page(self._page(ranking, loads, diagnosis))
         return Result(row, pages)
 
-    def _tried(self, stage: str, work: Any) -> Any:
+    def _tried(self, stage: str, work: Callable[[], Found]) -> Found | None:
         try:
             return work()
         except DampingError as error:
@@ -150,10 +152,8 @@ class _Analysis:
         largest = data.tested_force.max()
         forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
         plan = plan_loads(data, load_candidates(data), seed, mass=self.mode.mass, estimate=self.estimate)
-        if settings.fast:
-            members, unconverged = members_of(plan, LEAST_WEIGHT), []
-        else:
-            members, unconverged = _sampled(plan, forces, seed)
+        sampled = (members_of(plan, LEAST_WEIGHT), []) if settings.fast else _sampled(plan, forces, seed)
+        members, unconverged = sampled
         repeatability = self.mode.repeatability.amplitude or 0.0
         design = predict(members, forces, data, settings.level, seed, plan, repeatability)
         bands = None

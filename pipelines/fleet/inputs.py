@@ -1,4 +1,4 @@
-"""What a fleet is made of: records found in a folder, and each as a task that carries all that its result depends on."""
+"""What a fleet is made of: records found in a folder, each a task that carries all that its result depends on."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def with_uncertainties(steps: tuple[Step, ...], raw: pd.DataFrame, description: 
         for name, column in owners.items()
     }
     after = record.assign(**given)
-    return (*steps, Step("uncertainties", "", record, after, pd.DataFrame(index=record.index)))
+    return (*steps, Step("uncertainties", "first order", record, after, pd.DataFrame(index=record.index)))
 
 
 def _owners(description: Description) -> Iterator[tuple[str, str | None]]:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from selection.arrays import FloatArray
 from selection.compare.held_out import fitted_force
-from selection.compare.ranking import INTERVAL, Candidate
+from selection.compare.ranking import INTERVAL, Candidate, Ranking
 from selection.loads.prediction import Loads
 from selection.posterior.law import Law
 from selection.report.draws import posterior_draws, prior_draws
@@ -40,6 +40,11 @@ def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
 
 
 def ranking_table(result: RecordResult) -> pd.DataFrame:
+    """The candidates of a record."""
+    return candidates_table(result.ranking)
+
+
+def candidates_table(ranking: Ranking) -> pd.DataFrame:
     """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
     rows = [
         {
@@ -54,7 +59,7 @@ def ranking_table(result: RecordResult) -> pd.DataFrame:
             "physical": candidate.physical,
             "cautions": "; ".join(candidate.cautions),
         }
-        for candidate in result.ranking.candidates
+        for candidate in ranking.candidates
     ]
     return pd.DataFrame(rows).astype({"rank": "Int64"})
 

@@ -23,6 +23,7 @@ LAYERS = (
     "reproduction",
     "plots",
     "report",
+    "api",
 )
 MODULES = sorted(ROOT.glob("selection/**/*.py")) + sorted(ROOT.glob("pipelines/**/*.py"))
 SELECTION = [path for path in MODULES if path.is_relative_to(ROOT / "selection")]

@@ -8,7 +8,7 @@ HEAD = "| where | what |\n|---|---|\n"
 #: The arrow of imports, in which the table lists the parts of ``selection``.
 ORDER = [
     *("errors", "arrays", "units", "records", "conditioning", "forces", "response", "regression"),
-    *("posterior", "compare", "loads", "gap", "reproduction", "plots", "report"),
+    *("posterior", "compare", "loads", "gap", "reproduction", "plots", "report", "api"),
 ]
 
 

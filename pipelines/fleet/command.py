@@ -1,0 +1,165 @@
+"""The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from distributed import Client
+
+from pipelines.extrapolate import check_forces
+from pipelines.fleet.analyse import Result
+from pipelines.fleet.dataset import DataSet
+from pipelines.fleet.inputs import MULTIPLES, Settings, Task, find_cases, tasks_of
+from pipelines.fleet.runners import connected, distributed, serial
+from pipelines.progress import Advance, progress
+from pipelines.store import write_text
+from pipelines.study import versions
+from pipelines.tables import console
+from selection.errors import AnalysisError, InputError
+from selection.report.fleet_page import COLUMNS, fleet_page
+
+#: Rows of a batch at most, and seconds after which one is written however few it has.
+BATCH, PERIOD = 32, 30.0
+
+
+def fleet(
+    records: Path,
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    fast: bool = False,
+    workers: int | None = None,
+    forces: tuple[float, ...] = (),
+    level: float = 0.9,
+    seed: int = 0,
+    dashboard: str | None = None,
+    max_size: int,
+) -> None:
+    """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
+
+    Args:
+        scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
+            record after the other).
+        fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
+        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+
+    Raises:
+        InputError: bad usage or input. AnalysisError: every record failed, or the workers are gone.
+    """
+    check_forces(list(forces), level)
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
+    cases = find_cases(records)
+    kept = DataSet(out / "records")
+    book = _Book(kept, out, kept.keys())
+    with progress("fleet", len(cases)) as done:
+        tasks = book.new(tasks_of(cases, settings), done)
+        if scheduler is None and workers == 0:
+            book.keep(serial(tasks), done)
+        else:
+            with connected(scheduler, workers, dashboard) as client:
+                _greet(client, done)
+                if scheduler is not None:
+                    _same_versions(client, settings)
+                book.keep(distributed(client, tasks), done)
+    kept.keep(book.wanted)
+    _tidy(out, book.wanted, kept)
+    _finish(out, kept, settings)
+
+
+@dataclass
+class _Book:
+    """What is there, what is wanted, and results not written yet."""
+
+    kept: DataSet
+    out: Path
+    there: set[str]
+    wanted: set[str] = field(default_factory=set)
+    results: list[Result] = field(default_factory=list)
+    written: float = field(default_factory=time.monotonic)
+
+    def new(self, tasks: Iterable[Task], done: Advance) -> Iterator[Task]:
+        """Tasks whose results are not there."""
+        known = 0
+        for task in tasks:
+            self.wanted.add(task.key)
+            if task.key in self.there:
+                known += 1
+                continue
+            if known:
+                done("done in an earlier run", known)
+                known = 0
+            yield task
+        if known:
+            done("done in an earlier run", known)
+
+    def keep(self, results: Iterator[Result], done: Callable[[str], None]) -> None:
+        """Write results in batches as they come; what has come is written even when the run is interrupted."""
+        try:
+            for result in results:
+                self.results.append(result)
+                row = result.row
+                done(row["name"] + (f" {row['status']}: {row['reason']}" if row["reason"] else ""))
+                if len(self.results) >= BATCH or time.monotonic() - self.written > PERIOD:
+                    self.flush()
+        finally:
+            self.flush()
+
+    def flush(self) -> None:
+        """Pages first, so that a row never lacks its page."""
+        for result in self.results:
+            for name, html in result.pages.items():
+                write_text(self.out / name, html)
+        self.kept.add([result.row for result in self.results])
+        self.results, self.written = [], time.monotonic()
+
+
+def _greet(client: Client, done: Advance) -> None:
+    """Say where the scheduler and its dashboard are."""
+    about = client.scheduler_info()
+    port = about["services"].get("dashboard")
+    shown = f"dashboard {client.dashboard_link}" if port else "no dashboard"
+    done(f"scheduler {about['address']}, {shown}", 0)
+
+
+def _same_versions(client: Client, settings: Settings) -> None:
+    """Workers of a scheduler that was there before must compute with what this process has.
+
+    Raises:
+        InputError: one does not.
+    """
+    for address, found in client.run(versions).items():
+        for name, version in settings.versions.items():
+            if found.get(name) != version:
+                raise InputError(
+                    f"worker {address} has {name} {found.get(name)}",
+                    expected=f"{version}, as here: results depend on it",
+                )
+
+
+def _tidy(out: Path, wanted: set[str], kept: DataSet) -> None:
+    """Remove pages of rows that are gone."""
+    stems = {Path(name).stem for name in kept.read(["report"], wanted)["report"]}
+    for page in (out / "reports").glob("*.html"):
+        if page.stem.removesuffix("-gap") not in stems:
+            page.unlink()
+
+
+def _finish(out: Path, kept: DataSet, settings: Settings) -> None:
+    """The page of the fleet, and what to say at the end."""
+    table = kept.read(COLUMNS)
+    asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
+    write_text(out / "fleet.html", fleet_page(table, settings.method, asked, settings.seed, settings.versions))
+    counts = table["status"].value_counts()
+    said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
+    console().print(
+        f"{len(table)} records: {said}. {out / 'fleet.html'} and {kept.folder} written", highlight=False, markup=False
+    )
+    if not len(table.loc[table["status"] != "failed"]):
+        raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")

@@ -1,0 +1,157 @@
+"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import time
+import warnings
+from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, Future, KilledWorker, LocalCluster, wait
+
+from pipelines.fleet.analyse import Result, analyse, failed
+from pipelines.fleet.inputs import Task
+from selection.errors import AnalysisError, InputError
+
+#: Tasks under way for each thread of a worker: one at work and one on its way.
+PER_THREAD = 2
+#: Workers that may die under a task before it is set aside, to be tried once more with nothing beside it.
+DEATHS = 3
+#: Seconds without any worker after which a run gives up, what is done being kept.
+PATIENCE = 60.0
+#: Seconds between looks at the workers.
+_LOOK = 1.0
+_GONE = "the scheduler went away; what is done is kept, run again to go on"
+
+
+def serial(tasks: Iterable[Task]) -> Iterator[Result]:
+    """One after the other, in this process."""
+    return map(analyse, tasks)
+
+
+@contextmanager
+def connected(scheduler: str | None, workers: int | None, dashboard: str | None) -> Iterator[Client]:
+    """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
+
+    Raises:
+        InputError: no scheduler answers at the address.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it, a row or a message says
+    settings = {"distributed.scheduler.allowed-failures": DEATHS, "distributed.scheduler.worker-saturation": 1.0}
+    with dask.config.set(settings), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="(?s).*Port .* already in use")
+        warnings.filterwarnings("ignore", message="(?s).*Sending large graph")
+        if scheduler is not None:
+            with _client(scheduler) as client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address=dashboard,
+                silence_logs=logging.CRITICAL,
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+def _client(address: str) -> Client:
+    try:
+        return Client(address, timeout="10s")
+    except (OSError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"--scheduler {address}: no scheduler answers ({reason})", expected="an address such as tcp://host:8786"
+        ) from error
+
+
+def distributed(client: Client, tasks: Iterable[Task]) -> Iterator[Result]:
+    """Results as they come, ``PER_THREAD`` tasks for each thread under way.
+
+    A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
+    once more at the end, one at a time, so that a record fails for what it does itself and not for its neighbours.
+
+    Raises:
+        AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
+    """
+    suspects: list[Task] = []
+    for task, outcome in _outcomes(client, tasks, "record"):
+        if isinstance(outcome, KilledWorker):
+            suspects.append(task)
+        else:
+            yield _result(task, outcome)
+    for suspect in suspects:
+        for task, outcome in _outcomes(client, [suspect], "suspect"):
+            yield _result(task, outcome)
+
+
+def _result(task: Task, outcome: Result | BaseException) -> Result:
+    """What a task gave; an error that is none of the record's own becomes its reason, too."""
+    if isinstance(outcome, Result):
+        return outcome
+    if isinstance(outcome, KilledWorker):
+        return failed(task, "workers died under it again and again (out of memory, or a crash in native code)")
+    line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
+    return failed(task, f"internal error, please report it ({line})")
+
+
+def _outcomes(client: Client, tasks: Iterable[Task], kind: str) -> Iterator[tuple[Task, Result | BaseException]]:
+    """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
+    waiting = iter(tasks)
+    running: dict[Future, Task] = {}
+    crew = _Crew(client)
+    while True:
+        for task in itertools.islice(waiting, max(0, PER_THREAD * crew.threads() - len(running))):
+            running[client.submit(analyse, task, key=f"{kind}-{task.key}", pure=False)] = task
+        if not running:
+            return
+        try:
+            finished = wait(list(running), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        for future in finished:
+            yield running.pop(future), _outcome(future)
+            future.release()
+
+
+def _outcome(future: Future) -> Result | BaseException:
+    """What a finished future holds."""
+    try:
+        error = future.exception()
+        return future.result() if error is None else error
+    except KilledWorker as error:  # its worker died before the result was fetched, and others after it
+        return error
+    except CancelledError as error:
+        raise AnalysisError(_GONE) from error
+
+
+class _Crew:
+    """How many threads there are, looked up once a second."""
+
+    def __init__(self, client: Client) -> None:
+        self._client, self._looked, self._seen, self._threads = client, -_LOOK, time.monotonic(), 0
+
+    def threads(self) -> int:
+        """Threads of all workers; at least 1, so that a task waits for workers that are on their way.
+
+        Raises:
+            AnalysisError: there was none for too long, or no scheduler.
+        """
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            try:
+                self._threads, self._looked = sum(self._client.ncores().values()), now
+            except (OSError, TimeoutError) as error:
+                raise AnalysisError(_GONE) from error
+        if self._threads:
+            self._seen = now
+        elif now - self._seen > PATIENCE:
+            raise AnalysisError(f"no worker for {PATIENCE:g} s; what is done is kept, run again to go on")
+        return max(1, self._threads)
