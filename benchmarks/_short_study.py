@@ -1,0 +1,42 @@
+"""Studies with two candidate laws instead of nineteen and one figure, each in a process of its own that may be killed.
+
+A server: for each line ``SETTINGS<tab>OUT<tab>SEED`` on standard input it starts ``damping study`` as the leader of a
+new session, answers with its process id, and with its exit status when it has ended. Packages are imported once, and
+processes are forked, so that a run takes seconds; nothing else is shortened.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from multiprocessing import get_context
+
+from pipelines import study
+from pipelines.cli import main
+from selection.compare import candidates
+from selection.report import build, figures
+
+LAWS = ("viscous", "velocity-squared")
+
+
+def serve() -> None:
+    """Start a study for each line of standard input and wait for it."""
+    candidates.CATALOGUE = {name: candidates.CATALOGUE[name] for name in LAWS}
+    candidates.PARTNERS = ()
+    build.record_figures = lambda result, level: {"fits": figures._fits(result)}
+    study.get_context = lambda method: get_context("fork")
+    for line in sys.stdin:
+        settings, out, seed = line.rstrip("\n").split("\t")
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            quiet = os.open(os.devnull, os.O_RDWR)
+            for stream in (0, 1, 2):
+                os.dup2(quiet, stream)
+            main(["study", settings, "--out", out, "--seed", seed])
+        print(child, flush=True)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+
+
+if __name__ == "__main__":
+    serve()

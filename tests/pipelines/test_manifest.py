@@ -1,0 +1,218 @@
+"""A folder of results is of one run or says that it is not: killed, full, read-only, tampered with."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks import kills
+from pipelines.manifest import MANIFEST, digest, open_folder, publish, sole_writer, verify
+from selection.errors import InputError
+
+OLD = {"a.csv": b"old a", "figures/b.svg": b"old b", "only-old.csv": b"x"}
+NEW = {"a.csv": b"new a", "figures/b.svg": b"new b", "figures/only-new.svg": b"y"}
+
+
+def put(folder: Path, files: dict[str, bytes], seed: int = 1) -> None:
+    publish(folder, files, seed=seed, versions={"numpy": "2"}, inputs={"r.csv": "0" * 64})
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    found = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {name: content for name, content in found.items() if name != MANIFEST}
+
+
+@pytest.mark.sampling
+def test_studies_killed_five_times(tmp_path):
+    """Assertions are those of the benchmark, which kills fifty."""
+    tally = kills.run(tmp_path, 5, seed=3)
+    assert tally.kills == 5
+    assert tally.fitting + tally.refused == 5
+
+
+def test_a_run_replaces_another_whole(tmp_path):
+    put(tmp_path, OLD)
+    put(tmp_path, NEW, seed=2)
+    assert contents(tmp_path) == NEW
+    found = verify(tmp_path)
+    assert found.manifest.seed == 2
+    assert found.read("a.csv") == b"new a"
+    assert not (tmp_path / ".staged").exists()
+
+
+class StoppedError(BaseException):
+    """The process ends here."""
+
+
+@pytest.mark.parametrize("moment", range(8))
+def test_stopped_at_every_move(tmp_path, monkeypatch, moment):
+    """Each renaming and removal of a second run as its last act: a reader gets one run or is told, never two."""
+    put(tmp_path, OLD)
+    left = moment
+
+    def until(real):
+        def act(*words, **options):
+            nonlocal left
+            if ".staged" in str(words[-1]):  # staging changes no result
+                return real(*words, **options)
+            if left == 0:
+                raise StoppedError
+            left -= 1
+            return real(*words, **options)
+
+        return act
+
+    monkeypatch.setattr(os, "replace", until(os.replace))
+    monkeypatch.setattr(Path, "unlink", until(Path.unlink))
+    try:
+        put(tmp_path, NEW, seed=2)
+    except StoppedError:
+        monkeypatch.undo()
+        now = {name: content for name, content in contents(tmp_path).items() if not name.startswith(".staged")}
+        assert all(content in (OLD.get(name), NEW.get(name)) for name, content in now.items())
+        if moment == 0:
+            assert verify(tmp_path).manifest.seed == 1
+            assert now == OLD
+        else:
+            with pytest.raises(InputError, match=r"is not of the run of the manifest|no such file"):
+                verify(tmp_path)
+        with sole_writer(tmp_path):
+            put(tmp_path, NEW, seed=2)
+    assert contents(tmp_path) == NEW
+    assert verify(tmp_path).manifest.seed == 2
+
+
+def test_what_is_no_folder_of_results(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        open_folder(tmp_path / "missing")
+    with pytest.raises(InputError, match=r"no manifest\.json; expected the folder of a study that was finished"):
+        open_folder(tmp_path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="is no folder"):
+        open_folder(tmp_path / "file")
+    for text in ("", "x", "[]", '{"format": "manifest/9"}', '{"format": "manifest/1", "seed": 1}', "{" * 9000):
+        (tmp_path / MANIFEST).write_text(text)
+        with pytest.raises(InputError):
+            open_folder(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "a/../../secret", "..", "", "a\\..\\b", "a\0b"])
+def test_names_outside_the_folder(tmp_path, name):
+    folder = tmp_path / "results"
+    put(folder, OLD)
+    (tmp_path / "secret").write_bytes(b"secret")
+    form = json.loads((folder / MANIFEST).read_text())
+    form["outputs"][name] = digest(b"secret")
+    (folder / MANIFEST).write_text(json.dumps(form))
+    with pytest.raises(InputError, match="outside the folder"):
+        open_folder(folder)
+
+
+def test_links_are_not_followed(tmp_path):
+    folder, secret = tmp_path / "results", tmp_path / "secret"
+    put(folder, OLD)
+    secret.write_bytes(OLD["a.csv"])  # even one with the right contents
+    (folder / "a.csv").unlink()
+    (folder / "a.csv").symlink_to(secret)
+    with pytest.raises(InputError, match="is a link"):
+        verify(folder)
+    put(folder, NEW)
+    assert secret.read_bytes() == OLD["a.csv"]
+    assert not (folder / "a.csv").is_symlink()
+    (folder / "figures").rename(tmp_path / "elsewhere")
+    (folder / "figures").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="behind a link"):
+        verify(folder)
+
+
+def test_one_run_at_a_time(tmp_path):
+    with sole_writer(tmp_path), pytest.raises(InputError, match="another run is writing here"):  # noqa: SIM117 - held by the first
+        with sole_writer(tmp_path):
+            raise AssertionError
+    with sole_writer(tmp_path):
+        pass
+
+
+def limited(body: str, folder: Path, size: int | None = None) -> subprocess.CompletedProcess[str]:
+    """Run Python with files limited to ``size`` bytes, as a full disk is, and without the rights of the superuser."""
+
+    def limit() -> None:
+        if size is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return subprocess.run(
+        [sys.executable, "-c", f"import sys\nfrom pathlib import Path\nout = Path(sys.argv[1])\n{body}", str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limit,
+        cwd=Path(__file__).parents[2],
+    )
+
+
+def test_a_full_disk_leaves_the_earlier_results(tmp_path):
+    put(tmp_path, OLD)
+    body = (
+        "from pipelines.manifest import publish\n"
+        "from selection.errors import InputError\n"
+        "files = {'a.csv': b'new a', 'report.html': b'x' * 9000}\n"
+        "try: publish(out, files, seed=2, versions={}, inputs={})\n"
+        "except InputError as error: print(error)\n"
+    )
+    done = limited(body, tmp_path, size=5000)
+    assert done.stdout.count("\n") == 1
+    assert "cannot be written (File too large); expected a writable place with free space" in done.stdout
+    assert contents(tmp_path) == OLD
+    assert verify(tmp_path).manifest.seed == 1
+
+
+def test_a_chain_on_a_full_disk(tmp_path):
+    """The chain of the block before stays and nothing half-written lies beside it."""
+    body = (
+        "import emcee, numpy as np\n"
+        "from pipelines.checkpoint import load_chain, save_chain\n"
+        "from selection.errors import InputError\n"
+        "sampler = emcee.EnsembleSampler(8, 2, lambda x: -x @ x)\n"
+        "sampler.run_mcmc(np.random.default_rng(0).normal(size=(8, 2)), 3)\n"
+        "save_chain(out / 'a.h5', sampler.backend)\n"
+        "sampler.run_mcmc(None, 2000)\n"
+        "try: save_chain(out / 'a.h5', sampler.backend)\n"
+        "except InputError as error: print(error)\n"
+        "print(load_chain(out / 'a.h5').iteration, [one.name for one in out.iterdir()])\n"
+    )
+    done = limited(body, tmp_path, size=100_000)
+    assert "File too large" in done.stdout, done.stderr
+    assert done.stdout.endswith("3 ['a.h5']\n")
+
+
+def test_a_study_on_a_full_disk(tmp_path):
+    """It ends with one line before it has computed for long: not even the chains can be kept."""
+    settings = kills.Studies(tmp_path).settings
+    out = tmp_path / "out"
+    put(out, OLD)
+    body = f"from pipelines.cli import main\nmain(['study', {str(settings)!r}, '--out', str(out)])"
+    done = limited(body, out, size=5)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "cannot be written (File too large)" in done.stderr
+    assert contents(out) == OLD
+    assert verify(out).manifest.seed == 1
+
+
+def test_a_study_in_a_read_only_folder(tmp_path, damping, monkeypatch):
+    """Told at once, not after the computation. The superuser may write anywhere, so the system's answer is played."""
+    settings, out = kills.Studies(tmp_path).settings, tmp_path / "out"
+    out.mkdir()
+    refuse = PermissionError(13, "Permission denied")
+    monkeypatch.setattr("tempfile.mkstemp", lambda **_: (_ for _ in ()).throw(refuse))
+    run = damping("study", settings, "--out", out)
+    assert run.code == 2
+    assert run.err.count("\n") == 1
+    assert "cannot be written (Permission denied); expected a writable place with free space" in run.err
+    assert list(out.iterdir()) == []
