@@ -10,17 +10,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from selection.loads.members import LEAST_WEIGHT, sample_candidate
 from pipelines.fleet.inputs import MULTIPLES, Task
 from pipelines.fleet.rows import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Ranking, rank_laws
-from selection.errors import AnalysisError, DampingError, InputError
+from selection.errors import DampingError, InputError
 from selection.gap.diagnose import Diagnosis, diagnose
 from selection.loads.leave_out import members_of
+from selection.loads.members import LEAST_WEIGHT, sample_members
 from selection.loads.near import near_resonance
 from selection.loads.plan import Plan, load_candidates, plan_loads
-from selection.loads.prediction import Loads, Member, predict
+from selection.loads.prediction import Loads, predict
 from selection.posterior.evidence import Estimate, evidence, remembered
 from selection.posterior.laplace import laplace
 from selection.posterior.observations import Observations, observe
@@ -118,7 +118,7 @@ class _Analysis:
         diagnosed = task.is_model or bool(self.mode.damping)
         diagnosis = self._tried("gap", self._gap) if diagnosed else None
         row |= ranking_columns(ranking) if ranking else {}
-        row |= (loads_columns(loads.design, loads.plan) | {"unconverged": list(loads.unconverged)}) if loads else {}
+        row |= loads_columns(loads.design, loads.plan) if loads else {}
         if diagnosis:
             row |= gap_columns(diagnosis)
             pages[f"{report_stem(task)}-gap.html"] = gap_page(
@@ -152,15 +152,14 @@ class _Analysis:
         largest = data.tested_force.max()
         forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
         plan = plan_loads(data, load_candidates(data), seed, mass=self.mode.mass, estimate=self.estimate)
-        sampled = (members_of(plan, LEAST_WEIGHT), []) if settings.fast else _sampled(plan, forces, seed)
-        members, unconverged = sampled
+        members = members_of(plan, LEAST_WEIGHT) if settings.fast else sample_members(plan, forces, seed)
         repeatability = self.mode.repeatability.amplitude or 0.0
         design = predict(members, forces, data, settings.level, seed, plan, repeatability)
         bands = None
         if not settings.fast:
             grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
             bands = predict(members, grid, data, settings.level, seed, plan, repeatability)
-        return _Predicted(plan, design, bands, tuple(unconverged))
+        return _Predicted(plan, design, bands)
 
     def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
         task = self.task
@@ -176,7 +175,6 @@ class _Analysis:
             diagnosis=diagnosis,
             gap_report=f"{Path(report_stem(task)).name}-gap.html",
             reasons=tuple(self.reasons),
-            unconverged=loads.unconverged if loads else (),
             own_forces=not task.settings.forces,
             seed=task.seed,
             versions=task.settings.versions,
@@ -191,24 +189,3 @@ class _Predicted:
     plan: Plan
     design: Loads
     bands: Loads | None
-    unconverged: tuple[str, ...]
-
-
-def _sampled(plan: Plan, forces: np.ndarray, seed: int) -> tuple[list[Member], list[str]]:
-    """Chains of every law with weight, and those that did not converge, with the reason; these take no part.
-
-    Raises:
-        AnalysisError: no chain converged.
-    """
-    members, unconverged = [], []
-    for law in plan.laws:
-        if law.weight <= LEAST_WEIGHT:
-            continue
-        posterior = sample_candidate(law, plan.data, forces, seed)
-        if posterior.converged:
-            members.append(Member(law.name, law.weight, posterior.coordinates, posterior.draws, law.kappa))
-        else:
-            unconverged.append(f"{law.name}: {posterior.failure}")
-    if not members:
-        raise AnalysisError("no chain converged: " + "; ".join(unconverged))
-    return members, unconverged

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -60,7 +61,9 @@ def fleet(
     book = _Book(kept, out, kept.keys())
     with progress("fleet", len(cases)) as done:
         tasks = book.new(tasks_of(cases, settings), done)
-        if scheduler is None and workers == 0:
+        first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
+        tasks = itertools.chain(first, tasks)
+        if not first or (scheduler is None and workers == 0):
             book.keep(serial(tasks), done)
         else:
             with connected(scheduler, workers, dashboard) as client:

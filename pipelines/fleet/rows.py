@@ -33,7 +33,6 @@ SCHEMA = pa.schema(
         ("load_weight", pa.float64()),
         *((name, pa.float64()) for name in ("design_force", "extrapolation_ratio", "median", "low", "high", "linear")),
         *((f"linear_overprediction_{name}", pa.float64()) for name in ("percent", "low", "high")),
-        ("unconverged", pa.list_(pa.string())),
         ("cautions", pa.list_(pa.string())),
         ("effects", pa.list_(pa.string())),
         ("effects_probability", pa.float64()),

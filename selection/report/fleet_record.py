@@ -40,7 +40,7 @@ class FleetRecord:
 
     Attributes:
         method: how posteriors were had. bands: over a grid of forces, None where they were not wanted.
-        gap_report: address of the diagnosis' own page. reasons: of stages that failed. unconverged: chains left out.
+        gap_report: address of the diagnosis' own page. reasons: of stages that failed.
         own_forces: whether design forces are multiples of the record's own largest force.
     """
 
@@ -55,7 +55,6 @@ class FleetRecord:
     diagnosis: Diagnosis | None
     gap_report: str
     reasons: tuple[str, ...]
-    unconverged: tuple[str, ...]
     own_forces: bool
     seed: int
     versions: Mapping[str, str]
@@ -181,8 +180,6 @@ def _loads(one: FleetRecord, design: Loads) -> list[Block]:
         }
     )
     blocks.append(Table(weights, "Laws that take part, each with its own median and interval", {"weight": share}))
-    if one.unconverged:
-        blocks.append(Callout("Chains that did not converge take no part", one.unconverged))
     return blocks
 
 
