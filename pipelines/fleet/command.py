@@ -6,6 +6,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 from distributed import Client
@@ -128,6 +129,8 @@ def _greet(client: Client, done: Advance) -> None:
     about = client.scheduler_info()
     port = about["services"].get("dashboard")
     shown = f"dashboard {client.dashboard_link}" if port else "no dashboard"
+    if port and find_spec("bokeh") is None:
+        shown += " (its pages need the extra: pip install damping-selection[dashboard])"
     done(f"scheduler {about['address']}, {shown}", 0)
 
 
