@@ -11,11 +11,18 @@ from typing import TYPE_CHECKING
 
 import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
+import pandas as pd
 import pytest
 
+from pipelines.source_tables import source_tables
+from selection.compare.ranking import Ranking, rank_laws
+from selection.posterior.law import Law
 from selection.posterior.observations import Observations, observe
 from selection.records.reading import read_record
 from selection.records.report_tables import data_folder
+from selection.reproduction.chapter_3_study import Chapter3, chapter_3_results
+from selection.reproduction.force_laws import printed_laws
+from selection.reproduction.studies import Studies, studies
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -55,6 +62,36 @@ def peaks() -> Callable[..., Observations]:
 def saturn() -> Callable[[str], Observations]:
     """Observations of a record of the report by name."""
     return lambda name: observe(read_record(data_folder() / "saturn-v" / "records" / f"{name}.csv"))
+
+
+# What the chapters of the source report are made of takes seconds: files that use it are one group, on one worker.
+
+
+@pytest.fixture(scope="session")
+def chapter_3() -> Chapter3:
+    """Everything of chapter III."""
+    return chapter_3_results()
+
+
+@pytest.fixture(scope="session")
+def short_studies() -> Studies:
+    """Studies of the other chapters with few simulated tests."""
+    return studies(replicates=(60, 40))
+
+
+@pytest.fixture(scope="session")
+def rankings_of_printed_laws(saturn: Callable[[str], Observations]) -> dict[str, Ranking]:
+    """Rankings of the laws of section 6.1 by record."""
+    laws: dict[str, list[Law]] = {}
+    for law in printed_laws():
+        laws.setdefault(law.record, []).append(Law(law.forces))
+    return {name: rank_laws(saturn(name), 0, tuple(dict.fromkeys(wanted))) for name, wanted in laws.items()}
+
+
+@pytest.fixture(scope="session")
+def tables_of_source(rankings_of_printed_laws: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
+    """Tables of the report beside ours."""
+    return source_tables(rankings_of_printed_laws)
 
 
 @pytest.fixture(scope="session")

@@ -14,14 +14,17 @@ from selection.plots import chapter_2, chapter_4, chapter_5
 from selection.plots.chapter_figures import ChapterFigure, chapter_figures
 from selection.plots.style import to_svg
 from selection.reproduction.circularity import ROUTES
-from selection.reproduction.studies import Studies, studies
+from selection.reproduction.studies import Studies
 
 COUNTERPARTS = {"2.4", "2.5", *(f"4.{k}" for k in range(1, 11)), "5.1"}
 
 
+pytestmark = pytest.mark.xdist_group("chapters")
+
+
 @pytest.fixture(scope="module")
-def found() -> Studies:
-    return studies(replicates=(60, 40))
+def found(short_studies: Studies) -> Studies:
+    return short_studies
 
 
 @pytest.fixture(scope="module")

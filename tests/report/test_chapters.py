@@ -10,9 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines.source_tables import source_tables
-from selection.compare.ranking import rank_laws
-from selection.posterior.law import Law
 from selection.records.report_tables import load_errata
 from selection.report.build import Rendered, render
 from selection.report.chapters import chapter_parts
@@ -26,21 +23,19 @@ from selection.report.page import Block, FigureBlock, Fold, List, Table, Text
 from selection.report.part import Part
 from selection.report.results import ChapterResults, StudyResult
 from selection.report.words import number
-from selection.reproduction.chapter_3_study import chapter_3_results
-from selection.reproduction.force_laws import printed_laws
+from selection.reproduction.chapter_3_study import Chapter3
 from selection.reproduction.lumped_masses import lumped_masses
-from selection.reproduction.studies import studies
+from selection.reproduction.studies import Studies
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
 
+pytestmark = pytest.mark.xdist_group("chapters")
+
+
 @pytest.fixture(scope="module")
-def results(saturn) -> ChapterResults:  # type: ignore[no-untyped-def]  # a function of a name
-    wanted: dict[str, list[Law]] = {}
-    for law in printed_laws():
-        wanted.setdefault(law.record, []).append(Law(law.forces))
-    rankings = {name: rank_laws(saturn(name), 0, tuple(dict.fromkeys(laws))) for name, laws in wanted.items()}
-    return ChapterResults(studies(replicates=(60, 40)), chapter_3_results(), source_tables(rankings))
+def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame]) -> ChapterResults:
+    return ChapterResults(short_studies, chapter_3, tables_of_source)
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,14 @@ from selection.records.report_tables import load_errata
 from selection.reproduction.chapter_3 import PLANES
 from selection.reproduction.chapter_3_branches import branch_table, mean_table
 from selection.reproduction.chapter_3_planar import energy_split, fit_table, phasors, planar_fits, yaw_table
-from selection.reproduction.chapter_3_study import Chapter3, chapter_3_results
+from selection.reproduction.chapter_3_study import Chapter3
+
+pytestmark = pytest.mark.xdist_group("chapters")
 
 
-@pytest.fixture(scope="module")
-def result() -> Chapter3:
-    return chapter_3_results()
+@pytest.fixture
+def result(chapter_3: Chapter3) -> Chapter3:
+    return chapter_3
 
 
 def test_branches_of_table_3_iv() -> None:

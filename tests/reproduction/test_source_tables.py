@@ -9,16 +9,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pipelines.source_tables import source_tables
-from selection.compare.ranking import Ranking, rank_laws
+from selection.compare.ranking import Ranking
 from selection.forces.catalogue import make
 from selection.forces.contract import Sum
 from selection.forces.derived import energy_per_cycle
-from selection.posterior.law import Law
-from selection.posterior.observations import observe
-from selection.records.reading import read_record
-from selection.records.report_tables import data_folder, load_recovered_inputs, load_table
-from selection.reproduction.force_laws import printed_laws
+from selection.records.report_tables import load_recovered_inputs, load_table
 
 TABLES = {
     "reproduction", "errata", "regressions", "regression_deviations", "linear_coefficients", "power_laws",
@@ -26,18 +21,17 @@ TABLES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def rankings() -> dict[str, Ranking]:
-    laws: dict[str, list[Law]] = {}
-    for law in printed_laws():
-        laws.setdefault(law.record, []).append(Law(law.forces))
-    folder = data_folder() / "saturn-v" / "records"
-    return {name: rank_laws(observe(read_record(folder / f"{name}.csv")), laws=wanted) for name, wanted in laws.items()}
+pytestmark = pytest.mark.xdist_group("chapters")
 
 
-@pytest.fixture(scope="module")
-def tables(rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
-    return source_tables(rankings)
+@pytest.fixture
+def rankings(rankings_of_printed_laws: dict[str, Ranking]) -> dict[str, Ranking]:
+    return rankings_of_printed_laws
+
+
+@pytest.fixture
+def tables(tables_of_source: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    return tables_of_source
 
 
 def rows(table: pd.DataFrame, **where: object) -> pd.DataFrame:
