@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from pipelines.checkpoint import checkpoint_in
-from selection.loads.members import LEAST_WEIGHT, sample_candidate
 from pipelines.manifest import sole_writer
 from pipelines.processes import end_with_parent
 from pipelines.progress import Advance, progress
@@ -27,6 +26,7 @@ from selection import __version__
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Candidate, Ranking, rank_laws
 from selection.errors import AnalysisError
+from selection.loads.members import LEAST_WEIGHT, sample_candidate
 from selection.loads.near import near_resonance
 from selection.loads.plan import Plan, Planned, load_candidates, plan_loads
 from selection.loads.prediction import Member, amplitude_draws, predict

@@ -185,8 +185,7 @@ def loads_by_model_table(loads: Loads | None) -> pd.DataFrame:
     columns = ("median", "low", "high", "credible_low", "credible_high")
     parts = [
         pd.DataFrame(
-            {"law": band.name, "weight": band.weight, "force": loads.force}
-            | {column: getattr(band, column) for column in columns}
+            {"law": band.name, "weight": band.weight, "force": loads.force} | {c: getattr(band, c) for c in columns}
         )
         for band in loads.by_model
     ]

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines import extrapolate
 from pipelines.cli import main
 from selection.forces import CubicStiffness, Sum
+from selection.loads import members
 from selection.loads.leave_out import members_of
 from selection.loads.near import near_resonance
 from selection.loads.plan import plan_loads
@@ -71,7 +71,7 @@ def mode() -> Path:
 @pytest.mark.sampling
 def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys, monkeypatch):
     """The chain of a joint that begins to slip below the last level converges slowly: importance draws stand in."""
-    monkeypatch.setattr(extrapolate, "SETTINGS", Settings(budget=250))
+    monkeypatch.setattr(members, "SETTINGS", Settings(budget=250))
     path, out = tmp_path / "onset.csv", tmp_path / "loads.json"
     rows = [(1.0, 0.1002), (1.5, 0.1497), (2.2, 0.2202), (3.0, 0.2997), (4.0, 0.33)]
     lines = [f"L{i},{F},10.0,{A}" for i, (F, A) in enumerate(rows)]
