@@ -14,7 +14,6 @@ from pipelines.tables import Notes, console, number, plain_table
 from selection.errors import InputError
 from selection.loads import members
 from selection.loads.members import LEAST_WEIGHT
-from selection.loads.members import sample_candidate as sample_candidate
 from selection.loads.near import near_resonance
 from selection.loads.plan import Plan, load_candidates, plan_loads
 from selection.loads.prediction import PARTS, Loads, Member, predict
