@@ -1,0 +1,94 @@
+"""One reader under atheris: ``python -m benchmarks._fuzz_reader NAME CORPUS -runs=N ...`` (options of libFuzzer).
+
+Every input is a file. The reader may give a result or raise the two errors that people see; anything else, and a line
+that is no line, ends the run with the input that did it. libFuzzer ends it for a hang and for memory.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=["selection.records", "selection.errors", "tomllib", "scipy.io.matlab"]):
+    from selection.records.imports import worker
+    from selection.records.imports.reading import read_file
+    from selection.records.imports.series import Stated
+    from selection.records.imports.steady import steady_record
+    from selection.records.mode import mode_to_toml, read_mode
+    from selection.records.reading import read_record, read_table
+    from selection.records.serialise import record_to_csv
+
+with atheris.instrument_imports(include=["pipelines.settings", "pipelines.condition", "pipelines.export"]):
+    from pipelines.condition import read_description, read_raw
+    from pipelines.export import form_table
+    from pipelines.manifest import Manifest
+    from pipelines.settings import default_study, read_settings
+
+from selection.errors import AnalysisError, InputError
+
+_UNITS = {"response": "m/s^2/N", "force": "N"}
+_DESCRIPTION = read_description(default_study().with_name("condition.toml"))
+_MOST_BYTES, _NAMES = 1_000_000, ["frequency", "response", "f", "s.x"]
+
+
+def _imported(kind: str) -> Callable[[Path], object]:
+    stated = Stated(format=kind, response="accelerance", units=_UNITS, forces=(1.0,), scaling="rms")
+    plain = Stated(format=kind)
+
+    def read(path: Path) -> None:
+        for one in (plain, stated):
+            with suppress(InputError):
+                series, summary = read_file(path, one)
+                steady_record(series, one, path, summary)
+
+    return read
+
+
+def _mat(path: Path) -> None:
+    """What the process that reads MAT files does; the library may fail in any way, but must end."""
+    with suppress(Exception):  # as in the program, where it is a process of its own that fails
+        list(worker._mat(str(path), "mat5", _NAMES, _MOST_BYTES, {}, {}))
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "record": lambda path: record_to_csv(read_record(path)),
+    "table": read_table,
+    "mode": lambda path: mode_to_toml(read_mode(path)),
+    "study": read_settings,
+    "condition": read_description,
+    "raw": lambda path: read_raw(path, _DESCRIPTION, _MOST_BYTES),
+    "uff": _imported("uff"),
+    "csv": _imported("csv"),
+    "lock-in": _imported("lock-in"),
+    "mat": _mat,
+    "form": form_table,
+    "manifest": lambda path: Manifest.model_validate_json(path.read_bytes()) and None,
+}
+
+
+def main() -> None:
+    """Fuzz the reader that is named first; never returns."""
+    name = sys.argv.pop(1)
+    read = READERS[name]
+    folder = tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
+    path = Path(folder.name) / "input"
+
+    def one(data: bytes) -> None:
+        path.write_bytes(data)
+        try:
+            read(path)
+        except (InputError, AnalysisError) as error:
+            if not str(error).isprintable():
+                raise AssertionError("an error of more than one line") from error
+
+    atheris.Setup(sys.argv, one)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
