@@ -6,11 +6,11 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from pipelines.fleet.inputs import MULTIPLES, Task
+from pipelines.fleet.inputs import MULTIPLES, Result, Task
 from pipelines.fleet.rows import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Ranking, rank_laws
@@ -35,14 +35,6 @@ _UNNAMED = "mode-without-a-name"
 #: Forces over which bands are drawn.
 _GRID = 40
 Found = TypeVar("Found")
-
-
-@dataclass(frozen=True)
-class Result:
-    """A row, and pages (HTML) by their path under the output folder."""
-
-    row: dict[str, Any]
-    pages: dict[str, str]
 
 
 def analyse(task: Task) -> Result:

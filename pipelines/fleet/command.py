@@ -12,9 +12,8 @@ from pathlib import Path
 from distributed import Client
 
 from pipelines.extrapolate import check_forces
-from pipelines.fleet.analyse import Result
 from pipelines.fleet.dataset import DataSet
-from pipelines.fleet.inputs import MULTIPLES, Settings, Task, find_cases, tasks_of
+from pipelines.fleet.inputs import MULTIPLES, Result, Settings, Task, find_cases, tasks_of
 from pipelines.fleet.runners import connected, distributed, serial
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text

@@ -1,4 +1,4 @@
-"""What a fleet is made of: records found in a folder, each a task that carries all that its result depends on."""
+"""What a fleet is made of: records found in a folder, tasks that carry all a result depends on, results."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from selection.errors import InputError
 
@@ -76,6 +77,14 @@ class Task:
     def digests(self) -> tuple[str, str]:
         """SHA-256 of record and model."""
         return hashlib.sha256(self.record_text or b"").hexdigest(), hashlib.sha256(self.model_text or b"").hexdigest()
+
+
+@dataclass(frozen=True)
+class Result:
+    """What comes of a task: a row, and pages (HTML) by their path under the output folder."""
+
+    row: dict[str, Any]
+    pages: dict[str, str]
 
 
 def find_cases(folder: Path) -> list[Case]:

@@ -6,15 +6,15 @@ import itertools
 import logging
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, wait
 
-from pipelines.fleet.analyse import Result, analyse, failed
-from pipelines.fleet.inputs import Task
+from pipelines.fleet.analyse import analyse, failed
+from pipelines.fleet.inputs import Result, Task
 from selection.errors import AnalysisError, InputError
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
@@ -25,7 +25,12 @@ DEATHS = 3
 PATIENCE = 60.0
 #: Seconds between looks at the workers.
 _LOOK = 1.0
+#: Seconds to wait for a scheduler at an address.
+CONNECT = 10.0
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
+
+
+Work = Callable[[Task], Result]
 
 
 def serial(tasks: Iterable[Task]) -> Iterator[Result]:
@@ -64,7 +69,7 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None)
 
 def _client(address: str) -> Client:
     try:
-        return Client(address, timeout="10s")
+        return Client(address, timeout=CONNECT)
     except (OSError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(
@@ -72,7 +77,7 @@ def _client(address: str) -> Client:
         ) from error
 
 
-def distributed(client: Client, tasks: Iterable[Task]) -> Iterator[Result]:
+def distributed(client: Client, tasks: Iterable[Task], work: Work = analyse) -> Iterator[Result]:
     """Results as they come, ``PER_THREAD`` tasks for each thread under way.
 
     A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
@@ -82,13 +87,13 @@ def distributed(client: Client, tasks: Iterable[Task]) -> Iterator[Result]:
         AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
     """
     suspects: list[Task] = []
-    for task, outcome in _outcomes(client, tasks, "record"):
+    for task, outcome in _outcomes(client, tasks, work, "record"):
         if isinstance(outcome, KilledWorker):
             suspects.append(task)
         else:
             yield _result(task, outcome)
     for suspect in suspects:
-        for task, outcome in _outcomes(client, [suspect], "suspect"):
+        for task, outcome in _outcomes(client, [suspect], work, "suspect"):
             yield _result(task, outcome)
 
 
@@ -102,14 +107,16 @@ def _result(task: Task, outcome: Result | BaseException) -> Result:
     return failed(task, f"internal error, please report it ({line})")
 
 
-def _outcomes(client: Client, tasks: Iterable[Task], kind: str) -> Iterator[tuple[Task, Result | BaseException]]:
+def _outcomes(
+    client: Client, tasks: Iterable[Task], work: Work, kind: str
+) -> Iterator[tuple[Task, Result | BaseException]]:
     """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
     waiting = iter(tasks)
     running: dict[Future, Task] = {}
     crew = _Crew(client)
     while True:
         for task in itertools.islice(waiting, max(0, PER_THREAD * crew.threads() - len(running))):
-            running[client.submit(analyse, task, key=f"{kind}-{task.key}", pure=False)] = task
+            running[client.submit(work, task, key=f"{kind}-{task.key}", pure=False)] = task
         if not running:
             return
         try:

@@ -1,0 +1,385 @@
+"""A fleet on real schedulers and workers: killed workers, killed clients, failing and hostile records."""
+
+import html
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote
+
+import cloudpickle
+import numpy as np
+import pandas as pd
+import pyarrow.dataset
+import pytest
+
+from pipelines.fleet import command, runners
+from pipelines.fleet.analyse import analyse
+from pipelines.fleet.command import fleet
+from pipelines.fleet.dataset import DataSet
+from pipelines.fleet.inputs import Result, Settings, find_cases, seed_of, tasks_of
+from pipelines.fleet.rows import row_of
+from pipelines.store import write_bytes
+from selection.errors import AnalysisError, InputError
+from selection.loads.simulated import OMEGA, simulated_levels, structures
+from selection.posterior.law import Law
+from selection.report.fleet_page import outliers
+
+RECORDS, SIZE = 8, 10_000_000
+MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
+
+
+def record_text(seed: int, levels: int = 4) -> str:
+    """Resonances of a structure whose law is known, with 2 % of noise."""
+    structure = structures()[seed % 4]
+    data = simulated_levels(structure, levels, 4.0, 0.02, np.random.default_rng(seed))
+    rows = zip(data.tested_force.tolist(), data.tested_amplitude.tolist(), strict=True)
+    hertz = OMEGA / (2.0 * np.pi)
+    return "sweep,force,frequency,amplitude\n" + "".join(f"L{i},{F},{hertz},{A}\n" for i, (F, A) in enumerate(rows))
+
+
+def write_record(folder: Path, name: str, seed: int) -> None:
+    write_bytes(folder / f"{name}.csv", record_text(seed).encode())
+    write_bytes(folder / f"{name}.toml", MODE.encode())
+
+
+def rows_of(out: Path) -> list[dict]:
+    """All rows of a run, by name."""
+    table = pyarrow.dataset.dataset(out / "records", format="parquet").to_table().to_pylist()
+    return sorted(table, key=lambda row: row["name"])
+
+
+def files_of(out: Path) -> dict[str, bytes]:
+    """Every page of a run."""
+    return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*.html"))}
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory) -> Path:
+    """Records, one of which cannot be read."""
+    folder = tmp_path_factory.mktemp("records")
+    for i in range(RECORDS):
+        write_record(folder, f"mode-{i:02d}", i)
+    write_bytes(folder / "mode-05.csv", b"sweep,force,frequency,amplitude\nA,1,2,-3\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def alone(records, tmp_path_factory) -> Path:
+    """The result of one process, one record after the other."""
+    out = tmp_path_factory.mktemp("alone")
+    fleet(records, out, fast=True, workers=0, seed=5, max_size=SIZE)
+    return out
+
+
+@pytest.fixture
+def one_law(monkeypatch):
+    """One candidate in this process: where the laws do not matter."""
+    for name in ("candidate_laws", "load_candidates"):
+        monkeypatch.setattr(f"pipelines.fleet.analyse.{name}", lambda data: [Law(("viscous",))])
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """A scheduler and two workers as processes on the loopback: its address and the workers."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    common = ["--host", "127.0.0.1", "--no-dashboard"]
+    dask = [sys.executable, "-m", "dask"]
+    scheduler = subprocess.Popen([*dask, "scheduler", "--port", str(port), *common], **quiet)
+    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", *common]
+    workers = [subprocess.Popen(words, **quiet) for _ in range(2)]
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tmp_path, monkeypatch):
+    """SIGKILL to one of two workers once a first result is there; every byte is that of the serial run."""
+    address, workers = cluster
+    monkeypatch.setattr(command, "BATCH", 1)
+    at_kill = []
+
+    def kill() -> None:
+        while not list(tmp_path.glob("records/*.parquet")):
+            time.sleep(0.01)
+        workers[0].send_signal(signal.SIGKILL)
+        at_kill.append(len(list(tmp_path.glob("records/*.parquet"))))
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    fleet(records, tmp_path, fast=True, scheduler=address, seed=5, max_size=SIZE)
+    killer.join()
+    assert workers[0].wait(timeout=10) == -signal.SIGKILL
+    assert at_kill[0] < RECORDS
+    assert rows_of(tmp_path) == rows_of(alone)
+    assert files_of(tmp_path) == files_of(alone)
+
+
+def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd):
+    """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
+    script = (
+        "import sys; from pathlib import Path; from pipelines.fleet import command; command.BATCH = 2\n"
+        "records, out = map(Path, sys.argv[1:3])\n"
+        f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
+    )
+    client = subprocess.Popen([sys.executable, "-c", script, records, tmp_path, cluster[0]], stderr=subprocess.DEVNULL)
+    while not list(tmp_path.glob("records/*.parquet")):
+        assert client.poll() is None, "the client ended before a batch was written"
+        time.sleep(0.01)
+    client.kill()
+    client.wait()
+    first = {path: path.stat().st_mtime_ns for path in tmp_path.glob("records/*.parquet")}
+    there = sum(len(pd.read_parquet(path, columns=["key"])) for path in first)
+    assert 2 <= there < RECORDS
+    capfd.readouterr()
+    fleet(records, tmp_path, fast=True, scheduler=cluster[0], seed=5, max_size=SIZE)
+    said = capfd.readouterr().err
+    assert len(re.findall(r"^fleet: \d+/8 mode-", said, re.MULTILINE)) == RECORDS - there
+    assert {path: path.stat().st_mtime_ns for path in first} == first
+    assert rows_of(tmp_path) == rows_of(alone)
+    assert files_of(tmp_path) == files_of(alone)
+
+
+def harmless_or_deadly(task):
+    """Stands for an analysis: one record kills whoever works on it, one raises what no record should."""
+    if task.name == "mode-01":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if task.name == "mode-02":
+        raise ZeroDivisionError("of no record's making")
+    return Result({"name": task.name, "status": "done", "reason": ""}, {})
+
+
+def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records, monkeypatch):
+    """On a local cluster: the others are done whoever shared a worker with it; an error of ours is a row, too."""
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])
+    monkeypatch.setattr(runners, "DEATHS", 0)
+    tasks = list(tasks_of(find_cases(records), settings()))
+    with runners.connected(None, 2, None) as client:
+        results = list(runners.distributed(client, tasks, harmless_or_deadly))
+    assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
+    failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}
+    assert set(failed) == {"mode-01", "mode-02"}
+    assert "workers died" in failed["mode-01"]
+    assert failed["mode-02"] == "internal error, please report it (ZeroDivisionError: of no record's making)"
+
+
+def settings(**changes) -> Settings:
+    fields = {"seed": 5, "fast": True, "level": 0.9, "forces": (), "versions": {"damping-selection": "1"}}
+    return Settings(**{**fields, "max_size": SIZE, **changes})
+
+
+def test_a_failed_record_is_a_row_with_its_reason(alone):
+    row = next(row for row in rows_of(alone) if row["name"] == "mode-05")
+    assert row["status"] == "failed"
+    assert row["reason"].startswith("mode-05.csv, line 2, column amplitude: -3")
+    assert (alone / row["report"]).read_text().count(html.escape(row["reason"])) == 1
+    assert row["law"] is None
+
+
+def test_rows_say_how_they_came_about(alone):
+    rows = rows_of(alone)
+    assert {row["method"] for row in rows} == {"Laplace approximation"}
+    assert len({row["seed"] for row in rows}) == len(rows)
+    good = [row for row in rows if row["status"] == "done"]
+    assert len(good) == RECORDS - 1
+    for row in good:
+        assert row["extrapolation_ratio"] == pytest.approx(2.0, rel=1e-12)  # 2 times the largest, up to rounding
+        assert row["design_force"] == pytest.approx(2.0 * row["largest_tested_force"], rel=1e-12)
+        assert row["median"] is None or row["low"] < row["median"] < row["high"]
+
+
+def test_an_interrupted_run_keeps_what_has_come(records, alone, tmp_path, monkeypatch):
+    """An interrupt after two results: both are there, and the next run does the others."""
+    done = []
+
+    def interrupted(task):
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(task.name)
+        return analyse(task)
+
+    monkeypatch.setattr(runners, "analyse", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fleet(records, tmp_path, fast=True, workers=0, seed=5, max_size=SIZE)
+    assert [row["name"] for row in rows_of(tmp_path)] == done
+    assert rows_of(tmp_path) == rows_of(alone)[:2]
+
+
+def test_changed_and_removed_records(tmp_path, one_law):
+    """What changed is done again and replaces its row and page; what is gone goes; settings are part of the key."""
+    source, out = tmp_path / "in", tmp_path / "out"
+    for i in range(3):
+        write_record(source, f"r{i}", i)
+    run = {"fast": True, "workers": 0, "max_size": SIZE}
+    fleet(source, out, **run)
+    before = rows_of(out)
+    write_bytes(source / "r1.toml", MODE.replace("1.0", "2.0").encode())
+    (source / "r2.csv").unlink()
+    fleet(source, out, **run)
+    after = rows_of(out)
+    assert [row["name"] for row in after] == ["r0", "r1"]
+    assert after[0] == before[0]
+    assert after[1]["key"] != before[1]["key"]
+    assert {Path(row["report"]).name for row in after} == {path.name for path in (out / "reports").iterdir()}
+    task = next(tasks_of(find_cases(source), settings()))
+    for change in ({"seed": 6}, {"fast": False}, {"level": 0.8}, {"forces": (1.0,)}, {"versions": {"x": "2"}}):
+        assert next(tasks_of(find_cases(source), settings(**change))).key != task.key
+    assert next(tasks_of(find_cases(source), settings(max_size=SIZE + 1))).key == task.key
+
+
+HOSTILE = [
+    "<img src=x onerror=alert(1)>",
+    "..%2f..%2fescape",
+    '"><script>alert(2)<',
+    "=1+1",
+    "a\nb",
+    "#frag?q&x",
+    "{{7*7}}",
+]
+
+
+class Links(HTMLParser):
+    """Addresses of a page and tags that are none of ours."""
+
+    def __init__(self):
+        super().__init__()
+        self.hrefs, self.tags = [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.hrefs += [value for name, value in attrs if name == "href" and tag == "a"]
+
+
+def test_hostile_names_stay_names(tmp_path, one_law):
+    """Markup, paths, line ends and bytes that are no text: nothing leaves the folder or becomes markup."""
+    source, out = tmp_path / "in", tmp_path / "out"
+    names = [*(name.replace("/", "") for name in HOSTILE), os.fsdecode(b"\xff\xfe")]
+    for i, name in enumerate(names):
+        write_bytes(source / f"{name}.toml", f"[mode]\nname = '../../<b>{i}'\nfrequency = 1.6\nmass = 1.0\n".encode())
+        write_bytes(source / f"{name}.csv", record_text(i).encode() if i < 2 else b"no record")
+    fleet(source, out, fast=True, workers=0, max_size=SIZE)
+    assert {path.name for path in tmp_path.iterdir()} == {"in", "out"}
+    assert len(rows_of(out)) == len(names)
+    for path in out.rglob("*.html"):
+        assert re.fullmatch(r"[A-Za-z0-9_-]+\.html", path.name)
+        page = Links()
+        page.feed(path.read_text())
+        assert not page.tags & {"img", "b", "iframe"}
+        assert "alert(" not in "".join(re.findall(r"<script[^>]*>(.*?)</script>", path.read_text(), re.DOTALL))
+        for href in page.hrefs:
+            assert href.startswith("#") or (path.parent / unquote(href)).resolve().is_relative_to(out)
+            assert href.startswith("#") or (path.parent / unquote(href)).is_file()
+
+
+def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
+    """``model.toml`` beside ``data.csv``: the gap form is there; a model of another mode makes the row partial."""
+    hertz = OMEGA / (2.0 * np.pi)
+    model = f"[mode]\nfrequency = {hertz}\nmass = 1.0\n[damping]\nviscous = 0.1\n"
+    for name, text in (("a", model), ("b", model.replace(str(hertz), "40.0"))):
+        write_bytes(tmp_path / "in" / name / "data.csv", record_text(0).encode())
+        write_bytes(tmp_path / "in" / name / "model.toml", text.encode())
+    fleet(tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    good, other = rows_of(tmp_path / "out")
+    assert good["status"] == "done"
+    assert good["effects"] is not None
+    assert '"format": "gap/1"' in good["gap_form"]
+    assert (tmp_path / "out" / good["report"].replace(".html", "-gap.html")).is_file()
+    assert other["status"] == "partial"
+    assert other["reason"].startswith("gap: ")
+    assert other["law"] == "viscous"
+
+
+def test_chains_where_they_are_asked_for(tmp_path, one_law):
+    """Without ``--fast`` the row says so, and the band is that of ``extrapolate``'s chains."""
+    write_record(tmp_path / "in", "one", 0)
+    fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(3.0,), max_size=SIZE)
+    fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, forces=(3.0,), max_size=SIZE)
+    (row,), (fast,) = rows_of(tmp_path / "out"), rows_of(tmp_path / "fast")
+    assert row["method"] == "chains"
+    assert row["design_force"] == 3.0
+    assert row["held_out_error"] is not None
+    assert fast["held_out_error"] is None
+    # one coefficient known to 1 %: the Gaussian differs by its missing tail, of order 1/n of the band of 10 %
+    assert fast["median"] == pytest.approx(row["median"], rel=0.02)
+    assert "<svg" in (tmp_path / "out" / row["report"]).read_text()
+
+
+def test_bad_usage(tmp_path, monkeypatch):
+    write_record(tmp_path / "in", "one", 0)
+    run = {"fast": True, "max_size": SIZE}
+    with pytest.raises(InputError, match="no such folder"):
+        fleet(tmp_path / "nowhere", tmp_path / "out", **run)
+    with pytest.raises(InputError, match="holds no record"):
+        fleet(tmp_path, tmp_path / "out", **run)
+    with pytest.raises(InputError, match="--workers -1"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=-1, **run)
+    with pytest.raises(InputError, match="either --scheduler or --workers"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=2, scheduler="tcp://127.0.0.1:1", **run)
+    with pytest.raises(InputError, match="a force amplitude > 0"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(-1.0,), **run)
+    monkeypatch.setattr(runners, "CONNECT", 0.2)
+    with pytest.raises(InputError, match="no scheduler answers"):
+        fleet(tmp_path / "in", tmp_path / "out", scheduler="tcp://127.0.0.1:9", **run)
+    write_bytes(tmp_path / "out" / "records" / "part-x.parquet", b"no parquet")
+    with pytest.raises(InputError, match="no part of a fleet"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
+
+
+def test_every_record_failed_is_exit_code_1(tmp_path):
+    write_bytes(tmp_path / "in" / "one.csv", record_text(0).encode())
+    with pytest.raises(AnalysisError, match=r"every record failed; the first: one\.toml: no such file"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, max_size=SIZE)
+    assert rows_of(tmp_path / "out")[0]["status"] == "failed"
+
+
+def test_seeds_depend_on_the_run_and_the_record_alone():
+    seeds = {seed_of(run, key) for run in range(30) for key in ("a", "b", "c")}
+    assert len(seeds) == 90  # of 2^31: a repeat has probability 2e-6
+    assert seed_of(1, "a") == seed_of(1, "a")
+    assert all(0 <= seed < 2**31 for seed in seeds)
+
+
+def test_outliers_are_what_stands_apart():
+    """Overprediction both ways, error of the fit upwards only; a fleet without spread has none."""
+    table = pd.DataFrame(
+        {
+            "name": [f"r{i}" for i in range(22)],
+            "report": "x",
+            "law": "viscous",
+            "linear_overprediction_percent": [*np.linspace(10.0, 12.0, 20), 60.0, -40.0],
+            "average_absolute_percent": [*np.linspace(1.0, 2.0, 20), 1.5, 0.0],
+        }
+    )
+    found = outliers(table)
+    assert list(found["name"]) == ["r20", "r21"]
+    assert all("overprediction" in why and "error" not in why for why in found["why"])
+    assert outliers(table.assign(linear_overprediction_percent=1.0, average_absolute_percent=np.nan)).empty
+
+
+def test_a_key_counts_once(tmp_path):
+    task = next(iter(tasks_of(find_cases(_one(tmp_path)), settings())))
+    kept = DataSet(tmp_path / "set")
+    row = row_of(task)
+    kept.add([row])
+    kept.add([row, row | {"key": "other"}])
+    assert len(kept.read(["status"])) == 2
+    assert kept.keys() == {task.key, "other"}
+    kept.keep({"other"})
+    assert kept.keys() == {"other"}
+    assert len(kept.files()) == 1
+
+
+def _one(folder: Path) -> Path:
+    write_record(folder / "in", "one", 0)
+    return folder / "in"
