@@ -1,0 +1,126 @@
+"""The examples: their records are what they say, their studies run, and they show what their pages promise."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipelines import study
+from pipelines.cli import app, main
+from selection.compare.ranking import rank_laws
+from selection.forces import from_damping
+from selection.posterior.law import Law
+from selection.posterior.observations import observe
+from selection.records.mode import read_mode
+from selection.records.reading import read_record
+from selection.response.ritz import resonant_amplitude
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+NAMES = sorted(path.parent.name for path in EXAMPLES.glob("*/STUDY.toml"))
+GENERATE = runpy.run_path(str(EXAMPLES / "generate.py"))
+COMMANDS = [
+    line for name in NAMES for line in re.findall(r"^damping (.+)$", (EXAMPLES / name / "README.md").read_text(), re.M)
+]
+
+
+def damping(*words: object) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([str(word) for word in words])
+    assert not stopped.value.code, words
+
+
+def test_each_example_is_complete():
+    assert NAMES == ["bolted-joint", "tank", "two-plane-mode"]
+    for name in NAMES:
+        assert {path.name for path in (EXAMPLES / name).iterdir()} >= {"README.md", "record.csv", "truth.toml"}
+        assert name in (EXAMPLES / "README.md").read_text()
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_commands_of_the_pages_exist_and_their_files_too(line):
+    words = shlex.split(line)
+    assert words[0] in {command.name or command.callback.__name__ for command in app.registered_commands}
+    for word in words:
+        if word.startswith("examples/"):
+            assert (ROOT / word).is_file()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_records_are_made_from_the_truth(name):
+    """A few points integrated again, against the committed ones, whose rig is imperfect."""
+    committed = read_record(EXAMPLES / name / "record.csv").table
+    F = committed["force"].min()
+    level = committed[committed["force"] == F]
+    some = level.iloc[:: max(1, len(level) // 3)]
+    exact = GENERATE["record"](name, [F], some["frequency"].to_numpy())
+    # four standard deviations of the rig: row and level together, and phase
+    spread = 4.0 * np.hypot(GENERATE["ROW"], GENERATE["LEVEL"])
+    np.testing.assert_allclose(np.log(some["amplitude"].to_numpy() / exact["amplitude"]), 0.0, rtol=0.0, atol=spread)
+    np.testing.assert_allclose(some["phase"], exact["phase"], rtol=0.0, atol=4.0 * GENERATE["PHASE"])
+
+
+@pytest.mark.parametrize(
+    ("name", "law"), [("tank", ("viscous", "quadratic-displacement")), ("bolted-joint", ("viscous", "slip"))]
+)
+def test_the_true_law_wins_and_its_coefficients_are_found(name, law):
+    others = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
+    ranking = rank_laws(observe(read_record(EXAMPLES / name / "record.csv")), 1, (Law(law), *others))
+    best = ranking.candidates[0]
+    assert best.law == Law(law)
+    assert best.weight > 0.99
+    truth = read_mode(EXAMPLES / name / "truth.toml").damping
+    wanted = []
+    for force in law:
+        value = truth[force]
+        wanted += list(value.values()) if isinstance(value, dict) else [value]
+    found = [c.value for c in best.coefficients]
+    # "to a few per cent": the levels err by 1 per cent each, which the coefficients of four levels inherit
+    np.testing.assert_allclose(found, wanted, rtol=0.04, atol=0.0)
+
+
+def test_numbers_of_the_pages():
+    """Resonant amplitudes of the structures behind the data at the design forces, as the pages state them."""
+    for name, F, said in (("tank", 24.0, "0.125 m"), ("bolted-joint", 48.0, "2.57 mm")):
+        truth = read_mode(EXAMPLES / name / "truth.toml")
+        omega = truth.omega_n if name == "tank" else 2.0 * np.pi * 17.57  # of the slipping panel
+        A = resonant_amplitude(from_damping(truth.damping), np.array([F]), omega)[0]
+        assert f"{A:.3g} {said.split()[1]}" == said
+        assert said in " ".join((EXAMPLES / name / "README.md").read_text().split())
+
+
+@pytest.mark.sampling
+def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys):
+    """The tank's study on two candidate laws: every stage, every file."""
+    laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
+    monkeypatch.setattr(study, "candidate_laws", lambda data: laws)
+    monkeypatch.setattr(study, "load_candidates", lambda data: laws)
+    shutil.copytree(EXAMPLES / "tank", tmp_path / "tank")
+    damping("study", tmp_path / "tank" / "STUDY.toml", "--out", tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "viscous + quadratic-displacement" in page
+    loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
+    assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
+
+
+def test_the_second_plane_is_found(tmp_path, capsys):
+    """On every other row: the effect, its angle and its frequency, and no force."""
+    folder = EXAMPLES / "two-plane-mode"
+    pd.read_csv(folder / "record.csv").iloc[::2].to_csv(tmp_path / "record.csv", index=False)
+    capsys.readouterr()
+    damping("gap", folder / "model.toml", tmp_path / "record.csv", "--no-posterior", "--json", "-")
+    found = json.loads(capsys.readouterr().out)
+    assert found["effects"] == ["planar-coupling"]
+    plane = found["parameters"]["planar-coupling"]
+    # 25 degrees and 1.025, to a tenth of each as the page says "near"
+    np.testing.assert_allclose(plane["angle"], np.radians(25.0), rtol=0.1, atol=0.0)
+    np.testing.assert_allclose(plane["frequency_ratio"] - 1.0, 0.025, rtol=0.1, atol=0.0)
+    assert found["gap"]["held_out"]["shrinkage"] > 0.9
