@@ -1,0 +1,140 @@
+"""Tests of one mode with 1 % damping: integrated in time for any effect, in closed form for viscous damping alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipelines.generator.bench import Bench
+from pipelines.generator.effects import applied
+from pipelines.generator.kind import Effect
+from pipelines.generator.refit import Cells
+from pipelines.generator.structure import Rows, Structure, plain_rows
+from pipelines.generator.truth import true_record
+from selection.gap.diagnose import Diagnosis, diagnose
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.records.mode import Mode, Repeatability, Tolerance
+from selection.records.record import Record
+
+assert pipelines.__doc__  # imported for its effect
+
+OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
+VISCOUS = 2 * XI * MASS * OMEGA
+#: Resonant amplitude at the highest force with viscous damping alone.
+A_TOP = 0.05
+#: Noise: relative of amplitudes, and rad.
+NOISE = 0.01
+#: Size and shape with which the generator draws each effect: all leave a gap of 2 to 31 sigma.
+EFFECTS: dict[str, tuple[float, tuple[float, ...]]] = {
+    "viscous-coefficient": (5.0, (1.0,)),
+    "displacement": (0.6, ()),
+    "velocity-squared": (0.6, ()),
+    "displacement-velocity": (0.6, ()),
+    "quadratic-displacement": (0.6, ()),
+    "coulomb-friction": (0.1, ()),
+    "slip": (2.0, (0.3,)),
+    "stiffness-hardening": (1.0, (0.0, 0.1)),
+    "stiffness-softening": (1.0, (0.0, 0.1)),
+    "natural-frequency": (2.0, (-1.0,)),
+    "planar-coupling": (0.15, (0.02, 1.0)),
+    "residual-modes": (0.1, (1.0, 0.5, 1.8, 0.05, 0.3, 0.7, 0.0)),
+    "amplitude-scale": (0.1, (1.0,)),
+    "phase-lag": (0.1, (-1.0,)),
+    "force-dropout": (0.3, (0.02, 1.0, 0.0)),
+}
+
+
+@dataclass
+class Lab:
+    """Simulation, test and measurement; what takes time is done once."""
+
+    omega: float = OMEGA
+    mass: float = MASS
+    viscous: float = VISCOUS
+    A: float = A_TOP
+    xi: float = XI
+    noise: float = NOISE
+    effects: Mapping[str, tuple[float, tuple[float, ...]]] = field(default_factory=lambda: EFFECTS)
+    _truths: dict[tuple[Any, ...], Cells] = field(default_factory=dict)
+    _diagnoses: dict[str, Diagnosis] = field(default_factory=dict)
+
+    def bench(self, levels: int = 3, points: int = 20, half: float = 6.0) -> Bench:
+        """Sweeps at forces in equal ratios, 1/4 to 1, over +-``half`` half-power half-widths, dense at resonance."""
+        forces = VISCOUS * OMEGA * A_TOP * 4.0 ** (np.linspace(-1.0, 0.0, levels) if levels > 1 else np.zeros(1))
+        offset = np.sinh(1.5 * np.linspace(-1.0, 1.0, points)) / np.sinh(1.5) * half * XI
+        sweep = np.repeat(np.arange(levels), points)
+        rows = plain_rows(sweep, np.repeat(forces, points), np.tile(OMEGA * (1 + offset), levels))
+        return Bench(
+            Structure(MASS, OMEGA, VISCOUS), (0.001, 0.02, 0.05), (0.0,) * 3, (), rows, (0.0,) * 2, False, A_TOP, XI
+        )
+
+    def mode(self, amplitude: float | None = 0.0, frequency: float | None = 0.0, **changes: Any) -> Mode:
+        """The simulation, repeatability as given."""
+        mode = Mode(
+            name="a mode",
+            frequency=OMEGA / (2 * np.pi),
+            mass=MASS,
+            tolerance=Tolerance(0.001, 0.02, 0.05),
+            repeatability=Repeatability(amplitude, frequency),
+            damping={"viscous": {"coefficient": VISCOUS}},
+        )
+        return replace(mode, **changes)
+
+    def truth(self, name: str, **plan: Any) -> Cells:
+        """The noise-free record with one effect (none for ""), integrated in time to the steady state."""
+        key = (name, *plan.items())
+        if key not in self._truths:
+            bench = self.bench(**plan)
+            present = (Effect(name, *EFFECTS[name]),) if name else ()
+            self._truths[key] = self.cells(*true_record(*applied(present, bench)))
+        return self._truths[key]
+
+    def cells(self, amplitude: np.ndarray, phase: np.ndarray) -> Cells:
+        """Amplitudes and phases with their standard deviations."""
+        return Cells(amplitude, phase, NOISE * amplitude, np.full(amplitude.size, NOISE))
+
+    def linear(self, rows: Rows, **true: float | np.ndarray) -> Cells:
+        """Viscous damping in closed form; ``omega``, ``viscous`` and ``gain`` as given, numbers or one a row."""
+        Y = MASS * (true.get("omega", OMEGA) ** 2 - rows.omega**2) + 1j * true.get("viscous", VISCOUS) * rows.omega
+        return self.cells(true.get("gain", 1.0) * rows.force / np.abs(Y), np.angle(Y))
+
+    def record(self, rows: Rows, cells: Cells, seed: int | None = None, wild: float = 0.0) -> Record:
+        """The record as it would be read from a file; noise of ``seed``, none without; a share of ``wild`` points."""
+        amplitude, phase = cells.amplitude, cells.phase
+        if seed is not None:
+            rng, n = np.random.default_rng(seed), amplitude.size
+            jump = np.where(rng.random(n) < wild, rng.choice([-1.0, 1.0], n) * rng.uniform(5.0, 15.0, n), 0.0)
+            amplitude = amplitude + cells.amplitude_sd * (rng.normal(size=n) + jump)
+            phase = phase + cells.phase_sd * rng.normal(size=n)
+        table = {
+            "sweep": [chr(ord("A") + number) for number in rows.sweep],
+            "force": rows.force,
+            "frequency": rows.omega / (2 * np.pi),
+            "amplitude": amplitude,
+            "phase": phase,
+            "amplitude_sd": cells.amplitude_sd,
+            "phase_sd": cells.phase_sd,
+        }
+        return Record(pd.DataFrame(table), "simulated test")
+
+    def measured(self, name: str, seed: int = 5, **plan: Any) -> Record:
+        """The record of a test with one effect, with noise."""
+        return self.record(self.bench(**plan).rows, self.truth(name, **plan), seed)
+
+    def diagnosed(self, name: str) -> Diagnosis:
+        """The diagnosis of ``measured(name)`` with the whole library."""
+        if name not in self._diagnoses:
+            self._diagnoses[name] = diagnose(self.measured(name), self.mode(), CATALOGUE)
+        return self._diagnoses[name]
+
+
+@pytest.fixture(scope="session")
+def lab() -> Lab:
+    """The laboratory, with all that has been integrated or diagnosed already."""
+    return Lab()

@@ -1,0 +1,141 @@
+"""Physics: what the generator integrates in time is what the solver's own form of that effect predicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipelines.generator.bench import force_unit
+from pipelines.generator.draw import draw
+from pipelines.generator.files import data_text, model_text
+from pipelines.generator.noise import columns
+from selection.gap.corrected import effect_values
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.problem import setting
+from selection.gap.search import Search
+from selection.gap.steady import fitted_terms, steady
+from selection.gap.terms import predict
+from selection.records.mode import read_mode
+from selection.records.reading import read_record
+
+#: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
+#: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the
+#: motion beside resonance. Residual modes are fitted by a straight line in frequency. All others are exact but for what
+#: the priors pull (a fit ends within 0.01 of the largest ln p: 0.14 sigma in all of 120 values, 0.013 in each).
+LEFT = {"coulomb-friction": 0.2, "residual-modes": 0.2}
+EXACT = 0.02
+NAMES = sorted(CATALOGUE)
+
+
+@pytest.fixture(scope="session")
+def fitted(lab):
+    """Fits of noise-free records with a library of the true effect alone, by effect."""
+    return {name: alone(name, lab.record(lab.bench().rows, lab.truth(name)), lab.mode()) for name in NAMES}
+
+
+def alone(name, record, mode):
+    """Hypotheses fitted with a library of one effect."""
+    start = setting(record, mode)
+    search = Search(start.problem, {name: CATALOGUE[name]}, start.unknowns)
+    search.run()
+    return search.found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_is_fitted_by_its_own_form_far_below_the_noise(lab, fitted, name):
+    null, own = fitted[name][frozenset()].best, fitted[name][frozenset({name})].best
+    assert np.sqrt(np.mean(own.r**2)) < LEFT.get(name, EXACT)
+    # the gap is there without it; a wrong gain of 10 sigma is the one that the free mass takes in for the most part
+    assert np.sqrt(np.mean(null.r**2)) > 2.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_reported_table_reproduces_the_prediction_of_the_fit(fitted, name):
+    own = fitted[name][frozenset({name})].best
+    rows, parts = own.model.problem.rows, own.model.parts
+    with_form = fitted_terms(own, deviations=False)
+    without = fitted_terms(own, effects=False, deviations=False)
+    with_table = CATALOGUE[name].simulate(without, effect_values(own)[name])
+    assert [part.form.effect for part in parts] == [name]
+    a, b = (predict(terms, rows.u, rows.drive).P for terms in (with_form, with_table))
+    # the same formula from the same numbers: rounding only, of ln(prediction)
+    np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_steady_state_of_the_fit_is_the_record(lab, fitted, name):
+    own = fitted[name][frozenset({name})].best
+    rows = own.model.problem.rows
+    motion = steady(fitted_terms(own), rows, rows.u + 0.05)  # not started where it should arrive
+    left = (motion.u - rows.u) / lab.noise
+    # the steady state solved for, where a fit is of first order about the measured amplitude; the same bound
+    assert np.sqrt(np.mean(left**2)) < LEFT.get(name, EXACT)
+
+
+def test_parameters_of_damping_forces(lab, fitted):
+    for name in ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"):
+        size, _ = lab.effects[name]
+        true = size * force_unit(name, lab.viscous, lab.omega, lab.A)
+        found = effect_values(fitted[name][frozenset({name})].best)[name]["coefficient"]
+        # the prior draws a coefficient, known to about 1 % at 1 % noise of 120 values, by a hundredth of its own
+        # uncertainty; case II is parted from viscous damping (5 % free) by the width of the band only
+        np.testing.assert_allclose(found, true, rtol=0.02 if name == "displacement" else 0.005, err_msg=name)
+
+
+def test_parameters_of_springs_and_joints(lab, fitted):
+    spring = 2 * lab.xi * lab.mass * lab.omega**2 * 4 / 3 / lab.A**2
+    for name in ("stiffness-hardening", "stiffness-softening"):
+        found = effect_values(fitted[name][frozenset({name})].best)[name]
+        assert set(found) == {"coefficient"}  # a cubic spring, not one of exponent 2
+        np.testing.assert_allclose(found["coefficient"], spring, rtol=0.002)  # 0.1 % is its uncertainty at 1 % noise
+    size, (limit,) = lab.effects["slip"]
+    found = effect_values(fitted["slip"][frozenset({"slip"})].best)["slip"]
+    np.testing.assert_allclose(found["stiffness"], size * 2 * lab.xi * lab.mass * lab.omega**2, rtol=0.005)  # as above
+    np.testing.assert_allclose(found["limit"], limit * lab.A, rtol=0.005)  # as above
+
+
+def test_parameters_of_the_second_plane(lab, fitted):
+    size, (apart, damping) = lab.effects["planar-coupling"]
+    found = effect_values(fitted["planar-coupling"][frozenset({"planar-coupling"})].best)["planar-coupling"]
+    # as identified at 1 % noise to about 0.005 rad and 3e-5, of which the prior costs little
+    np.testing.assert_allclose(found["angle"], np.arcsin(np.sqrt(size)), rtol=0.0, atol=0.002)
+    np.testing.assert_allclose(found["frequency_ratio"], 1.0 + apart, rtol=0.0, atol=3e-5)
+    # the generator's second plane has the first's damping ratio: its coefficient is as much larger as its frequency
+    np.testing.assert_allclose(found["damping_ratio"], damping * (1.0 + apart), rtol=0.01)
+
+
+def test_parameters_of_the_instruments(lab, fitted):
+    def values(name):
+        return effect_values(fitted[name][frozenset({name})].best)[name]
+
+    # the mass may be off by 2 % at the cost of one unit: a factor of gain is known to a part of that
+    np.testing.assert_allclose(values("amplitude-scale")["factor"], 1.1, rtol=0.005)
+    np.testing.assert_allclose(values("phase-lag")["lag"], -0.1, rtol=0.0, atol=5e-4)  # half of 1 %/sqrt(60) rad
+    size, (width, _, _) = lab.effects["force-dropout"]
+    found = values("force-dropout")
+    assert "lorentzian" not in found  # the dip is a Gaussian one
+    # both are known to about 1 % at this noise
+    np.testing.assert_allclose([found["depth"], found["width"]], [size, width], rtol=0.005)
+
+
+def test_wrong_parameters_of_the_simulation(lab, fitted):
+    own = fitted["viscous-coefficient"][frozenset({"viscous-coefficient"})].best
+    # drawn 3 + 5 tolerances of 5 % too high, and 3 + 2 of 0.1 % too low; uncertainty at 1 % noise 0.2 % and 1e-5
+    np.testing.assert_allclose(effect_values(own)["viscous-coefficient"]["relative"], 0.4, rtol=0.0, atol=5e-4)
+    own = fitted["natural-frequency"][frozenset({"natural-frequency"})].best
+    np.testing.assert_allclose(effect_values(own)["natural-frequency"]["relative"], -0.005, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["coulomb-friction", "slip", "planar-coupling", "residual-modes", "force-dropout"])
+def test_drawn_cases_are_fitted_too(name, tmp_path):
+    """As the blind cases are: other forces in the simulation, sweeps that scatter, parameters off; but no noise."""
+    drawn = draw(name, False, np.random.default_rng((97, 1)))
+    bench, cells = drawn.bench, drawn.cells
+    (tmp_path / "data.csv").write_text(data_text(columns(bench.rows, drawn.noise, cells.amplitude, cells.phase)))
+    (tmp_path / "model.toml").write_text(model_text("drawn", replace(bench, scatter_declared=bench.scatter[0] > 0.0)))
+    own = alone(name, read_record(tmp_path / "data.csv"), read_mode(tmp_path / "model.toml"))[frozenset({name})].best
+    # 0.3 sigma shift chi-square of 200 values by 18, less than its standard deviation of 20: it is not seen. The centre
+    # of a drawn dip of force lies off resonance, where the form has it
+    assert np.sqrt(np.mean(own.r**2)) < 0.3
