@@ -16,7 +16,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from pipelines.store import write_text
+from pipelines.store import refuse_inputs, write_text
 from selection.conditioning import description as schema
 from selection.conditioning.chain import Step
 from selection.conditioning.chain import condition as condition_table
@@ -48,9 +48,8 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
         InputError: a description or a table that cannot be read or contradicts itself.
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
+    refuse_inputs("--out", out, raw, config)
     description = read_description(config)
-    if out.resolve() in (raw.resolve(), config.resolve()):
-        raise InputError("--out is the raw table or its description", file=out, expected="another file")
     table = read_raw(raw, description, max_size)
     done = with_uncertainties(condition_table(table, description), table, description)
     record = done[-1].after

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipelines.progress import progress
-from pipelines.store import write_json
+from pipelines.store import refuse_inputs, write_json
 from pipelines.tables import Notes, console, number, plain_table
 from selection.errors import InputError
 from selection.loads import members
@@ -26,6 +26,7 @@ def extrapolate(
     record: Path, mode: Path, forces: list[float], level: float, json_out: str | None, seed: int, max_size: int
 ) -> None:
     """Predict resonant amplitudes at design forces, print the table and write the form."""
+    refuse_inputs("--json", json_out, record, mode)
     check_forces(forces, level)
     read, described = read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
     data = near_resonance(read)

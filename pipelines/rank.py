@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.progress import progress
-from pipelines.store import write_json
+from pipelines.store import refuse_inputs, write_json
 from pipelines.tables import Notes, console, number, plain_table
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Candidate, Ranking, rank_laws
@@ -17,6 +17,7 @@ from selection.records.reading import read_record
 
 def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: int) -> None:
     """Rank the candidates of a record, print the table and write the form."""
+    refuse_inputs("--json", json_out, record, mode)
     data, read = load(record, mode, max_size)
     ranking = rank_record(data, seed)
     if json_out is not None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipelines.store import plain, write_json, write_text
+from pipelines.store import plain, refuse_inputs, write_json, write_text
 from selection.arrays import FloatArray
 from selection.errors import InputError
 from selection.records.reading import read_table
@@ -43,6 +43,7 @@ def regress(
     With one table and one curve the JSON is the form ``regress/1``, otherwise a list of them, tables outermost. Nothing
     is written unless every fit succeeded. With ``--json -`` standard output holds the JSON alone.
     """
+    refuse_inputs("--json", json_out, *data)
     results = run_regress(data, response, terms, Choice(select, criterion, nonnegative, t_stop), max_size)
     if plots is not None:
         for name, text in deviation_plots(results).items():

@@ -43,6 +43,16 @@ def write_bytes(path: Path, content: bytes) -> None:
         raise _unwritable(path, error) from error
 
 
+def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None:
+    """InputError where the file that ``option`` names is one of the inputs, by whatever path; before any work."""
+    if target is None or target == "-":
+        return
+    if Path(target).resolve() in {path.resolve() for path in inputs}:
+        raise InputError(
+            f"{option} is one of the inputs, which are never written over", file=target, expected="another file"
+        )
+
+
 def make_folder(path: Path) -> None:
     """Make a folder and those above it where they are missing. InputError if that cannot be done."""
     try:

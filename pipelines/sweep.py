@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipelines.progress import progress
-from pipelines.store import write_text
+from pipelines.store import refuse_inputs, write_text
 from selection.arrays import FloatArray
 from selection.errors import AnalysisError, InputError
 from selection.forces import CubicStiffness, Force, Sum, from_damping
@@ -39,6 +39,7 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
         InputError: a bad option, or a model file that cannot be read.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
+    refuse_inputs("--out", out, model)
     levels, hertz = _forces(forces), _frequencies(frequency)
     _choice("--direction", direction, ("up", "down"))
     _choice("--method", method, ("ritz", "time"))

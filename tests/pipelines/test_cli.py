@@ -21,6 +21,23 @@ def test_every_command_has_help(command, damping):
     assert "Usage" in run.out
 
 
+def test_no_command_writes_over_its_input(damping, saturn_data, tmp_path):
+    record, mode = tmp_path / "record.csv", tmp_path / "mode.toml"
+    record.write_text((saturn_data / "records" / "config-2-mode-1.csv").read_text())
+    mode.write_text((saturn_data / "modes" / "config-2-mode-1.toml").read_text())
+    before = record.read_text(), mode.read_text()
+    for words in (
+        ("rank", record, "--mode", mode, "--json", mode),
+        ("extrapolate", record, "--mode", mode, "--force", 60, "--json", record),
+        ("regress", record, "--response", "energy", "--terms", "A", "--json", record),
+        ("sweep", mode, "--force", 20, "--frequency", "1.6:1.7:5", "--out", mode),
+    ):
+        done = damping(*words)
+        assert (done.code, done.out) == (2, "")
+        assert "one of the inputs" in done.err
+    assert (record.read_text(), mode.read_text()) == before
+
+
 def test_help_names_every_command(damping):
     for run in (damping("--help"), damping()):
         assert run.code == 0

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from pipelines.store import plain, to_json, write_bytes, write_json, write_text
+from pipelines.store import plain, refuse_inputs, to_json, write_bytes, write_json, write_text
 from selection.errors import InputError
 
 
@@ -30,6 +30,16 @@ def test_failure_leaves_what_was_there(tmp_path, monkeypatch):
         write_bytes(path, b"later")
     assert path.read_text() == "earlier"
     assert os.listdir(tmp_path) == ["file.txt"]
+
+
+def test_inputs_are_no_outputs(tmp_path):
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    other.symlink_to(one)
+    for target in (one, str(tmp_path / "." / "one.csv"), other):
+        with pytest.raises(InputError, match=r"--out is one of the inputs.*expected another file"):
+            refuse_inputs("--out", target, tmp_path / "else.csv", one)
+    for target in (None, "-", tmp_path / "two.csv"):
+        refuse_inputs("--out", target, one)
 
 
 def test_plain_data(capsys):
