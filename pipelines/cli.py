@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from pipelines.commands import files
+from pipelines.commands import files, results
 from pipelines.commands.options import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
 from selection.errors import AnalysisError, InputError
 
@@ -162,6 +162,8 @@ def blind(
 
 app.command("import")(files.import_)
 app.command("export")(files.export)
+app.command("compare")(results.compare)
+app.command("verify")(results.verify)
 
 
 @app.command()
@@ -222,6 +224,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     try:
         code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
+        if code == 130:  # typer turns an interrupt into this code, without a word
+            raise typer.Abort
     except InputError as error:
         code = _fail(str(error), 2)
     except AnalysisError as error:

@@ -27,6 +27,8 @@ PATIENCE = 60.0
 _LOOK = 1.0
 #: Seconds to wait for a scheduler at an address.
 CONNECT = 10.0
+#: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
@@ -61,6 +63,7 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None)
                 host="127.0.0.1",
                 dashboard_address=dashboard,
                 silence_logs=logging.CRITICAL,
+                preload=[_DEAF],
             ) as cluster,
             Client(cluster) as client,
         ):

@@ -161,11 +161,11 @@ def harmless_or_deadly(task):
 
 
 def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records, monkeypatch):
-    """On a local cluster: the others are done whoever shared a worker with it; an error of ours is a row, too."""
+    """On a local cluster of one: the others are done though it died beside them; an error of ours is a row, too."""
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     monkeypatch.setattr(runners, "DEATHS", 0)
     tasks = list(tasks_of(find_cases(records), settings()))
-    with runners.connected(None, 2, None) as client:
+    with runners.connected(None, 1, None) as client:
         results = list(runners.distributed(client, tasks, harmless_or_deadly))
     assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
     failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}
@@ -383,3 +383,13 @@ def test_a_key_counts_once(tmp_path):
 def _one(folder: Path) -> Path:
     write_record(folder / "in", "one", 0)
     return folder / "in"
+
+
+def test_an_interrupt_is_one_line_and_130(records, tmp_path, monkeypatch, damping):
+    def interrupted(task):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runners, "analyse", interrupted)
+    run = damping("fleet", records, "--out", tmp_path, "--workers", 0)
+    assert (run.code, run.out) == (130, "")
+    assert run.err == "damping: interrupted; nothing half-written is left behind\n"
