@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from pipelines.forms import LoadsForm, RankForm, loads_rows, ranking_rows
 from pipelines.store import write_bytes, write_text
 from pipelines.tables import console
 from selection.errors import InputError
@@ -129,85 +130,7 @@ def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
     return buffer.getvalue()
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Value(_Part):
-    value: float | None = None
-    std_error: float | None = None
-    t_ratio: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-
-class _Force(BaseModel):
-    """A force of a candidate: its coefficient, and its shape parameters by name as further keys."""
-
-    model_config = ConfigDict(extra="allow", frozen=True)
-    __pydantic_extra__: dict[str, _Value | float | str | None]
-
-    name: str
-    coefficient: float | None = None
-    std_error: float | None = None
-    t_ratio: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-    def parameters(self) -> dict[str, _Value]:
-        """The coefficient, then the shape parameters."""
-        own = _Value(value=self.coefficient, **{name: getattr(self, name) for name in _ERRORS})
-        return {"coefficient": own, **{k: v for k, v in self.__pydantic_extra__.items() if isinstance(v, _Value)}}
-
-
-_ERRORS = ("std_error", "t_ratio", "low", "high")
-
-
-class _Candidate(_Part):
-    rank: int | None
-    name: str
-    forces: list[_Force]
-    score: float | None = None
-    weight: float | None = None
-    held_out_error: float | None = None
-    average_absolute_percent: float | None = None
-    physical: bool | None = None
-    cautions: list[str] = []
-
-
-class _Rank(_Part):
-    format: Literal["rank/1"]
-    criterion: str
-    models: Annotated[list[_Candidate], Field(min_length=1)]
-
-
-class _Member(_Part):
-    name: str
-    weight: float | None = None
-    median: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-
-class _Prediction(_Part):
-    force: float
-    median: float | None
-    low: float | None
-    high: float | None
-    linear: float | None = None
-    linear_overprediction_percent: float | None = None
-    extrapolation_ratio: float | None = None
-    cautions: list[str] = []
-    by_model: list[_Member] = []
-
-
-class _Loads(_Part):
-    format: Literal["loads/1"]
-    level: float
-    predictions: Annotated[list[_Prediction], Field(min_length=1)]
-
-
-_FORM: TypeAdapter[_Rank | _Loads] = TypeAdapter(Annotated[_Rank | _Loads, Field(discriminator="format")])
+_FORM: TypeAdapter[RankForm | LoadsForm] = TypeAdapter(Annotated[RankForm | LoadsForm, Field(discriminator="format")])
 
 
 def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
@@ -228,31 +151,4 @@ def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
         raise InputError(
             f"{place}: {first['msg']}", file=path, expected="a form rank/1 or loads/1, as --json writes it"
         ) from None
-    return _ranking(form) if isinstance(form, _Rank) else _loads(form)
-
-
-def _ranking(form: _Rank) -> pd.DataFrame:
-    rows: list[dict[str, Any]] = []
-    for model in form.models:
-        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name"})}
-        found = [(force.name, *each) for force in model.forces for each in force.parameters().items()]
-        for force, parameter, value in found or [("", "", _Value())]:
-            part = {"force": force, "parameter": parameter, **value.model_dump()}
-            rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
-    return _typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(criterion=form.criterion)
-
-
-def _loads(form: _Loads) -> pd.DataFrame:
-    rows: list[dict[str, Any]] = []
-    for one in form.predictions:
-        average = one.model_dump(exclude={"by_model", "cautions"})
-        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(one.cautions)})
-        rows += [{"model": law.name, "force": one.force, **law.model_dump(exclude={"name"})} for law in one.by_model]
-    return _typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
-
-
-def _typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
-    """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
-    types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
-    filled = table.fillna(dict.fromkeys(text, ""))
-    return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})
+    return ranking_rows(form) if isinstance(form, RankForm) else loads_rows(form)
