@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-COMMANDS = ("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export")
+COMMANDS = ("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export", "fleet")
 
 
 def files(saturn_data, name="config-2-mode-1"):
