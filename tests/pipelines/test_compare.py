@@ -1,0 +1,169 @@
+"""``damping compare`` and ``damping verify``: what the page says, and folders that are not what they seem."""
+
+from __future__ import annotations
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipelines.manifest import MANIFEST, digest, publish
+
+HOSTILE = "<script>alert(1)</script>"
+POSTERIORS = (
+    "law,weight,parameter,unit,prior_low,prior_median,prior_high,low,median,high,converged\n"
+    "viscous,0.7,viscous,lb·s/in,0.1,1,10,1.1,{median},1.3,True\n"
+    "'=cmd,0.3,{hostile},,0.1,1,10,,,,False\n"
+)
+
+
+def summary(median: float = 2.0, weight: float = 0.7, **changes: Any) -> dict[str, Any]:
+    loads = {"force": 45.0, "median": median, "low": 1.8, "high": 2.3, "linear": 2.6, "extra": 1}
+    models = [
+        {"rank": 1, "name": "viscous", "forces": [], "weight": weight, "held_out_error": 3.0},
+        {"rank": 2, "name": "velocity-squared", "forces": [], "weight": 1.0 - weight, "held_out_error": None},
+        {"rank": None, "name": HOSTILE, "forces": [], "weight": None},
+    ]
+    record = {
+        "name": "panel",
+        "title": f"Panel {HOSTILE}",
+        "units": {"force": "lb", "length": "in"},
+        "rank": {"format": "rank/1", "criterion": "c", "models": models},
+        "loads": {"format": "loads/1", "level": 0.9, "predictions": [loads]},
+    } | changes
+    return {"format": "study/1", "title": HOSTILE, "seed": 1, "level": 0.9, "records": [record]}
+
+
+def study(folder: Path, form: dict[str, Any] | str, median: float = 1.2, inputs: str = "0") -> Path:
+    text = form if isinstance(form, str) else json.dumps(form)
+    posteriors = POSTERIORS.format(median=median, hostile=HOSTILE)
+    files = {"summary.json": text.encode(), "panel-posteriors.csv": posteriors.encode()}
+    publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={"panel.csv": inputs * 64})
+    return folder
+
+
+class Page(HTMLParser):
+    """Tags, addresses and text of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.text = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.addresses += [value or "" for name, value in attributes if name in ("src", "href", "xlink:href", "action")]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_two_studies_side_by_side(tmp_path, damping):
+    one, two = study(tmp_path / "spring", summary()), study(tmp_path / "autumn", summary(2.2, 0.4), 1.5, "1")
+    out = tmp_path / "page.html"
+    run = damping("compare", one, two, "--out", out)
+    assert (run.code, run.err) == (0, "")
+    html = out.read_text()
+    page = Page(html)
+    assert page.tags.count("figure") == 3  # weights, predictions, posteriors
+    assert page.tags.count("script") == 1  # the page's own
+    assert all(address.startswith("#") for address in page.addresses)
+    assert "http://" not in html.replace("http://www.w3.org/", "")
+    for said in (
+        "viscous leads in spring and velocity-squared leads in autumn",
+        "Not the same input in every study: panel.csv",
+        "Medians: spring at 45 lb 2.00 (1.80 to 2.30) and autumn at 45 lb 2.20",
+        "+10",  # per cent from 2.0 to 2.2
+        HOSTILE,  # as text
+        "=cmd",
+    ):
+        assert said in page.text, said
+    again = tmp_path / "again.html"
+    damping("compare", one, two, "--out", again)
+    assert again.read_text() == html
+
+
+def test_studies_that_share_nothing(tmp_path, damping):
+    one = study(tmp_path / "a", summary())
+    two = study(tmp_path / "b", summary(name="other", loads=None, units={}))
+    run = damping("compare", one, two, "--out", tmp_path / "page.html")
+    assert run.code == 0
+    text = Page((tmp_path / "page.html").read_text()).text
+    assert "0 records in every study" in text
+    assert "Not in b." in text
+    assert "Not in a." in text
+
+
+def test_other_units_are_not_drawn_together(tmp_path, damping):
+    one = study(tmp_path / "a", summary())
+    two = study(tmp_path / "b", summary(units={"force": "N", "length": "m"}))
+    damping("compare", one, two, "--out", tmp_path / "page.html")
+    page = Page((tmp_path / "page.html").read_text())
+    assert "in different units: amplitudes and coefficients cannot be compared" in page.text
+    assert page.tags.count("figure") == 1  # weights alone
+
+
+def test_names_that_are_alike(tmp_path, damping):
+    one, two = study(tmp_path / "x" / "out", summary()), study(tmp_path / "y" / HOSTILE.replace("/", ""), summary())
+    three = study(tmp_path / "y" / "out", summary())
+    assert damping("compare", one, two, three, "--out", tmp_path / "page.html").code == 0
+    assert Page((tmp_path / "page.html").read_text()).tags.count("script") == 1
+    again = damping("compare", one, tmp_path / "x" / ".." / "x" / "out", "--out", tmp_path / "p.html")
+    assert (again.code, again.err) == (2, "damping: a folder is given twice; expected different folders\n")
+    assert damping("compare", one, "--out", tmp_path / "p.html").code == 2
+    assert damping("compare", *[one] * 9, "--out", tmp_path / "p.html").code == 2
+
+
+@pytest.mark.parametrize("name", ["summary.json", "panel-posteriors.csv"])
+def test_files_of_two_runs_are_refused(tmp_path, damping, name):
+    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2), 1.5)
+    (two / name).write_bytes((one / name).read_bytes())
+    run = damping("compare", one, two, "--out", tmp_path / "page.html")
+    assert run.code == 2
+    assert f"{name}: is not of the run of the manifest; expected files of one run; run the study again" in run.err
+    assert not (tmp_path / "page.html").exists()
+    run = damping("verify", one, two)
+    assert run.code == 2
+    assert run.out == f"{one}: 2 files of one run, seed 1\n"
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        ("{", "Invalid JSON"),
+        ("[]", "summary.json"),
+        (json.dumps(summary(name="../up")), "records.0.name"),
+        (json.dumps(summary(rank=None)), "records.0.rank"),
+        (json.dumps(summary(weight=float("inf"))), "records.0.rank.models.0.weight"),
+        (json.dumps(summary() | {"format": "study/9"}), "format"),
+    ],
+)
+def test_summaries_that_are_none(tmp_path, damping, form, message):
+    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", form)
+    run = damping("compare", one, two, "--out", tmp_path / "page.html")
+    assert run.code == 2
+    assert message in run.err
+    assert run.err.count("\n") == 1
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_posteriors_that_are_none(tmp_path, damping):
+    one = study(tmp_path / "a", summary())
+    for content in (b"law,parameter,low,median,high\na,b,x,1,2\n", b"\xff", b'law\n"a\n', b"law\n" + b"a,b,c\n"):
+        (one / "panel-posteriors.csv").write_bytes(content)
+        form = json.loads((one / MANIFEST).read_text())
+        form["outputs"]["panel-posteriors.csv"] = digest(content)
+        (one / MANIFEST).write_text(json.dumps(form))
+        run = damping("compare", one, study(tmp_path / "b", summary()), "--out", tmp_path / "page.html")
+        assert run.code == 2, content
+        assert run.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("size", [1e300, 1e-300, -1.0, 0.0])
+def test_numbers_of_any_size(tmp_path, damping, size):
+    one, two = study(tmp_path / "a", summary(size), size), study(tmp_path / "b", summary())
+    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
