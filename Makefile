@@ -4,12 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: help study test lint types docs bench clean
+.PHONY: help study test lint types docs package bench clean
 
 help:
 	@echo "make study   install into $(VENV) and run the Saturn V study: results/saturn-v/report.html"
 	@echo "make test    install into $(VENV) and run the tests"
 	@echo "make docs    the documentation: docs/_build/index.html"
+	@echo "make package wheel and sdist, tried in empty environments"
 	@echo "make lint    ruff;  make types  mypy;  make bench  speed against named peers"
 
 $(BIN)/python:
@@ -43,6 +44,9 @@ types: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx --fail-on-warning --quiet docs docs/_build
 	@echo "docs/_build/index.html written"
+
+package: $(VENV)/.installed-dev
+	tests/packaging/try_wheel.sh $(CURDIR)/$(BIN)/python
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks

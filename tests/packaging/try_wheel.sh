@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# Build wheel and sdist, install the wheel built from the sdist into an empty environment of every Python here that the
+# project supports, and there, outside the clone: the quick tests and the commands on the packaged data.
+set -euo pipefail
+clone="$(cd "$(dirname "$0")/../.." && pwd)"
+builder="${1:-python3}" # a Python with hatchling
+work="$(mktemp --directory)"
+trap 'rm -rf "$work"' EXIT
+
+(cd "$clone" && "$builder" -m hatchling build --target sdist --directory "$work/dist")
+tar --extract --gzip --file "$work"/dist/*.tar.gz --directory "$work"
+(cd "$work"/damping_selection-*/ && "$builder" -m hatchling build --target wheel --directory "$work/dist")
+ls -l "$work/dist"
+
+tried=0
+for version in 3.11 3.12 3.13; do
+	python="$(command -v "python$version" || true)"
+	if [ -z "$python" ]; then
+		echo "Python $version is not installed here: not tried"
+		continue
+	fi
+	echo "Python $version: installing into an empty environment"
+	"$python" -m venv "$work/env$version"
+	bin="$work/env$version/bin"
+	"$bin/python" -m pip install --quiet --disable-pip-version-check --constraint "$clone/constraints.txt" \
+		"$work"/dist/*.whl pytest hypothesis
+	# the tests and the tables they compare with, without the packages: those must come from the wheel
+	mkdir "$work/try$version"
+	cp -r "$clone/tests" "$clone/data" "$clone/pyproject.toml" "$work/try$version"
+	cd "$work/try$version"
+	"$bin/python" -c 'import selection, sys; assert selection.__file__.startswith(sys.prefix), selection.__file__'
+	"$bin/python" -m pytest -p no:cacheprovider -m "not sampling" tests/forces tests/contract tests/records/test_reading.py \
+		tests/records/test_mode.py tests/records/test_report_tables.py tests/regression tests/posterior/test_likelihood.py
+	rm -r data tests
+	"$bin/damping" --help >/dev/null
+	"$bin/python" -c 'from pipelines.settings import default_study; print(default_study())'
+	data="$("$bin/python" -c 'from selection.records.report_tables import data_folder; print(data_folder() / "saturn-v")')"
+	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json 2>/dev/null
+	cd "$clone"
+	tried=$((tried + 1))
+done
+echo "wheel tried on $tried version(s) of Python"
+[ "$tried" -gt 0 ]
