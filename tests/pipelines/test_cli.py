@@ -7,7 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-COMMANDS = ("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export", "fleet")
+COMMANDS = (
+    *("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export", "fleet"),
+    *("compare", "verify"),
+)
 
 
 def files(saturn_data, name="config-2-mode-1"):
