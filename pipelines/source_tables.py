@@ -10,6 +10,7 @@ import pandas as pd
 
 from pipelines.progress import progress
 from selection.compare.ranking import Ranking
+from selection.gap.history import historic_gaps
 from selection.loads.prediction import Loads
 from selection.records.report_tables import load_errata
 from selection.report.results import ChapterResults
@@ -39,14 +40,16 @@ def finish_chapters(
     started: StartedChapters, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]
 ) -> ChapterResults:
     """Wait for the chapters and set the report's tables beside them; arguments as for ``source_tables``."""
-    with progress("source report", 3) as done:
+    with progress("source report", 4) as done:
         tables = source_tables(rankings, loads)
         done("tables")
+        gaps = historic_gaps()
+        done("gaps between simulation and test")
         found = started.studies.result()
         done("chapters II, IV, V")
         chapter_3 = started.chapter_3.result()
         done("chapter III")
-    return ChapterResults(found, chapter_3, tables)
+    return ChapterResults(found, chapter_3, tables, gaps)
 
 
 def compute_studies(seed: int) -> Studies:

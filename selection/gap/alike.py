@@ -12,6 +12,8 @@ from selection.gap.search import Hypothesis
 
 #: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
+#: Odds below which an effect is no candidate for the place of another, however near its prediction.
+LEAST_ODDS = 0.02
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ def equivalents(hypotheses: Sequence[Hypothesis]) -> tuple[Group, ...]:
         members, farthest = [effect], 0.0
         for other in hypotheses[1:]:
             swapped = other.key - rest
-            if len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
+            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
+            if alive and len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
                 apart = distance(leading.best, other.best)
                 if apart < INDISTINCT:
                     members.append(next(iter(swapped)))

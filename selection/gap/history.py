@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import pandas as pd
 
 from selection.gap.diagnose import Diagnosis, diagnose
@@ -10,6 +12,20 @@ from selection.records.record import Record
 from selection.records.report_records import PHI_T2, report_record
 from selection.records.report_tables import load_table
 from selection.units import RAD_S_PER_HZ
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Both diagnoses."""
+
+    configuration_1: Diagnosis
+    configuration_2: Diagnosis
+
+
+def historic_gaps() -> Gaps:
+    """Both gaps diagnosed from their tables alone."""
+    return Gaps(configuration_1(), configuration_2())
+
 
 _UNITS = Units(force="lb", length="in", time="s")
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from selection.compare.ranking import Ranking
+from selection.gap.history import Gaps
 from selection.loads.prediction import Loads
 from selection.posterior.checks import LeaveOneOut, PredictiveCheck
 from selection.posterior.law import Law
@@ -59,12 +60,13 @@ class ChapterResults:
 
     Attributes:
         studies: of chapters II, IV and V. chapter_3: of chapter III. tables: of the report beside ours, by name, those
-            of ``selection.report.sections.source.KNOWN``.
+            of ``selection.report.sections.source.KNOWN``. gaps: two gaps between simulation and test, diagnosed.
     """
 
     studies: Studies
     chapter_3: Chapter3
     tables: Mapping[str, pd.DataFrame]
+    gaps: Gaps
 
 
 @dataclass(frozen=True)

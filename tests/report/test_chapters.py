@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from selection.gap.history import historic_gaps
 from selection.records.report_tables import load_errata
 from selection.report.build import Rendered, render
 from selection.report.chapters import chapter_parts
@@ -35,7 +36,7 @@ pytestmark = pytest.mark.xdist_group("chapters")
 
 @pytest.fixture(scope="module")
 def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame]) -> ChapterResults:
-    return ChapterResults(short_studies, chapter_3, tables_of_source)
+    return ChapterResults(short_studies, chapter_3, tables_of_source, historic_gaps())
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +72,7 @@ def find(parts: list[Part], name: str) -> Part:
 
 
 def test_sections_are_the_chapters(parts: list[Part]) -> None:
-    expected = [*(f"chapter-{n}" for n in range(2, 7)), "reproduction", "errata"]
+    expected = [*(f"chapter-{n}" for n in range(2, 7)), "gaps", "reproduction", "errata"]
     assert [part.section.id for part in parts] == expected
 
 
@@ -211,3 +212,15 @@ def test_errata_come_with_their_proof_and_their_numbers(parts: list[Part], resul
 )
 def test_proofs_in_symbols(plain: str, expected: str) -> None:
     assert in_symbols(plain) == expected
+
+
+def test_gaps_name_the_second_plane_and_the_missing_damping(results: ChapterResults, parts: list[Part]) -> None:
+    """The second plane lies where the report's own fit has it (11.48 to 11.51 rad/s, section 3.1)."""
+    found = find(parts, "gaps")
+    plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))
+    assert plane and 11.48 <= float(plane[1]) <= 11.51
+    assert results.gaps.configuration_1.leading.effects == ("planar-coupling",)
+    assert "Damping grows with amplitude" in said(found)
+    shown = found.tables["gap_configuration_2"]
+    assert shown["probability"].sum() == pytest.approx(1.0)
+    assert set(found.figures) >= {"gap-configuration-1-overlay", "gap-configuration-2-overlay"}

@@ -10,13 +10,14 @@ from selection.report.chapters.chapter_4 import chapter_4
 from selection.report.chapters.chapter_5 import chapter_5
 from selection.report.chapters.chapter_6 import chapter_6
 from selection.report.chapters.errata import errata, reproduction
+from selection.report.chapters.gaps import gaps
 from selection.report.part import Part
 from selection.report.results import ChapterResults
 from selection.report.sections.common import Svgs
 
 
 def chapter_parts(results: ChapterResults, svgs: Svgs) -> list[Part]:
-    """Chapters II to VI, every printed number, and the errata.
+    """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata.
 
     Args:
         svgs: figures of the study that are drawn already, by name.
@@ -27,4 +28,5 @@ def chapter_parts(results: ChapterResults, svgs: Svgs) -> list[Part]:
     ]
     figures = {one.name: one for one in drawn}
     chapters = (chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)
-    return [*(chapter(results, figures) for chapter in chapters), reproduction(results, svgs), errata(results)]
+    told = [chapter(results, figures) for chapter in chapters]
+    return [*told, gaps(results), reproduction(results, svgs), errata(results)]
