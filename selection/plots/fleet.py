@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from selection.plots.style import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, law_style, plain_rows, styled
 
@@ -28,11 +29,13 @@ def leading_laws(counts: pd.Series) -> Figure:
     axes = figure.add_subplot()
     laws = [str(law) for law in shown.index]
     plain_rows(axes, laws)
-    axes.barh(range(len(laws)), shown.to_numpy(float), color=[law_style(law).colour for law in laws])
+    colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]
+    axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, value in enumerate(shown):
         axes.annotate(f"{value:d}", (float(value), row), (4, 0), textcoords="offset points", va="center", fontsize=7.5)
     axes.set_xlim(0.0, 1.12 * float(shown.max()))
-    axes.set_xlabel("records led")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("records led (hatched: with a viscous part)")
     return figure
 
 

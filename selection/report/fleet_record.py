@@ -133,6 +133,8 @@ def _law(ranking: Ranking) -> list[Block]:
     }
     formats = {"weight": share, "held_out_error": percent, "average_absolute_percent": percent, "score": _one_decimal}
     frame = pd.DataFrame(rows).astype({"rank": "Int64"})
+    if frame["held_out_error"].isna().all():  # not asked for, or one level
+        frame = frame.drop(columns="held_out_error")
     caption = f"Every candidate, sorted by {ranking.criterion}. Coefficients are least squares, free to be negative."
     return [Table(frame, caption, formats, headings)]
 
@@ -216,6 +218,6 @@ def _basis(one: FleetRecord) -> list[Block]:
     spoken = [
         f"{count(len(one.record), 'row')} in {count(len(data.sweeps), 'sweep')}; {one.mode.units}.",
         f"Tested from {number(data.tested_force.min())} to {number(data.tested_force.max())}.",
-        f"Posteriors by {one.method}.",
+        f"Posteriors by {one.method}" + (", without errors of levels held out." if one.bands is None else "."),
     ]
     return [List(spoken), Links([Link("Summary of all records", "../fleet.html")])]
