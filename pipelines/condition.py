@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from pydantic import BaseModel, ValidationError
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table as RichTable
 
 from pipelines.store import refuse_inputs, write_text
+from pipelines.tables import console, plain_table
 from selection.conditioning import description as schema
 from selection.conditioning.chain import Step
 from selection.conditioning.chain import condition as condition_table
@@ -58,7 +56,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     write_text(out, record_to_csv(record))
     for path, text in texts.items():
         write_text(path, text)
-    _print(done, description, out, Console())
+    _print(done, description, out)
 
 
 def read_description(path: Path) -> Description:
@@ -226,18 +224,16 @@ def _line(content: str, keys: tuple[str | int, ...]) -> int | None:
     return begin + 1
 
 
-def _print(steps: tuple[Step, ...], description: Description, out: Path, console: Console) -> None:
+def _print(steps: tuple[Step, ...], description: Description, out: Path) -> None:
     """What each step did, and where the record is."""
-    table = RichTable(title=description.title or out.stem, box=SIMPLE)
-    for heading in ("step", "report", "removed, at most"):
-        table.add_column(heading, no_wrap=heading != "removed, at most")
+    terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
         removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
         found = [f"{name} = {value:.4g}" for name, value in step.constants.items()]
         left = len(step.before) - len(step.after)
         rows = [f"{left} rows without a damping factor"] if left else []
         table.add_row(step.name, step.equation, ", ".join([*removed, *found, *rows]))
-    console.print(table)
+    terminal.print(table)
     names = {what: getattr(description.units, what) for what in ("force", "length", "time")}
     units = ", ".join(f"{what} in {unit}" for what, unit in names.items() if unit) or "one consistent system"
-    console.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.", highlight=False)
+    terminal.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.", highlight=False)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipelines.progress import progress
+from pipelines.rank import mode_cautions
 from pipelines.store import refuse_inputs, write_json
-from pipelines.tables import Notes, console, number, plain_table
+from pipelines.tables import Notes, console, number, plain_table, show_cautions
 from selection.errors import InputError
 from selection.loads import members
 from selection.loads.members import LEAST_WEIGHT
@@ -35,9 +37,9 @@ def extrapolate(
     repeatability = described.repeatability.amplitude or 0.0
     loads = predict(sampled, np.array(forces), data, level, seed, plan, repeatability)
     if json_out is not None:
-        write_json(json_out, {**loads_form(loads), **plan_form(plan)})
+        write_json(json_out, {**loads_form(loads), **plan_form(plan), "cautions": mode_cautions(data, described)})
     if json_out != "-":
-        _print(loads, plan, described)
+        _print(loads, plan, described, mode_cautions(data, described))
 
 
 def check_forces(forces: list[float], level: float) -> None:
@@ -97,7 +99,7 @@ def plan_form(plan: Plan) -> dict[str, Any]:
     return {"held_out_levels": plan.held_out, "local_exponents": exponents, "limit": plan.limit}
 
 
-def _print(loads: Loads, plan: Plan, mode: Mode) -> None:
+def _print(loads: Loads, plan: Plan, mode: Mode, cautions: Sequence[str]) -> None:
     out, notes = console(), Notes()
     length = f" [{mode.units.length}]" if mode.units.length else ""
     headings = ("force", "times tested", "median", "low", "high", "linear", "linear over by %", "notes")
@@ -125,3 +127,4 @@ def _print(loads: Loads, plan: Plan, mode: Mode) -> None:
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)
     notes.show(out)
+    show_cautions(out, cautions)

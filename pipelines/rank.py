@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pipelines.progress import progress
 from pipelines.store import refuse_inputs, write_json
-from pipelines.tables import Notes, console, number, plain_table
+from pipelines.tables import Notes, console, number, plain_table, show_cautions
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Candidate, Ranking, rank_laws
 from selection.posterior.observations import Observations, observe
 from selection.records.mode import Mode, read_mode
 from selection.records.reading import read_record
+from selection.units import RAD_S_PER_HZ
+
+#: Factor between the frequency of a mode and the tested ones from which on a mistake of units is likely (2 pi is one).
+_FAR = 1.5
 
 
 def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: int) -> None:
@@ -21,9 +26,9 @@ def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: in
     data, read = load(record, mode, max_size)
     ranking = rank_record(data, seed)
     if json_out is not None:
-        write_json(json_out, rank_form(ranking))
+        write_json(json_out, {**rank_form(ranking), "cautions": mode_cautions(data, read)})
     if json_out != "-":
-        print_ranking(ranking, read)
+        print_ranking(ranking, read, mode_cautions(data, read))
 
 
 def load(record: Path, mode: Path, max_size: int) -> tuple[Observations, Mode]:
@@ -31,6 +36,15 @@ def load(record: Path, mode: Path, max_size: int) -> tuple[Observations, Mode]:
     read = read_record(record, max_size=max_size)
     described = read_mode(mode, max_size=max_size)
     return observe(read), described
+
+
+def mode_cautions(data: Observations, mode: Mode) -> list[str]:
+    """What is odd about the mode beside the record: nothing, or a frequency far from every tested one."""
+    low, high = (float(omega) / RAD_S_PER_HZ for omega in (data.omega.min(), data.omega.max()))
+    if low / _FAR <= mode.frequency <= high * _FAR:
+        return []
+    tested = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    return [f"the mode's frequency, {mode.frequency:.4g} Hz, is far from those of the record, {tested} Hz"]
 
 
 def rank_record(data: Observations, seed: int) -> Ranking:
@@ -83,8 +97,8 @@ def _forces(candidate: Candidate) -> list[dict[str, Any]]:
 _NOTHING = dict.fromkeys(("std_error", "t_ratio", "low", "high"))
 
 
-def print_ranking(ranking: Ranking, mode: Mode) -> None:
-    """The table for people."""
+def print_ranking(ranking: Ranking, mode: Mode, cautions: Sequence[str] = ()) -> None:
+    """The table for people, with ``cautions`` about the whole of it."""
     out, notes = console(), Notes()
     units = ", ".join(unit for unit in (mode.units.force, mode.units.length, mode.units.time) if unit)
     headings = ("avg |%|", "held-out %", "score", "weight", "notes")
@@ -100,6 +114,7 @@ def print_ranking(ranking: Ranking, mode: Mode) -> None:
     out.print(table)
     out.print(f"Criterion: {ranking.criterion}. Units: {units or 'one consistent system'}.", highlight=False)
     notes.show(out)
+    show_cautions(out, cautions)
 
 
 def _law(c: Candidate) -> str:

@@ -23,7 +23,13 @@ class Notes:
     def show(self, console: Console) -> None:
         """Print the notes in order."""
         for caution, number in self._numbers.items():
-            console.print(f"{number:3d}  {caution}", highlight=False, markup=False)
+            console.print(f"{number:3d}  {caution}", highlight=False)
+
+
+def show_cautions(console: Console, cautions: Iterable[str]) -> None:
+    """Cautions about all that was printed."""
+    for caution in cautions:
+        console.print(f"Caution: {caution}.", highlight=False)
 
 
 def plain_table(title: str, right: Iterable[str], left: Iterable[str] = ()) -> Table:
@@ -42,6 +48,9 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def console() -> Console:
-    """Standard output, wide enough for the tables where it is no terminal."""
-    found = Console()
-    return found if found.is_terminal else Console(width=140)
+    """Standard output, wide enough for the tables where it is no terminal.
+
+    Brackets are text: units stand in them, and names from files may.
+    """
+    found = Console(markup=False)
+    return found if found.is_terminal else Console(width=140, markup=False)

@@ -24,6 +24,24 @@ def test_every_command_has_help(command, damping):
     assert "Usage" in run.out
 
 
+def test_brackets_in_names_are_text(damping, saturn_data, tmp_path):
+    """``[in]`` and ``[/b]`` would be instructions to what draws the tables."""
+    mode, test = tmp_path / "mode.toml", tmp_path / "test.toml"
+    text = (saturn_data / "modes" / "config-2-mode-1.toml").read_text()
+    name = next(line for line in text.splitlines() if line.startswith("name"))
+    frequency = next(line for line in text.splitlines() if line.startswith("frequency"))
+    mode.write_text(text.replace(name, 'name = "tower [/b] [red]"').replace(frequency, "frequency = 10.46"))
+    done = damping("extrapolate", saturn_data / "records" / "config-2-mode-1.csv", "--mode", mode, "--force", 60)
+    assert "tower [/b] [red]: resonant amplitude [in]" in done.out
+    assert "Caution: the mode's frequency, 10.46 Hz, is far from those of the record, 1.664 to 1.669 Hz." in done.out
+    title = 'title = "Saturn V Configuration I, second mode, pitch test"'
+    test.write_text((saturn_data / "condition.toml").read_text().replace(title, 'title = "[/b] pitch"'))
+    raw = saturn_data / "raw" / "config-1-mode-2.csv"
+    done = damping("condition", raw, "--config", test, "--out", tmp_path / "record.csv")
+    assert (done.code, done.err) == (0, "")
+    assert "[/b] pitch" in done.out
+
+
 def test_no_command_writes_over_its_input(damping, saturn_data, tmp_path):
     record, mode = tmp_path / "record.csv", tmp_path / "mode.toml"
     record.write_text((saturn_data / "records" / "config-2-mode-1.csv").read_text())
