@@ -2,7 +2,9 @@
 
 Run ``python -m benchmarks.fleet [--records N] [--long N]``: N records with 1 worker and with 2, then a longer fleet
 with 2, whose memory is sampled as it goes. Records are resonances of seven structures at 4 to 6 levels, with 2 % of
-noise. The command runs as a process of its own; what its processes use is read from outside. Table, trace and figure
+noise. The command runs as a process of its own; what its processes use is read from outside. The last fleet, of
+``--machinery N`` records, tries the machinery alone: every worker analyses its first record and answers the others with
+that row and page, so that thousands pass through scheduler, data set and page in little time. Table, traces and figure
 go to ``results/benchmarks``.
 """
 
@@ -14,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter, sleep
 
@@ -22,13 +25,18 @@ import pandas as pd
 import psutil
 from matplotlib.figure import Figure
 
+from pipelines.fleet import command
+from pipelines.fleet.analyse import analyse
+from pipelines.fleet.inputs import Result, Task
+from pipelines.fleet.rows import row_of
+from pipelines.fleet.runners import distributed
 from pipelines.store import write_text
 from selection.loads.simulated import OMEGA, simulated_levels, structures
-from selection.plots.style import AVERAGE, LINEAR, MUTED, WIDTH, styled, to_svg
+from selection.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from selection.records.serialise import record_to_csv
 
 OUT = Path(__file__).parents[1] / "results" / "benchmarks"
-RECORDS, LONG = 60, 200
+RECORDS, LONG, MACHINERY = 20, 60, 500
 SAMPLE_S = 0.5
 MB = 1e6
 
@@ -62,6 +70,7 @@ class Usage:
 class Run:
     """One fleet: wall time from the first to the last record, and of all; processor time of all processes."""
 
+    work: str
     records: int
     workers: int
     steady_s: float
@@ -73,9 +82,10 @@ class Run:
     trace: pd.DataFrame
 
     @property
-    def row(self) -> dict[str, float]:
+    def row(self) -> dict[str, float | str]:
         """The run as a row of the table."""
         return {
+            "work": self.work,
             "records": self.records,
             "workers": self.workers,
             "records_per_s": (self.records - 1) / self.steady_s,
@@ -100,13 +110,35 @@ def write_records(folder: Path, number: int) -> None:
         (folder / f"record-{i:05d}.toml").write_text("[mode]\nfrequency = 1.6\nmass = 1.0\n")
 
 
-def run(number: int, workers: int) -> Run:
-    """Run the command on new records and watch it."""
+_FIRST: list[Result] = []
+
+
+def answered(task: Task) -> Result:
+    """The first result of this worker under the name of ``task``: what the machinery costs without the analysis."""
+    if not _FIRST:
+        _FIRST.append(analyse(task))
+    first = _FIRST[0]
+    own = row_of(task)
+    kept = {name: own[name] for name in ("key", "name", "report", "seed", "record_sha256", "model_sha256")}
+    return Result(first.row | kept, {own["report"]: next(iter(first.pages.values()))})
+
+
+def machinery(source: str, out: str, workers: str) -> None:
+    """``damping fleet --fast`` with ``answered`` in place of the analysis."""
+    command.distributed = partial(distributed, work=answered)
+    command.fleet(Path(source), Path(out), fast=True, workers=int(workers), max_size=1_000_000)
+
+
+def run(number: int, workers: int, alone: bool = False) -> Run:
+    """Run the command on new records and watch it; ``alone``: the machinery without the analysis."""
     with tempfile.TemporaryDirectory() as folder:
         source, out, log = (Path(folder) / name for name in ("in", "out", "log"))
         write_records(source, number)
         words = [sys.executable, "-m", "pipelines.cli", "fleet", str(source), "--out", str(out), "--fast"]
-        words += ["--workers", str(workers), "--dashboard", "off"]
+        words += ["--workers", str(workers), "--dashboard", "127.0.0.1:0"]
+        if alone:
+            script = "import sys; from benchmarks.fleet import machinery; machinery(*sys.argv[1:])"
+            words = [sys.executable, "-c", script, str(source), str(out), str(workers)]
         usage, first, last = Usage(), None, 0.0
         started = perf_counter()
         with log.open("w") as stream, subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=stream) as process:
@@ -126,6 +158,7 @@ def run(number: int, workers: int) -> Run:
         begun, ahead = first or (started, 0)
         trace = pd.DataFrame(usage.trace, columns=["records", "client_mb", "worker_mb"])
         return Run(
+            work="machinery alone" if alone else "analysis",
             records=number,
             workers=workers,
             steady_s=max(last - begun, SAMPLE_S) * (number - 1) / max(number - ahead, 1),
@@ -148,62 +181,68 @@ def _done(log: Path) -> int:
 
 
 @styled
-def figure(table: pd.DataFrame, trace: pd.DataFrame) -> Figure:
-    """Records per second beside memory against records done."""
+def figure(table: pd.DataFrame, traces: dict[str, pd.DataFrame]) -> Figure:
+    """Records per second beside memory against records done, analysed and passed through."""
     drawn = Figure(figsize=(WIDTH, 2.8))
-    rate, memory = drawn.subplots(1, 2, width_ratios=(1.0, 1.7))
-    short = table[table["records"] == table["records"].min()]
+    rate, *memory = drawn.subplots(1, 1 + len(traces), width_ratios=(1.0, *(1.3 for _ in traces)))
+    analysed = table[table["work"] == "analysis"]
+    short = analysed[analysed["records"] == analysed["records"].min()]
     rate.bar(short["workers"].astype(str), short["records_per_s"], color=AVERAGE, width=0.5)
     rate.set_xlabel("workers")
     rate.set_ylabel("records per second (wall)")
-    memory.plot(trace["records"], trace["client_mb"], color=AVERAGE, label="client and scheduler")
-    memory.plot(trace["records"], trace["worker_mb"], color=LINEAR, label="largest worker")
-    memory.axhline(trace["client_mb"].median(), color=MUTED, linewidth=0.6)
-    memory.set_ylim(0.0, 1.25 * trace[["client_mb", "worker_mb"]].to_numpy().max())
-    memory.set_xlabel("records done")
-    memory.set_ylabel("memory (MB)")
-    memory.legend(loc="lower right")
+    for axes, (work, trace) in zip(memory, traces.items(), strict=True):
+        axes.plot(trace["records"], trace["client_mb"], color=AVERAGE, label="client and scheduler")
+        axes.plot(trace["records"], trace["worker_mb"], color=LINEAR, label="largest worker")
+        axes.set_ylim(0.0, 1.25 * trace[["client_mb", "worker_mb"]].to_numpy().max())
+        axes.set_xlabel(f"records done ({work})")
+    memory[0].set_ylabel("memory (MB)")
+    memory[0].legend(loc="lower right")
     return drawn
 
 
 def growth(trace: pd.DataFrame) -> pd.Series:
     """MB by which each process grows in a thousand records, by least squares over the second half of the run."""
-    half = trace[trace["records"] >= 0.5 * trace["records"].max()]
+    half = trace[(trace["records"] >= 0.5 * trace["records"].max()) & (trace["records"] < trace["records"].max())]
     columns = ("client_mb", "worker_mb")
     return pd.Series({name: 1000.0 * np.polyfit(half["records"], half[name], 1)[0] for name in columns})
 
 
-def measure(records: int, long: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Short fleets with 1 and 2 workers and a long one with 2: the table, and the trace of the long one."""
+def measure(records: int, long: int, alone: int) -> tuple[pd.DataFrame, dict[str, pd.DataFrame]]:
+    """Short fleets with 1 and 2 workers, a longer one and the machinery: the table, and the traces of the last two."""
     runs = []
-    for number, workers in ((records, 1), (records, 2), (long, 2)):
-        runs.append(run(number, workers))
+    for number, workers, only in ((records, 1, False), (records, 2, False), (long, 2, False), (alone, 2, True)):
+        runs.append(run(number, workers, only))
         one = runs[-1].row
         print(
-            f"{number} records, {workers} worker{'s' * (workers > 1)}: {one['records_per_s']:.2f} records/s,"
-            f" {1e3 * one['processor_s_per_record']:.0f} ms of processor a record, client at most"
+            f"{number} records, {workers} worker{'s' * (workers > 1)}, {one['work']}: {one['records_per_s']:.2f}"
+            f" records/s, {1e3 * one['processor_s_per_record']:.0f} ms of processor a record, client at most"
             f" {one['largest_client_mb']:.0f} MB, worker {one['largest_worker_mb']:.0f} MB, {one['failed']} failed",
             flush=True,
         )
-    grown = growth(runs[-1].trace)
-    print(f"growth in 1000 records: client {grown['client_mb']:.1f} MB, worker {grown['worker_mb']:.1f} MB")
-    return pd.DataFrame([one.row for one in runs]), runs[-1].trace
+    traces = {one.work: one.trace for one in runs[-2:]}
+    for work, trace in traces.items():
+        grown = growth(trace)
+        print(f"{work}: growth in 1000 records: client {grown['client_mb']:.1f} MB, worker {grown['worker_mb']:.1f} MB")
+    return pd.DataFrame([one.row for one in runs]), traces
 
 
-def main(records: int = RECORDS, long: int = LONG, keep: bool = False) -> None:
-    """Measure; ``keep`` writes table, trace and figure to ``results/benchmarks``."""
-    table, trace = measure(records, long)
+def main(records: int = RECORDS, long: int = LONG, alone: int = MACHINERY, keep: bool = False) -> None:
+    """Measure; ``keep`` writes table, traces and figure to ``results/benchmarks``."""
+    table, traces = measure(records, long, alone)
     if not keep:
         return
     write_text(OUT / "fleet.csv", record_to_csv(table))
-    write_text(OUT / "fleet-memory.csv", record_to_csv(trace.groupby("records", as_index=False).max()))
+    for work, trace in traces.items():
+        name = f"fleet-memory-{work.replace(' ', '-')}.csv"
+        write_text(OUT / name, record_to_csv(trace.groupby("records", as_index=False).max()))
     said = "Bars: records per second with 1 and 2 workers. Lines: memory of client and worker against records done."
-    write_text(OUT / "fleet.svg", to_svg(figure(table, trace), "fleet", "Fleet: speed and memory", said))
+    write_text(OUT / "fleet.svg", to_svg(figure(table, traces), "fleet", "Fleet: speed and memory", said))
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--records", type=int, default=RECORDS)
     parser.add_argument("--long", type=int, default=LONG)
+    parser.add_argument("--machinery", type=int, default=MACHINERY)
     given = parser.parse_args()
-    main(given.records, given.long, keep=True)
+    main(given.records, given.long, given.machinery, keep=True)

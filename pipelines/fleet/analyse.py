@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipelines.fleet.inputs import MULTIPLES, Result, Task
+from pipelines.fleet.inputs import MULTIPLES, Result, Task, printable
 from pipelines.fleet.rows import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from selection.compare.candidates import candidate_laws
 from selection.compare.ranking import Ranking, rank_laws
@@ -48,7 +48,7 @@ def analyse(task: Task) -> Result:
         record, mode = _read(task)
         data = observe(record)
     except DampingError as error:
-        return failed(task, str(error))
+        return failed(task, printable(str(error)))
     return _Analysis(task, record, mode, data).result()
 
 
@@ -126,7 +126,7 @@ class _Analysis:
         try:
             return work()
         except DampingError as error:
-            self.reasons.append(f"{stage}: {error}")
+            self.reasons.append(f"{stage}: {printable(str(error))}")
             return None
 
     def _rank(self) -> Ranking:

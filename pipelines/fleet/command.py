@@ -14,7 +14,7 @@ from distributed import Client
 from pipelines.extrapolate import check_forces
 from pipelines.fleet.dataset import DataSet
 from pipelines.fleet.inputs import MULTIPLES, Result, Settings, Task, find_cases, tasks_of
-from pipelines.fleet.runners import connected, distributed, serial
+from pipelines.fleet.runners import ANY_PORT, connected, distributed, serial
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text
 from pipelines.study import versions
@@ -36,7 +36,7 @@ def fleet(
     forces: tuple[float, ...] = (),
     level: float = 0.9,
     seed: int = 0,
-    dashboard: str | None = None,
+    dashboard: str = ANY_PORT,
     max_size: int,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
@@ -45,7 +45,7 @@ def fleet(
         scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
             record after the other).
         fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
-        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+        dashboard: address on which a local cluster shows its dashboard.
 
     Raises:
         InputError: bad usage or input. AnalysisError: every record failed, or the workers are gone.

@@ -47,9 +47,14 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """A record with its mode or model; ``is_model``: whether that is a ``model.toml``, to be diagnosed."""
+    """A record with its mode or model.
+
+    Attributes:
+        name: as shown. entry: as it stands in the folder. is_model: whether there is a ``model.toml``, to be diagnosed.
+    """
 
     name: str
+    entry: str
     record: Path
     model: Path
     is_model: bool
@@ -101,9 +106,9 @@ def find_cases(folder: Path) -> list[Case]:
     for entry in os.scandir(folder):
         path = Path(entry.path)
         if entry.is_dir() and ((path / "data.csv").exists() or (path / "model.toml").exists()):
-            cases.append(Case(shown(entry.name), path / "data.csv", path / "model.toml", True))
+            cases.append(Case(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
         elif entry.name.endswith(".csv") and entry.is_file():
-            cases.append(Case(shown(entry.name[:-4]), path, path.with_suffix(".toml"), False))
+            cases.append(Case(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
     if not cases:
         raise InputError(
             "holds no record", file=folder, expected="NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
@@ -112,8 +117,13 @@ def find_cases(folder: Path) -> list[Case]:
 
 
 def shown(name: str) -> str:
-    """A file name as text that any file can hold: bytes that are no UTF-8 are written as escapes."""
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
+    """A file name as text for any file and terminal: bytes that are no UTF-8 and control characters as escapes."""
+    return printable(os.fsencode(name).decode("utf-8", "backslashreplace"))
+
+
+def printable(text: str) -> str:
+    """One line, control characters written as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
@@ -121,7 +131,7 @@ def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
     for case in cases:
         record, first = _content(case.record, settings.max_size)
         model, second = _content(case.model, settings.max_size)
-        parts = (settings.digest, case.name, case.is_model, record, model)
+        parts = (settings.digest, os.fsencode(case.entry), case.is_model, record, model)
         digest = hashlib.sha256()
         for part in parts:
             one = part if isinstance(part, bytes) else repr(part).encode()

@@ -14,7 +14,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, wait
 
 from pipelines.fleet.analyse import analyse, failed
-from pipelines.fleet.inputs import Result, Task
+from pipelines.fleet.inputs import Result, Task, printable
 from selection.errors import AnalysisError, InputError
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
@@ -27,6 +27,8 @@ PATIENCE = 60.0
 _LOOK = 1.0
 #: Seconds to wait for a scheduler at an address.
 CONNECT = 10.0
+#: Where a dashboard is shown unless asked for elsewhere: on the loopback, at any free port.
+ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
@@ -41,7 +43,7 @@ def serial(tasks: Iterable[Task]) -> Iterator[Result]:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int | None, dashboard: str | None) -> Iterator[Client]:
+def connected(scheduler: str | None, workers: int | None, dashboard: str = ANY_PORT) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
 
     Raises:
@@ -107,7 +109,7 @@ def _result(task: Task, outcome: Result | BaseException) -> Result:
     if isinstance(outcome, KilledWorker):
         return failed(task, "workers died under it again and again (out of memory, or a crash in native code)")
     line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
-    return failed(task, f"internal error, please report it ({line})")
+    return failed(task, f"internal error, please report it ({printable(line)})")
 
 
 def _outcomes(

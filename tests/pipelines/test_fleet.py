@@ -165,7 +165,7 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     monkeypatch.setattr(runners, "DEATHS", 0)
     tasks = list(tasks_of(find_cases(records), settings()))
-    with runners.connected(None, 1, None) as client:
+    with runners.connected(None, 1) as client:
         results = list(runners.distributed(client, tasks, harmless_or_deadly))
     assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
     failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}
