@@ -1,13 +1,61 @@
-"""How Sphinx makes the documentation: Markdown in, pages out; ``make docs``."""
+"""How Sphinx makes the documentation: Markdown in, pages out; ``make docs``.
+
+``{{ commands }}`` and ``{{ forces }}`` in a page are what the commands and the forces say of themselves.
+"""
+
+from __future__ import annotations
+
+import inspect
+
+import typer
+from sphinx.application import Sphinx
+
+from pipelines.cli import app as cli
+from selection.forces.catalogue import CATALOGUE, parameter_names
 
 project = "Damping models from vibration tests"
 author = "the authors of damping-selection"
 extensions = ["myst_parser"]
-myst_enable_extensions = ["dollarmath", "deflist"]
+myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 3
+smartquotes = False  # q' is the derivative of q
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = "Damping models you can stake a design on"
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False
+
+
+def commands() -> str:
+    """``--help`` of every command."""
+    group = typer.main.get_command(cli)
+    parts = []
+    for name, command in group.commands.items():
+        context = typer.Context(command, info_name=f"damping {name}", terminal_width=100, max_content_width=100)
+        parts.append(f"## damping {name}\n\n```text\n{command.get_help(context)}\n```\n")
+    return "\n".join(parts)
+
+
+def forces() -> str:
+    """A table of the catalogue, and what each force says of itself."""
+    rows = ["| name | g | parameters | energy per cycle |", "|---|---|---|---|"]
+    for name, force in CATALOGUE.items():
+        powers = getattr(force, "energy_exponents", None)
+        energy = "A^{:g} ω^{:g}".format(*powers) if isinstance(powers, tuple) else "by its parameters"
+        formula = str(force.formula).replace("|", r"\|")
+        rows.append(f"| `{name}` | `{formula}` | {', '.join(parameter_names(name))} | {energy} |")
+    said = [f"`{name}`\n: {' '.join((inspect.getdoc(force) or '').split())}\n" for name, force in CATALOGUE.items()]
+    return "\n".join(rows) + "\n\n" + "\n".join(said)
+
+
+def fill(app: Sphinx, name: str, source: list[str]) -> None:
+    """Put the generated parts into a page."""
+    for key, text in (("{{ commands }}", commands), ("{{ forces }}", forces)):
+        if key in source[0]:
+            source[0] = source[0].replace(key, text())
+
+
+def setup(app: Sphinx) -> None:
+    """Called by Sphinx."""
+    app.connect("source-read", fill)

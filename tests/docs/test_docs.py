@@ -1,0 +1,187 @@
+"""The documentation: it builds without a warning, its links lead somewhere, and every block of every page runs.
+
+Commands run as they stand, each page in a folder of its own, shortened: on every third row of the examples, with four
+candidate laws, and a fleet without processes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+import pytest
+
+from pipelines import extrapolate, rank, study
+from pipelines.cli import app, main
+from selection.forces.catalogue import CATALOGUE
+from selection.posterior.law import Law
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+LAWS = tuple(
+    Law(names)
+    for names in (
+        ("viscous",),
+        ("viscous", "velocity-squared"),
+        ("viscous", "displacement-velocity"),
+        ("viscous", "quadratic-displacement"),
+    )
+)
+
+
+class Block(NamedTuple):
+    """A fenced block of a page: its language, caption and text."""
+
+    language: str
+    caption: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    """All fenced blocks of a page in order, those within lists too."""
+    fence = re.compile(r"^( *)```(\S+)(?: (\S+))?\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+    found = []
+    for indent, kind, argument, body in fence.findall(page.read_text()):
+        text = re.sub(rf"^{indent}", "", body, flags=re.MULTILINE)
+        caption = re.match(r":caption: (.+)\n\n?", text)
+        language = argument if kind == "{code-block}" else kind
+        found.append(Block(language, caption[1] if caption else "", text[caption.end() :] if caption else text))
+    return found
+
+
+EXECUTED = {page: [b for b in blocks(page) if b.language in ("sh", "python", "toml")] for page in PAGES}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """A folder with the data and the examples, their records thinned, and few laws to try."""
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for record in tmp_path.glob("examples/*/record.csv"):
+        thin = 2 if "two-plane" in str(record) else 3
+        pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
+    monkeypatch.chdir(tmp_path)
+    for module in (rank, study):
+        monkeypatch.setattr(module, "candidate_laws", lambda data: LAWS)
+    for module in (extrapolate, study):
+        monkeypatch.setattr(module, "load_candidates", lambda data: LAWS)
+    return tmp_path
+
+
+def damping(line: str) -> int:
+    words = shlex.split(line.replace("--workers 1", "--workers 0"))
+    with pytest.raises(SystemExit) as stopped:
+        main(words[1:])
+    return int(stopped.value.code or 0)
+
+
+def run(block: Block, names: dict[str, Any]) -> None:
+    """Run the lines of a block, or write the file that it is."""
+    if block.language == "python":
+        exec(compile(block.text, "page", "exec"), names)
+    elif block.language == "sh":
+        wanted = int(block.caption.removeprefix("exit code ")) if block.caption.startswith("exit code") else 0
+        for line in block.text.splitlines():
+            if line.startswith("damping "):
+                assert damping(line) == wanted, line
+            else:
+                assert line.split()[0] in ("mkdir", "cp"), line
+                subprocess.run(shlex.split(line), check=True)
+    if re.fullmatch(r"[\w-]+\.\w+", block.caption):
+        Path(block.caption).write_text(block.text)
+
+
+@pytest.mark.sampling
+@pytest.mark.parametrize("page", [page for page in PAGES if EXECUTED[page]], ids=lambda p: str(p.relative_to(DOCS)))
+def test_every_block_of_a_page_runs(page, folder, capsys):
+    names: dict[str, Any] = {}
+    for block in blocks(page):
+        run(block, names)
+    capsys.readouterr()
+    if page.name == "forms.md":
+        forms_have_their_keys(page, folder)
+
+
+def forms_have_their_keys(page: Path, folder: Path) -> None:
+    """Every key of a form's table is in the form just written."""
+    checked = 0
+    for section in page.read_text().split("\n## ")[1:]:
+        written = re.search(r"--json (\w+\.json)", section)
+        if not written:
+            continue
+        form = json.loads((folder / written[1]).read_text())
+        assert form["format"] == section.split("\n")[0]
+        prose = re.sub(r"```.*?```", "", section, flags=re.DOTALL)
+        keys = set(re.findall(r"`([a-z_]+)`", prose)) - {"null"}
+        # of the terms of a selection there are none without --select; an action is one of its values
+        assert keys - every_key(form) <= {"action", "term", "reason"}, section[:20]
+        checked += len(keys)
+    assert checked > 60
+
+
+def every_key(value: Any) -> set[str]:
+    if isinstance(value, dict):
+        return set(value) | {key for inner in value.values() for key in every_key(inner)}
+    return {key for inner in value for key in every_key(inner)} if isinstance(value, list) else set()
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages, built as ``make docs`` does; a broken link or a page that is nowhere listed is an error."""
+    out = tmp_path_factory.mktemp("docs")
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "--fail-on-warning",
+        "--quiet",
+        "--doctree-dir",
+        out / "trees",
+        DOCS,
+        out,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_reference_has_every_command_and_every_force(built):
+    commands = (built / "reference" / "commands.html").read_text()
+    for command in app.registered_commands:
+        assert f"damping {command.name or command.callback.__name__}</h2>" in re.sub(r"<a .*?</a>", "", commands)
+    forces = (built / "reference" / "forces.html").read_text()
+    assert all(name in forces for name in CATALOGUE)
+
+
+def test_pages_link_to_what_is_there(built):
+    pages = sorted(built.rglob("*.html"))
+    assert len(pages) >= len(PAGES)
+    for page in pages:
+        html = page.read_text()
+        for target in re.findall(r'href="([^"]*)"', html):
+            path, _, anchor = target.partition("#")
+            if re.match(r"https?:|mailto:|data:", target):
+                continue
+            file = (page.parent / path.split("?")[0]).resolve() if path else page
+            file = file / "index.html" if file.is_dir() else file
+            assert file.exists(), f"{page.name}: {target}"
+            if anchor and file.suffix == ".html":
+                assert f'id="{anchor}"' in file.read_text(), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_pages_are_quiet_load_nothing_and_fit(opened, built, width):
+    for page in PAGES:
+        path = (built / page.relative_to(DOCS)).with_suffix(".html")
+        with opened(path, width=width) as one:
+            assert one.complaints == []
+            assert all(request.startswith(("file:", "data:")) for request in one.requests)
+            assert one.page.evaluate("document.documentElement.scrollWidth") <= width, page.name
