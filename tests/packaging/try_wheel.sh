@@ -12,10 +12,15 @@ tar --extract --gzip --file "$work"/dist/*.tar.gz --directory "$work"
 (cd "$work"/damping_selection-*/ && "$builder" -m hatchling build --target wheel --directory "$work/dist")
 ls -l "$work/dist"
 
+# where pyenv is, all its versions answer to their names
+if command -v pyenv >/dev/null; then
+	PYENV_VERSION="$(pyenv versions --bare | paste --serial --delimiters=:)"
+	export PYENV_VERSION
+fi
 tried=0
-for version in 3.11 3.12 3.13; do
+for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	python="$(command -v "python$version" || true)"
-	if [ -z "$python" ]; then
+	if [ -z "$python" ] || ! "$python" -c "" 2>/dev/null; then
 		echo "Python $version is not installed here: not tried"
 		continue
 	fi
@@ -35,7 +40,7 @@ for version in 3.11 3.12 3.13; do
 	"$bin/damping" --help >/dev/null
 	"$bin/python" -c 'from pipelines.settings import default_study; print(default_study())'
 	data="$("$bin/python" -c 'from selection.records.report_tables import data_folder; print(data_folder() / "saturn-v")')"
-	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json 2>/dev/null
+	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json >/dev/null 2>&1
 	cd "$clone"
 	tried=$((tried + 1))
 done

@@ -1,4 +1,4 @@
-"""Every command of the README's tour runs as written."""
+"""Every command of the README's tour, and its Python, runs as written."""
 
 import re
 import shlex
@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+PYTHON = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
 TOUR = re.findall(r"^damping (.+)$", (ROOT / "README.md").read_text(), re.MULTILINE)
 
 
@@ -26,3 +27,20 @@ def test_command_of_the_tour(line, damping, tmp_path, monkeypatch):
         assert (tmp_path / words[words.index("--out") + 1]).stat().st_size > 0
     else:
         assert run.out.strip()
+
+
+@pytest.mark.sampling
+def test_python_in_five_lines(tmp_path, monkeypatch, capsys):
+    (code,) = PYTHON
+    assert len(code.splitlines()) == 5
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+    out = capsys.readouterr().out
+    assert "held_out_error" in out
+    assert re.search(r"^1 +90\.0( +[0-9.]+){4}$", out, re.MULTILINE)
+
+
+def test_links_of_the_readme_lead_somewhere():
+    for target in re.findall(r"\]\(([^)#]+)\)", (ROOT / "README.md").read_text()):
+        assert (ROOT / target).exists(), target
