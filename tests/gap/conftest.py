@@ -123,7 +123,7 @@ class Lab:
         }
         return Record(pd.DataFrame(table), "simulated test")
 
-    def measured(self, name: str, seed: int = 5, **plan: Any) -> Record:
+    def measured(self, name: str, seed: int = 6, **plan: Any) -> Record:
         """The record of a test with one effect, with noise."""
         return self.record(self.bench(**plan).rows, self.truth(name, **plan), seed)
 

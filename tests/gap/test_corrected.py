@@ -1,0 +1,78 @@
+"""The corrected model explains the record that corrected it, and runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipelines.cli import main
+from selection.gap.corrected import corrected_mode, effect_values, refitted_values
+from selection.gap.diagnose import diagnose
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.records.mode import mode_to_toml, read_mode
+from selection.records.reading import read_record
+
+pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
+#: One effect of each kind, springs beside damping forces.
+NAMES = ("velocity-squared", "stiffness-hardening", "planar-coupling", "phase-lag", "natural-frequency")
+
+
+@pytest.fixture
+def written(lab, tmp_path):
+    """The corrected model of a diagnosis, written and read again."""
+
+    def write(name):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best, CATALOGUE)))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_corrected_model_has_no_gap(lab, written, name):
+    first = lab.diagnosed(name)
+    assert first.leading.effects == (name,)
+    again = diagnose(first.record, read_mode(written(name)))
+    assert again.leading.effects == ()
+    assert not again.unexplained
+    assert again.gap.nominal < 1.2  # 1 and three standard errors of a root mean square of 120 values, 0.065
+    assert again.footprint == ()
+
+
+def test_what_is_corrected(lab, written):
+    mode = read_mode(written("velocity-squared"))
+    own = lab.diagnosed("velocity-squared").leading.best
+    added = effect_values(own)["velocity-squared"]["coefficient"]
+    assert mode.damping["velocity-squared"]["coefficient"] == added
+    refit = refitted_values(own)
+    np.testing.assert_allclose(  # rounding
+        mode.damping["viscous"]["coefficient"], lab.viscous * (1.0 + refit["viscous"]), rtol=1e-14, atol=0.0
+    )
+    assert mode.effects == {}
+    assert set(read_mode(written("phase-lag")).effects) == {"phase-lag"}
+    corrected = read_mode(written("natural-frequency"))
+    assert (corrected.effects, set(corrected.damping)) == ({}, {"viscous"})
+    # 5 tolerances of 0.1 % too low; known to 1e-5 at 1 % noise, five of them
+    np.testing.assert_allclose(corrected.frequency / lab.mode().frequency, 0.995, rtol=0.0, atol=5e-5)
+
+
+@pytest.mark.parametrize("name", ["velocity-squared", "stiffness-hardening"])
+def test_the_corrected_model_can_be_swept(lab, written, tmp_path, name):
+    out, rows = tmp_path / "swept.csv", lab.bench().rows
+    top = float(rows.force.max())
+    hertz = np.linspace(2.82, 3.18, 13)  # the band of the test
+    words = ("--force", repr(top), "--frequency", "2.82:3.18:13", "--out", str(out))
+    with pytest.raises(SystemExit) as stopped:
+        main(["sweep", str(written(name)), *words])
+    assert not stopped.value.code
+    swept = read_record(out)
+    np.testing.assert_allclose(swept.column("frequency"), hertz, rtol=1e-6, atol=0.0)  # digits of the file
+    # the true structure, integrated in time, at the frequencies next to these
+    truth = lab.truth(name)
+    own = rows.force == top
+    near = np.interp(rows.omega[own] / (2 * np.pi), hertz, np.log(swept.column("amplitude")))
+    beside = np.abs(rows.omega[own] / lab.omega - 1.0) > 0.035
+    # A ~ 1/|omega - omega_n| there: ln A differs from a chord of 1 % of omega_n by (0.01/0.035)^2/8 = 0.01 at most, and
+    # the refitted mass is known to 0.2 %
+    np.testing.assert_allclose(near[beside], np.log(truth.amplitude[own][beside]), rtol=0.0, atol=0.015)

@@ -1,0 +1,159 @@
+"""Evidence and posterior against exact results, and against other ways to the same number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.fit import Fit, fit, log_likelihood
+from selection.gap.model import Scatter
+from selection.gap.posterior import sample_effects
+from selection.gap.problem import setting
+from selection.gap.search import Search
+from selection.gap.unknowns import Unknowns, evidences, settled, unknowns
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A model of residuals r0 + J x + c D z: 3 variables, 2 sweeps; c and the noise are those of the scatter."""
+
+    r0: np.ndarray
+    J: np.ndarray
+    D: np.ndarray
+    scatter: Scatter
+    size: int = 3
+    sweeps: int = 2
+
+    def columns(self) -> np.ndarray:
+        scale = np.repeat([self.scatter.amplitude, self.scatter.frequency], self.sweeps)
+        return np.hstack([self.J, self.D * scale]) / self.scatter.factor
+
+    def jacobian(self, y):
+        J = self.columns()
+        return self.r0 / self.scatter.factor + y @ J.T, np.repeat(J[np.newaxis], len(y), axis=0)
+
+    def at_motion(self, y):
+        return self
+
+    def log_evidence(self) -> float:
+        """ln p of the residuals, exactly, less that of residuals of zero with unit noise."""
+        J, s = self.columns(), self.scatter.factor
+        normal = multivariate_normal(np.zeros(len(self.r0)), s**2 * (np.eye(len(self.r0)) + J @ J.T))
+        return float(normal.logpdf(self.r0)) + 0.5 * len(self.r0) * np.log(2.0 * np.pi)
+
+
+@pytest.fixture
+def linear():
+    rng = np.random.default_rng(11)
+    J, D = rng.normal(size=(40, 3)), 50.0 * rng.normal(size=(40, 4))
+    r0 = rng.normal(size=40) - J @ [0.5, -1.0, 0.2]
+    return Linear(r0, J, D, Scatter(0.02, 0.01))
+
+
+def exactly(model: Linear) -> Fit:
+    return fit(model, np.zeros((1, 3)), weights=np.ones(40))[0]
+
+
+def test_laplace_is_exact_for_a_linear_model(linear):
+    one = exactly(linear)
+    J = linear.columns()
+    H = J.T @ J + np.eye(7)
+    # two ways through the same Gaussian integral: rounding, and a fit that ends within 1e-2 steps of a quadratic
+    np.testing.assert_allclose(one.log_evidence, linear.log_evidence(), rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(one.y, -np.linalg.solve(H, J.T @ linear.r0), rtol=0.0, atol=1e-2)  # 0.1 sd at most
+    np.testing.assert_allclose(one.covariance, np.linalg.inv(H), rtol=1e-9, atol=0.0)  # rounding
+
+
+def test_evidence_of_other_scatter_and_noise_is_exact_for_a_linear_model(linear):
+    scatters = (
+        linear.scatter,
+        Scatter(1e-6, 1e-6),
+        Scatter(0.1, 0.003),
+        Scatter(0.02, 0.05, 1.3),
+        Scatter(0.0, 0.02, 0.8),
+    )
+    one = exactly(linear)
+    offset = float(log_likelihood(one.r)) + 0.5 * float(one.r @ one.r)  # of the mixture with wild points
+    found = evidences(one, scatters) - offset
+    expected = [replace(linear, scatter=scatter).log_evidence() for scatter in scatters]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)  # a Gaussian integral, whatever the mode: rounding
+
+
+def test_evidence_of_other_scatter_is_that_of_a_fit_made_at_it(lab):
+    """On a record: around one mode the residuals are linear enough."""
+    rows = lab.bench(levels=3, points=14).rows
+    gain = (1.0 + np.array([0.012, -0.008, 0.004]))[rows.sweep]
+    start = setting(lab.record(rows, lab.linear(rows, gain=gain), 8), lab.mode(None, None))
+    search = Search(start.problem, {}, start.unknowns)
+    plain = search.run()[0].plain
+    scatters = [Scatter(a, f * XI) for a, f in ((0.003, 0.03), (0.006, 0.06), (0.012, 0.015), (0.025, 0.12))]
+    found = evidences(plain, tuple(scatters))
+    for scatter, value in zip(scatters, found, strict=True):
+        again = fit(replace(plain.model, scatter=scatter), plain.y[np.newaxis, : plain.model.size])[0]
+        # weights of wild points and the curve of the model change a little with the mode: a tenth of what tells
+        np.testing.assert_allclose(value, again.log_evidence, rtol=0.0, atol=0.2, err_msg=str(scatter))
+
+
+XI = 0.01
+
+
+def test_unknown_scatter_is_averaged_by_its_prior(lab):
+    unknown = unknowns(None, XI, 0.0, 1.0)
+    np.testing.assert_allclose(np.exp(unknown.log_prior).sum(), 1.0, rtol=0.0, atol=1e-12)  # rounding
+    rows = lab.bench(levels=3, points=14).rows
+    start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode(None, None))
+    plain = Search(start.problem, {}, unknown).run()[0].plain
+    one = settled(plain, unknown, -np.inf)
+    values = evidences(one, unknown.all) + unknown.log_prior
+    np.testing.assert_allclose(one.log_evidence, np.log(np.sum(np.exp(values))), rtol=0.0, atol=1e-9)  # rounding
+    assert one.model.scatter == unknown.all[int(np.argmax(evidences(plain, unknown.all) + unknown.log_prior))]
+    known = Unknowns((plain.model.scatter,), np.zeros(1), plain.model.scatter)
+    assert settled(plain, known, -np.inf) is plain
+
+
+def test_noise_that_was_estimated_has_five_nodes_of_its_uncertainty():
+    unknown = unknowns(Scatter(0.01, 1e-4), XI, 0.1, 1.0)
+    ln = np.log([scatter.noise for scatter in unknown.all])
+    p = np.exp(unknown.log_prior)
+    # Gauss-Hermite: moments of N(0, 0.1^2) to the digits of the nodes
+    np.testing.assert_allclose([p.sum(), p @ ln, p @ ln**2, p @ ln**4], [1.0, 0.0, 0.01, 3e-4], rtol=1e-3, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def sampled(lab):
+    """A well determined effect: a lag of 0.1 rad at a noise of 0.01 rad, with its posterior."""
+    start = setting(lab.measured("phase-lag"), lab.mode())
+    search = Search(start.problem, {"phase-lag": CATALOGUE["phase-lag"]}, start.unknowns)
+    leading = search.run()[0].best
+    assert leading.effects == ("phase-lag",)
+    return leading, sample_effects(leading, 1)
+
+
+def test_importance_draws_give_the_evidence_of_laplace(sampled):
+    leading, posterior = sampled
+    k = leading.model.size
+    same = fit(leading.model, leading.y[np.newaxis, :k], leading.y[np.newaxis, k:], leading.weights)[0]
+    assert posterior.standard_error < 0.05
+    # Monte Carlo error, and the skew of a strength known to 1.5 %: of the order of its square
+    np.testing.assert_allclose(
+        posterior.log_evidence, same.log_evidence, rtol=0.0, atol=4 * posterior.standard_error + 0.01
+    )
+
+
+def test_the_posterior_lies_about_the_mode(sampled):
+    leading, posterior = sampled
+    k = leading.model.size
+    x = posterior.chains.x.reshape(-1, k)
+    sd = np.sqrt(np.diag(leading.covariance)[:k])
+    assert posterior.chains.converged
+    # 400 effective draws: mean within 0.05 sd and sd within 3.5 %, four standard errors of each; skew beside it
+    np.testing.assert_allclose((x.mean(axis=0) - leading.y[:k]) / sd, 0.0, rtol=0.0, atol=0.25)
+    np.testing.assert_allclose(x.std(axis=0) / sd, 1.0, rtol=0.0, atol=0.2)
+    assert posterior.names == ("simulation: frequency", "simulation: mass", "simulation: viscous", "phase-lag: lag")
+    lag = posterior.draws[:, 3]
+    assert np.quantile(lag, 0.005) < -0.1 < np.quantile(lag, 0.995)  # the truth
+    assert lag.std() < 0.0025  # 0.01 rad over sqrt(60), 0.0013, and what mass and damping leave open

@@ -1,0 +1,141 @@
+"""How large, where, and how far it shrinks on levels that did not choose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selection.gap.cells import footprint_cells, residual_cells
+from selection.gap.diagnose import searched
+from selection.gap.effects.catalogue import CATALOGUE
+from selection.gap.held_out import held_out
+from selection.gap.local import local_estimates, trend
+from selection.gap.problem import setting
+from selection.gap.size import gap, shrinkage, whitened
+
+pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
+
+
+@pytest.fixture(scope="module")
+def honest(lab):
+    """The finished search of a record of the simulation itself, with noise."""
+    rows = lab.bench().rows
+    return searched(setting(lab.record(rows, lab.linear(rows), 2), lab.mode()), CATALOGUE)
+
+
+def test_whitening_is_the_symmetric_root():
+    rng = np.random.default_rng(3)
+    r, C = rng.normal(size=12), rng.normal(size=(12, 4)) * [0.1, 1.0, 10.0, 0.0]
+    values, vectors = np.linalg.eigh(np.eye(12) + C @ C.T)
+    expected = vectors @ ((vectors.T @ r) / np.sqrt(values))
+    np.testing.assert_allclose(whitened(r, C), expected, rtol=0.0, atol=1e-12)  # rounding of two decompositions
+
+
+def test_whitened_residuals_of_scatter_and_noise_are_those_of_noise_alone():
+    rng = np.random.default_rng(4)
+    C = np.repeat(np.eye(3), 20, axis=0) * 5.0  # a gain of 5 sigma in each of three sweeps
+    r = np.array([whitened(rng.normal(size=60) + C @ rng.normal(size=3), C) for _ in range(200)])
+    # 12000 values: variance 1 within three of its standard errors, 0.013
+    np.testing.assert_allclose(np.mean(r**2), 1.0, rtol=0.0, atol=0.04)
+
+
+def test_shrinkage():
+    assert shrinkage(3.0, 1.0, 100) == 1.0
+    assert shrinkage(3.0, 0.9, 100) == 1.0  # never above
+    np.testing.assert_allclose(shrinkage(3.0, 2.0, 100), 1.0 - 3.0 / 8.0, rtol=1e-14, atol=0.0)  # rounding
+    assert shrinkage(2.0, 3.0, 100) < 0.0  # worse than before
+    # the mean square of n values has the standard error sqrt(2/n): 0.141 for 100, so that 1.28 is the limit
+    assert shrinkage(np.sqrt(1.28), 1.0, 100) is None
+    assert shrinkage(np.sqrt(1.29), 1.0, 100) == 1.0
+    assert shrinkage(0.8, 1.0, 100) is None
+
+
+def test_a_gap_before_and_after(lab):
+    d = lab.diagnosed("velocity-squared")
+    values = 2 * len(d.record)
+    assert d.gap.nominal > d.gap.before > 2.0  # the refit takes a part
+    # noise alone: sqrt(2/n)/2 = 0.065 is the standard error of a root mean square of 120 values; three of them
+    np.testing.assert_allclose(d.gap.after, 1.0, rtol=0.0, atol=3 * 0.5 * np.sqrt(2.0 / values))
+    assert d.gap.shrinkage == shrinkage(d.gap.before, d.gap.after, values)
+
+
+def test_no_gap_has_no_shrinkage(honest):
+    leading = honest[1].ranked()[0]
+    assert leading.effects == ()
+    found = gap(leading.best)
+    assert found.shrinkage is None
+    np.testing.assert_allclose([found.before, found.after], 1.0, rtol=0.0, atol=0.2)  # three standard errors, as above
+    assert footprint_cells(leading.best) == ()
+    assert max(abs(cell.z) for cell in residual_cells(leading.best)) < 6.0  # chi-square of 5 in one of 24 cells
+    setting_, search = honest
+    assert held_out(setting_, search, leading.best).shrinkage is None
+
+
+def test_where_shares_and_z(lab):
+    d = lab.diagnosed("velocity-squared")
+    np.testing.assert_allclose(sum(cell.share for cell in d.where), 1.0, rtol=0.0, atol=1e-12)  # rounding
+    assert [cell.share for cell in d.where] == sorted((cell.share for cell in d.where), reverse=True)
+    hertz, sweep = d.record.column("frequency"), d.record.table["sweep"].to_numpy()
+    inside = [(sweep == c.sweep) & (hertz >= c.frequency_low) & (hertz <= c.frequency_high) for c in d.where]
+    n = np.array([np.sum(rows) for rows in inside])
+    for quantity in ("amplitude", "phase"):
+        each = sum(rows for rows, cell in zip(inside, d.where, strict=True) if cell.quantity == quantity)
+        np.testing.assert_array_equal(each, 1)  # every row is in one cell of each quantity
+    squares = n + np.sqrt(2.0 * n) * [cell.z for cell in d.where]  # z = (sum of squares - n)/sqrt(2 n)
+    shares = [cell.share for cell in d.where]
+    np.testing.assert_allclose(squares / squares.sum(), shares, rtol=0.0, atol=1e-12)  # rounding
+    np.testing.assert_allclose(squares.sum() / n.sum(), d.gap.nominal**2, rtol=1e-12, atol=0.0)  # rounding
+
+
+def test_a_force_that_grows_with_amplitude_shows_where_amplitudes_are_large(lab):
+    d = lab.diagnosed("velocity-squared")
+    first = d.where[0]
+    assert first.sweep == "C"  # the highest level
+    assert first.frequency_low < d.mode.frequency < first.frequency_high
+    assert d.footprint[0].sweep == "C"
+    assert all(cell.size > 1.0 for cell in d.footprint)
+    assert d.damping_trend.power in (0.5, 1.0, 1.5)  # zeta grows as A, told from its neighbours without noise only
+    assert d.damping_trend.gain > 100.0  # ln p; the damping of three levels differs by tens of its standard errors
+    assert d.frequency_trend.gain < 12.0  # chi-square 12 of the best of eight powers: once in 250 records
+
+
+def test_local_damping_without_noise(lab):
+    rows = setting(lab.record(lab.bench().rows, lab.truth("velocity-squared")), lab.mode()).problem.rows
+    found = local_estimates(rows, lab.mode())
+    A, zeta, sd = (np.array([getattr(one, name) for one in found]) for name in ("amplitude", "damping", "damping_sd"))
+    assert trend(A, zeta, sd).power == 1.0
+    # 0.6 of the viscous loss at A_top, in proportion to A; a band has one amplitude for what its rows average: 2 %
+    np.testing.assert_allclose(zeta, lab.xi * (1.0 + 0.6 * A / lab.A), rtol=0.02, atol=0.0)
+
+
+def test_held_out_shrinkage_of_a_clear_case(lab):
+    for name in ("velocity-squared", "planar-coupling", "phase-lag"):
+        held = lab.diagnosed(name).held_out
+        # half of a sampling error of 120 values, 0.13, of a gap of 17 (4.2 sigma squared) or more is below 0.01
+        assert held.shrinkage > 0.9
+        assert 0.9 < held.low <= held.shrinkage <= held.high <= 1.0
+        assert [fold.sweeps for fold in held.folds] == [("C",), ("B",), ("A",)]  # the highest first
+        assert "highest first" in held.scheme
+
+
+def test_a_level_held_out_chooses_nothing(lab):
+    """Spoiling the highest level alone changes neither what the others choose nor how they predict one another."""
+    record = lab.measured("velocity-squared")
+    table = record.table.copy()
+    table.loc[table["sweep"] == "C", "amplitude"] *= 1.1
+    table.loc[table["sweep"] == "C", "phase"] += 0.1
+    known, search = searched(setting(replace(record, table=table), lab.mode()), CATALOGUE)
+    spoilt = held_out(known, search, search.ranked()[0].best).folds[0]
+    clean = lab.diagnosed("velocity-squared").held_out.folds[0]
+    assert spoilt.sweeps == clean.sweeps == ("C",)
+    assert spoilt.effects == clean.effects
+    assert len(spoilt.effects) == 1  # not what the spoilt level needs: a gain and a lag
+    assert spoilt.after > 50.0 * clean.after  # 10 sigma in every value, which was 1
+
+
+def test_one_level_can_hold_nothing_out(lab):
+    rows = lab.bench(levels=1).rows
+    known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode())
+    assert held_out(known, None, None) is None
