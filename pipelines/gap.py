@@ -23,7 +23,7 @@ from selection.gap.effects.catalogue import CATALOGUE
 from selection.gap.posterior import EffectPosterior, sample_effects
 from selection.records.mode import mode_to_toml, read_mode
 from selection.records.reading import read_record
-from selection.report.gap_words import doubts, following, place, reach, verdict
+from selection.report.gap_words import doubts, following, outside, place, reach, verdict
 
 FORMAT = "gap/1"
 
@@ -76,7 +76,14 @@ def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inpu
 
 def _print(diagnosis: Diagnosis) -> None:
     """What is found, in a few lines."""
-    lines = [verdict(diagnosis), place(diagnosis), *doubts(diagnosis), reach(diagnosis), following(diagnosis)]
+    lines = [
+        verdict(diagnosis),
+        place(diagnosis),
+        *doubts(diagnosis),
+        *outside(diagnosis),
+        reach(diagnosis),
+        following(diagnosis),
+    ]
     console = Console(highlight=False)
     for line in lines:
         console.print(line)
@@ -138,7 +145,7 @@ def _failure(error: str) -> dict[str, Any]:
 
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:
-    """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
+    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
     leading = diagnosis.leading
     return {
         "format": FORMAT,
@@ -160,6 +167,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> di
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
         "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
         "tests": [asdict(test) for test in diagnosis.tests],
+        "strangers": [asdict(one) for one in diagnosis.strangers],
         "local": [asdict(one) for one in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),

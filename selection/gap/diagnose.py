@@ -21,6 +21,7 @@ from selection.gap.noise import spread
 from selection.gap.problem import Setting, setting
 from selection.gap.search import Hypothesis, Search
 from selection.gap.size import Gap, gap
+from selection.gap.strangers import Stranger, strangers
 from selection.records.mode import Mode
 from selection.records.record import Record
 
@@ -50,6 +51,7 @@ class Diagnosis:
         hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
+        strangers: causes that the library does not name, the most probable first.
         unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
@@ -62,6 +64,7 @@ class Diagnosis:
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     tests: tuple[Test, ...]
+    strangers: tuple[Stranger, ...]
     unexplained: bool
     gap: Gap
     where: tuple[ResidualCell, ...]
@@ -110,6 +113,7 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     hypotheses = weighed(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
+    others = strangers(known.problem, known.unknowns, leading)
     local = local_estimates(known.problem.rows, mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
@@ -120,7 +124,10 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         explanations=shortest(hypotheses),
         groups=equivalents([one.hypothesis for one in hypotheses]),
         tests=tests,
-        unexplained=known.dispersion > 1.0 or unexplained(leading.best, tests, library),
+        strangers=tuple(others),
+        unexplained=known.dispersion > 1.0
+        or unexplained(leading.best, tests, library)
+        or any(one.log_odds > 0.0 for one in others),
         gap=gap(leading.best),
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),

@@ -28,7 +28,7 @@ from selection.gap.rows import Rows
 from selection.gap.terms import ComplexArray
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
-ALARM = 0.006
+ALARM = 0.003
 #: Most missing forces that an explanation may name and still count as one.
 MOST_FORCES = 2
 #: Residuals beyond this count as so large in tests of sums of squares: wild points say nothing of a model.

@@ -93,18 +93,22 @@ class Search:
 
     def run(self) -> list[Hypothesis]:
         """Fit the simulation alone, every effect, and combinations; most probable first."""
-        null = self._null()
-        tried = {name: self._starts(null, name) for name in self.forms}
-        gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
-        for name, some in tried.items():
-            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
-                self._extend(null, name, some)
+        self.singles()
         for size in range(1, self._most_effects()):
             before = len(self.found)
             self._combine(size)
             if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
                 break
         return self.ranked()
+
+    def singles(self) -> None:
+        """Fit the simulation alone and every effect that could explain something."""
+        null = self._null()
+        tried = {name: self._starts(null, name) for name in self.forms}
+        gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
+        for name, some in tried.items():
+            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
+                self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns) -> Search:
         """The same hypotheses fitted to another problem, from the modes found: no other is tried.

@@ -57,7 +57,8 @@ def _verdict(diagnosis: Diagnosis) -> list[Block]:
         (_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
     ]
     blocks: list[Block] = [Text(gap_words.verdict(diagnosis), lead=True), Facts(facts)]
-    said = [gap_words.place(diagnosis), *gap_words.doubts(diagnosis), *gap_words.trends(diagnosis)]
+    said = [gap_words.place(diagnosis), *gap_words.doubts(diagnosis), *gap_words.outside(diagnosis)]
+    said += gap_words.trends(diagnosis)
     blocks.append(List([*said, gap_words.reach(diagnosis), gap_words.following(diagnosis)]))
     if diagnosis.cautions:
         blocks.append(Callout("Cautions", diagnosis.cautions))
@@ -96,6 +97,9 @@ def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Map
     blocks.append(
         Table(tests, "Is more than noise left? Directed tests of the residuals", headings={"gain": "chi-square"})
     )
+    if diagnosis.strangers:
+        others = pd.DataFrame([asdict(one) for one in diagnosis.strangers])
+        blocks.append(Table(others, "Causes outside the library in the place of the leading explanation"))
     return blocks
 
 

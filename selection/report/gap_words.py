@@ -11,6 +11,8 @@ def verdict(diagnosis: Diagnosis) -> str:
     """One sentence: what it is, how sure, and whether it is all."""
     gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
     if not leading.effects:
+        if outside(diagnosis):
+            return f"Nothing in the library explains how the test differs from the simulation; {_likeliest(diagnosis)} would."
         if diagnosis.unexplained:
             return (
                 f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
@@ -25,7 +27,11 @@ def verdict(diagnosis: Diagnosis) -> str:
     said = (
         f"The test differs from the refitted simulation by {size}: {effects} (probability {share(leading.probability)})"
     )
-    return said + (", but that is not all: more than noise is left." if diagnosis.unexplained else ".")
+    return said + (", but that is not all." if diagnosis.unexplained else ".")
+
+
+def _likeliest(diagnosis: Diagnosis) -> str:
+    return max(diagnosis.strangers, key=lambda one: one.log_odds).name
 
 
 def place(diagnosis: Diagnosis) -> str:
@@ -43,6 +49,16 @@ def doubts(diagnosis: Diagnosis) -> list[str]:
         f"This record cannot tell {joined(group.effects)} apart: their best-fitting predictions differ by "
         f"{number(group.distance, 2)} sigma in all."
         for group in diagnosis.groups
+    ]
+
+
+def outside(diagnosis: Diagnosis) -> list[str]:
+    """Causes that the library does not name and that are more probable than the leading explanation."""
+    likelier = [one for one in diagnosis.strangers if one.log_odds > 0.0]
+    return [
+        f"More probable than anything the library names: {one.name} (log odds {number(one.log_odds, 2)}). The leading "
+        "explanation may only imitate it."
+        for one in likelier
     ]
 
 
