@@ -33,6 +33,8 @@ ALARM = 0.003
 MOST_FORCES = 2
 #: Residuals beyond this count as so large in tests of sums of squares: wild points say nothing of a model.
 CLIP = 3.0
+#: Splines of stiffness, and of damping, with amplitude.
+SPLINES = 6
 #: Rows in a window of frequency.
 _WINDOWS = (4, 8, 16)
 
@@ -60,26 +62,31 @@ def smallest_p(tests: Sequence[Test]) -> float:
     return min(1.0, len(tests) * min(test.p_value for test in tests))
 
 
-def basis(x: FloatArray, size: int) -> FloatArray:
-    """``size`` quadratic B-splines over the range of x with knots at its quantiles, (size, n); they add to 1."""
+def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
+    """``size`` quadratic B-splines over the range of x with knots at its quantiles, (size, n); they add to 1.
+
+    ``at``: where they are taken, x itself if not given.
+    """
     inner = np.quantile(x, np.linspace(0.0, 1.0, size - 1))
     span = max(float(np.ptp(x)), 1e-12)
     inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, len(inner)) * span)
     knots = np.concatenate([[inner[0]] * 2, inner, [inner[-1]] * 2])
-    return np.asarray(BSpline.design_matrix(np.clip(x, inner[0], inner[-1]), knots, 2).toarray().T)
+    place = np.clip(x if at is None else at, inner[0], inner[-1])
+    return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
 def _stiffness(one: Fit) -> FloatArray:
     _, found = _at(one)
-    return found.answer.columns(basis(_motion(one), 6) * found.found.by_frequency)
+    return found.answer.columns(basis(motion(one), SPLINES) * found.found.by_frequency)
 
 
 def _damping(one: Fit) -> FloatArray:
     _, found = _at(one)
-    return found.answer.columns(1j * basis(_motion(one), 6) * found.found.by_frequency)
+    return found.answer.columns(1j * basis(motion(one), SPLINES) * found.found.by_frequency)
 
 
-def _both(one: Fit) -> FloatArray:
+def stiffness_and_damping(one: Fit) -> FloatArray:
+    """Columns of a natural frequency (relative change) and a damping ratio that change with amplitude in free form."""
     return np.concatenate([_stiffness(one), _damping(one)])
 
 
@@ -93,13 +100,13 @@ def _path(one: Fit) -> FloatArray:
 def _gain(one: Fit) -> FloatArray:
     """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
     _, found = _at(one)
-    return found.answer.columns(basis(_motion(one), 4).astype(complex))
+    return found.answer.columns(basis(motion(one), 4).astype(complex))
 
 
 def _instrument(one: Fit) -> FloatArray:
     """Gain and phase that depend on amplitude."""
     _, found = _at(one)
-    return found.answer.columns(_complex(basis(_motion(one), 4)))
+    return found.answer.columns(_complex(basis(motion(one), 4)))
 
 
 def _transfer(one: Fit) -> FloatArray:
@@ -124,7 +131,7 @@ def _at(one: Fit) -> tuple[Rows, Residuals]:
     return one.model.problem.rows, one.model.residuals(one.y[np.newaxis])
 
 
-def _motion(one: Fit) -> FloatArray:
+def motion(one: Fit) -> FloatArray:
     """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
     return one.model.problem.rows.u if one.model.at is None else one.model.at
 
@@ -138,7 +145,7 @@ def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
 FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
     "stiffness with amplitude": _stiffness,
     "damping with amplitude": _damping,
-    "stiffness and damping with amplitude": _both,
+    "stiffness and damping with amplitude": stiffness_and_damping,
     "second path": _path,
     "gain with amplitude": _gain,
     "instrument with amplitude": _instrument,
@@ -147,15 +154,20 @@ FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
 }
 
 
-def _linear(one: Fit, name: str, D: FloatArray) -> Test:
-    norms = np.sqrt(np.sum(D**2 * one.weights, axis=1))
-    seen = norms > 1e-9 * norms.max()
-    D = D[seen] / norms[seen, np.newaxis]
+def information(one: Fit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """M and g of columns D (coefficients, m): what the residuals say of them beside the fitted variables."""
     W = one.weights
     weighted = one.J * W[:, np.newaxis]
     along = D @ weighted
     M = (D * W) @ D.T - along @ one.covariance @ along.T
     g = (D * W) @ one.r - along @ one.covariance @ (weighted.T @ one.r + one.y)
+    return np.asarray(M), np.asarray(g)
+
+
+def _linear(one: Fit, name: str, D: FloatArray) -> Test:
+    norms = np.sqrt(np.sum(D**2 * one.weights, axis=1))
+    seen = norms > 1e-9 * norms.max()
+    M, g = information(one, D[seen] / norms[seen, np.newaxis])
     values, vectors = np.linalg.eigh(M)
     seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
     gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))

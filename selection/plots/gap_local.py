@@ -5,8 +5,10 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from selection.plots.style import ALERT, MUTED, WIDTH, styled, with_unit
+from selection.plots.style import ALERT, MUTED, WIDTH, plain_log, styled, with_unit
 
+#: Amplitudes beyond this ratio are drawn on a logarithmic axis.
+_WIDE = 4.0
 _MARKS = "os^Dv<>P*X"
 
 
@@ -16,7 +18,8 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
 
     Args:
         estimates: ``sweep, amplitude, frequency, frequency_sd, damping, damping_sd``.
-        curves: ``model`` (refitted, explained)``, amplitude, frequency, damping``.
+        curves: ``model`` (refitted, explained, free)``, amplitude, frequency, damping``; ``free`` has limits
+            ``frequency_low`` and so on.
         length: unit of the amplitude.
     """
     figure = Figure(figsize=(WIDTH, 2.9))
@@ -25,12 +28,19 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         for model, colour in (("refitted", MUTED), ("explained", ALERT)):
             rows = curves[curves["model"] == model]
             ax.plot(rows["amplitude"], rows[quantity], color=colour, label=_NAMES[model])
+        free = curves[curves["model"] == "free"]
+        if len(free):
+            low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
+            ax.fill_between(free["amplitude"], low, high, color=ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"])
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
                 markersize=3, linewidth=0.8, color="#1f2328", markerfacecolor="white", label=f"sweep {sweep}",
             )  # fmt: skip
-        ax.set_xscale("log")
+        if estimates["amplitude"].max() > _WIDE * estimates["amplitude"].min():
+            ax.set_xscale("log")
+            plain_log(ax.xaxis)
+        ax.set_ylim(*_range(estimates[quantity], curves.loc[curves["model"] != "free", quantity]))
         ax.set_xlabel(with_unit("amplitude", length))
         ax.set_ylabel(label)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -38,4 +48,15 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
     return figure
 
 
-_NAMES = {"refitted": "simulation, refitted", "explained": "with the explanation"}
+def _range(*values: pd.Series[float]) -> tuple[float, float]:
+    """Limits that hold estimates and curves, with a margin; the band of free form may leave them."""
+    every = pd.concat(values)
+    margin = 0.1 * float(every.max() - every.min()) or 0.1 * float(every.max())
+    return float(every.min()) - margin, float(every.max()) + margin
+
+
+_NAMES = {
+    "refitted": "simulation, refitted",
+    "explained": "with the explanation",
+    "free": "with a curve of free form, 90 % band",
+}

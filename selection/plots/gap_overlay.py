@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from selection.plots.style import ALERT, AVERAGE, MEASURED, MUTED, WIDTH, styled, with_unit
 
-_LINES = {"nominal": (MUTED, (0, (1, 1.2))), "refitted": (MUTED, "-"), "explained": (ALERT, "-")}
-_NAMES = {
+LINES = {"nominal": (MUTED, (0, (1, 1.2))), "refitted": (MUTED, "-"), "explained": (ALERT, "-")}
+NAMES = {
     "nominal": "simulation as given",
     "refitted": "refitted within its tolerance",
     "explained": "with the explanation",
@@ -57,9 +57,9 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
 
 def _panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
     ax.set_visible(True)
-    for model, (colour, line) in _LINES.items():
+    for model, (colour, line) in LINES.items():
         rows = curves[curves["model"] == model]
-        ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=_NAMES[model])
+        ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=NAMES[model])
     regular, wild = points[~points["wild"]], points[points["wild"]]
     ax.plot(regular["frequency"], regular[quantity], "o", color=MEASURED, markersize=2.6, label="measured", zorder=3)
     ax.plot(wild["frequency"], wild[quantity], "x", color=AVERAGE, markersize=4, zorder=3)

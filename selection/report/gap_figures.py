@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.stats import norm
 
 from selection.arrays import FloatArray
 from selection.gap.cells import by_quantity, footprint
 from selection.gap.diagnose import Diagnosis
 from selection.gap.fit import WILD_WEIGHT, Fit
+from selection.gap.free_form import free_form
 from selection.gap.local import LocalEstimate
 from selection.gap.model import Model, deviated
 from selection.gap.rows import Rows
@@ -23,6 +25,7 @@ from selection.plots.gap_local import gap_local
 from selection.plots.gap_map import gap_map
 from selection.plots.gap_overlay import gap_overlay
 from selection.plots.gap_probabilities import gap_probabilities
+from selection.plots.gap_resonances import gap_resonances
 from selection.units import RAD_S_PER_HZ
 
 #: Points of a curve between the ends of a sweep; explanations drawn.
@@ -43,12 +46,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
     leading = diagnosis.leading.best
     rows = leading.model.problem.rows
     found = {
-        "overlay": GapFigure(
-            gap_overlay(measured_table(leading), predicted_table(leading), diagnosis.mode.units.length),
-            "Measured and simulated sweeps",
-            "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
-            "refitted within its tolerance, and with the leading explanation.",
-        ),
+        "overlay": _resonances(diagnosis) if rows.at_resonance else _sweeps(diagnosis),
         "residuals": GapFigure(
             gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)"),
             "Where the simulation as given misses the test",
@@ -71,10 +69,60 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
         found["local"] = GapFigure(
             gap_local(local_table(diagnosis.local), _local_curves(leading, rows), diagnosis.mode.units.length),
             "Local natural frequency and damping",
-            "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself, with the "
-            "refitted simulation and the explanation.",
+            "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself (bars of "
+            "one standard error), with the refitted simulation, the explanation, and what a curve of free form would "
+            "add to the explanation (90 per cent band).",
         )
     return found
+
+
+def _sweeps(diagnosis: Diagnosis) -> GapFigure:
+    leading = diagnosis.leading.best
+    return GapFigure(
+        gap_overlay(measured_table(leading), predicted_table(leading), diagnosis.mode.units.length),
+        "Measured and simulated sweeps",
+        "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
+        "refitted within its tolerance, and with the leading explanation.",
+    )
+
+
+def _resonances(diagnosis: Diagnosis) -> GapFigure:
+    leading, units = diagnosis.leading.best, diagnosis.mode.units
+    rows = leading.model.problem.rows
+    measured = pd.DataFrame(
+        {"sweep": [rows.sweeps[k] for k in rows.sweep], "force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude}
+    )
+    return GapFigure(
+        gap_resonances(measured, resonance_table(leading), units.force, units.length),
+        "Measured and simulated resonances",
+        "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
+        "simulation as given, refitted within its tolerance, and with the leading explanation.",
+    )
+
+
+def resonance_table(leading: Fit) -> pd.DataFrame:
+    """Amplitude at phase resonance over force, simulated as given, refitted and explained: ``model, force, ...``."""
+    rows = leading.model.problem.rows
+    order = np.argsort(rows.F)
+    F = np.linspace(0.9 * rows.F.min(), 1.1 * rows.F.max(), _POINTS)
+    filled = {name: np.interp(F, rows.F[order], getattr(rows, name)[order]) for name in ("omega", "u", "mass")}
+    unit = np.ones(_POINTS)
+    dense = replace(
+        rows, row=np.arange(_POINTS), sweep=np.zeros(_POINTS, dtype=np.int64), F=F, phase=unit, sd_amplitude=unit,
+        sd_phase=unit, **filled,
+    )  # fmt: skip
+    nominal = Model(leading.model.problem, (), leading.model.scatter)
+    models = {
+        "nominal": nominal.terms(np.zeros((1, nominal.size))),
+        "refitted": fitted_terms(refitted(leading), deviations=False),
+        "explained": fitted_terms(leading, deviations=False),
+    }
+    tables = []
+    for name, terms in models.items():
+        flat = replace(terms, gain=np.ravel(terms.gain)[:1], omega_n=np.ravel(terms.omega_n)[:1])
+        A = np.exp(steady(flat, dense, dense.u).u)
+        tables.append(pd.DataFrame({"model": name, "force": F, "amplitude": A}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def measured_table(leading: Fit) -> pd.DataFrame:
@@ -191,4 +239,25 @@ def _local_curves(leading: Fit, rows: Rows) -> pd.DataFrame:
         frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
         damping = Z.imag / (2.0 * M * omega_n**2)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
+    if not rows.at_resonance:
+        tables.append(_free_curves(leading, tables[-1]))
     return pd.concat(tables, ignore_index=True)
+
+
+def _free_curves(leading: Fit, explained: pd.DataFrame) -> pd.DataFrame:
+    """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
+    free = free_form(leading)
+    f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))
+    reach = float(norm.ppf(0.95))
+    return pd.DataFrame(
+        {
+            "model": "free",
+            "amplitude": free.A,
+            "frequency": f * (1.0 + free.frequency),
+            "frequency_low": f * (1.0 + free.frequency - reach * free.frequency_sd),
+            "frequency_high": f * (1.0 + free.frequency + reach * free.frequency_sd),
+            "damping": xi + free.damping,
+            "damping_low": xi + free.damping - reach * free.damping_sd,
+            "damping_high": xi + free.damping + reach * free.damping_sd,
+        }
+    )

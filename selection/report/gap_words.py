@@ -12,7 +12,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
     if not leading.effects:
         if outside(diagnosis):
-            return f"Nothing in the library explains how the test differs from the simulation; {_likeliest(diagnosis)} would."
+            return f"Nothing in the library explains how the test differs; {_likeliest(diagnosis)} would."
         if diagnosis.unexplained:
             return (
                 f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
