@@ -17,7 +17,7 @@ from selection.gap.starts import Start, at_gap, starts
 from selection.gap.unknowns import Unknowns, settled
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
-PRIOR_NULL = 15.0
+PRIOR_NULL = 25.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
 _GAIN, _NEAR = 2.5, 4.0
