@@ -76,10 +76,11 @@ def criteria(sse: Floats, press: Floats, k: int | IntArray, observed: FloatArray
 def leave_one_out(deviations: FloatArray, leverages: FloatArray) -> Floats:
     """Sum of squared leave-one-out errors (e/(1 - h))^2 over the last axis; NaN where an h is 1 (an observation alone
     determines a coefficient and cannot be left out)."""
-    left = 1.0 - leverages
+    left = np.subtract(1.0, leverages)
+    alone = np.min(left, axis=-1, initial=1.0) <= 1e-10
     with np.errstate(divide="ignore", invalid="ignore"):
-        errors = deviations / np.where(left > 1e-10, left, np.nan)
-        return np.einsum("...n,...n->...", errors, errors)[()]
+        errors = np.divide(deviations, left, out=left)
+        return np.where(alone, np.nan, np.einsum("...n,...n->...", errors, errors))[()]
 
 
 def check_criterion(criterion: str) -> None:

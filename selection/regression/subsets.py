@@ -238,7 +238,7 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
     last[:, :j] *= -1.0
     last /= length
     amount = np.einsum("mk,mk->m", direction, rest[old, upto])[:, None]
-    for part in state:
+    for part in (directions, inverse, coefficients, variances, rest, members):
         part[new] = part[old]
     directions[new, j, upto] = direction
     inverse[new, upto, j] = last
@@ -246,7 +246,8 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
     variances[new, upto] += last**2
     rest[new, upto] -= direction * amount
     if leverages.size:
-        leverages[new] += _times(direction, basis.orthonormal[:, upto].T) ** 2
+        added = _times(direction, basis.orthonormal[:, upto].T)
+        np.add(leverages[old], np.square(added, out=added), out=leverages[new])
     members[new, j] = 1.0
 
 
