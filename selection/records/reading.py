@@ -5,7 +5,7 @@ Nothing that is read is ever evaluated. A cell is a number, or it is text.
 
 from __future__ import annotations
 
-import re
+from array import array
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from selection.arrays import FloatArray, IntArray
+from selection.arrays import IntArray
 from selection.errors import InputError
+from selection.records.cells import Cells
 from selection.records.record import Record
 from selection.records.schema import (
     BLANK_COLUMNS,
@@ -24,9 +25,11 @@ from selection.records.schema import (
     nearest,
     record_schema,
 )
-from selection.records.text import DEFAULT_MAX_SIZE, NUMBER, Rows, read_bytes, shortened, unguarded
+from selection.records.text import DEFAULT_MAX_SIZE, Rows, read_bytes, shortened, unguarded
 
-_CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
+#: Most rows of a table and columns of its header.
+MOST_ROWS, MOST_COLUMNS = 1_000_000, 2000
+_BLOCK = 100_000  # cells that are looked at together
 
 
 def read_table(
@@ -111,19 +114,21 @@ def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
         raise rows.problem or InputError("the file is empty", file=path)
     names = _names(header, header_line, path)
     _require(columns.required, names, header_line, path)
-    lines, cells, problem = _data(rows, len(names), path)
-    if not cells:
+    growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
+    lines, problem = _data(rows, list(growing.values()), path)
+    if not len(lines):
         raise problem or InputError("no data rows", file=path, expected="at least one row below the header")
-    scan = _Scan(path, pd.DataFrame(columns=names), np.array(lines, dtype=np.int64))
+    scan = _Scan(path, pd.DataFrame(columns=names), lines)
     if problem is not None:
         scan.problems.append((problem.line or 0, -1, problem))
-    by_column = zip(names, zip(*cells, strict=True), strict=True)
-    scan.frame = pd.DataFrame({name: _column(scan, name, values, columns) for name, values in by_column})
+    scan.frame = pd.DataFrame({name: _column(scan, name, growing.pop(name), columns) for name in names}, copy=False)
     return scan
 
 
 def _names(header: list[str], line: int, file: str | Path) -> list[str]:
     """Column names, stripped; each must be there and occur once."""
+    if len(header) > MOST_COLUMNS:
+        raise InputError(f"{len(header)} columns", file=file, line=line, expected=f"at most {MOST_COLUMNS}")
     names = [unguarded(name.strip()) for name in header]
     seen: set[str] = set()
     for position, name in enumerate(names):
@@ -149,51 +154,54 @@ def _require(required: Sequence[str], names: list[str], line: int, file: str | P
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 
-def _data(rows: Rows, width: int, file: str | Path) -> tuple[list[int], list[list[str]], InputError | None]:
-    """Lines and cells of the rows up to the first that cannot be read or is ragged, and what is wrong with that."""
-    lines: list[int] = []
-    cells: list[list[str]] = []
+def _data(rows: Rows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
+    """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
+
+    Cells go to their columns some thousand rows at a time.
+    """
+    lines = array("q")
+    block: list[list[str]] = []
+    problem = None
     for line, row in rows:
-        if len(row) != width:
+        if len(row) != len(growing):
             message = f"{len(row)} cell{'s' if len(row) != 1 else ''} in the row"
-            return lines, cells, InputError(message, file=file, line=line, expected=f"{width} as in the header")
+            problem = InputError(message, file=file, line=line, expected=f"{len(growing)} as in the header")
+            break
+        if len(lines) == MOST_ROWS:
+            problem = InputError(f"more than {MOST_ROWS} rows", file=file, line=line, expected="a smaller table")
+            break
         lines.append(line)
-        cells.append(row)
-    return lines, cells, rows.problem
+        block.append(row)
+        if len(block) * len(growing) >= _BLOCK:
+            _grow(growing, block)
+            block = []
+    _grow(growing, block)
+    return np.frombuffer(lines, dtype=np.int64) if lines else np.empty(0, np.int64), problem or rows.problem
 
 
-def _column(scan: _Scan, name: str, cells: Sequence[str], columns: _Columns) -> pd.Series:
+def _grow(growing: Sequence[Cells], block: list[list[str]]) -> None:
+    for column, cells in zip(growing, zip(*block, strict=True), strict=False):  # no block, nothing to add
+        column.add(cells)
+
+
+def _column(scan: _Scan, name: str, cells: Cells, columns: _Columns) -> pd.Series:
     """One column as floats or as text; the first cell that does not hold what it should is noted."""
     if name in columns.text:
-        text = [unguarded(cell.strip()) for cell in cells]
+        text = cells.text()
         if name in columns.required and "" in text:
             scan.add(text.index(""), name, "empty cell", "text")
         return pd.Series(text, dtype=object)
     if name in columns.numbers:
-        values = _floats(cells)
-        bad = ~np.isfinite(values)
+        bad = cells.bad
         if name in columns.blank:
-            bad &= np.array([bool(cell.strip()) for cell in cells])
-        if bad.any():
-            row = int(np.argmax(bad))
-            scan.add(row, name, _wrong(cells[row]), "a finite number")
-        return pd.Series(values)
-    if not any(_CODE.match(cell) for cell in cells):
-        values = _floats(cells)
-        if np.isfinite(values).all():
-            return pd.Series(values)
-    return pd.Series([unguarded(cell) for cell in cells], dtype=object)
-
-
-def _floats(cells: Sequence[str]) -> FloatArray:
-    """Numbers in the cells (n,), NaN where there is none. Digits are 0-9, without grouping marks."""
-    joined = "".join(cells)
-    if joined.isascii() and "_" not in joined:
-        try:
-            return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
-        except ValueError:
-            pass  # a cell holds text: look at each
-    return np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
+            bad = [(row, cell) for row, cell in bad if cell.strip()]
+        if bad:
+            row, cell = bad[0]
+            scan.add(row, name, _wrong(cell), "a finite number")
+        return pd.Series(cells.numbers(), copy=False)
+    if cells.all_numbers:
+        return pd.Series(cells.numbers(), copy=False)
+    return pd.Series(cells.text(), dtype=object)
 
 
 def _wrong(cell: str) -> str:

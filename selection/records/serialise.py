@@ -11,6 +11,7 @@ import pandas as pd
 from selection.records.record import Record
 from selection.records.text import guarded
 
+_BLOCK = 20_000  # rows that are written together
 _QUOTED = re.compile(r'[,"\r\n]')  # the csv module leaves a lone carriage return bare
 
 
@@ -22,9 +23,12 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
     execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
     """
     table = record.table if isinstance(record, Record) else record
-    header = [_cell(str(name)) for name in table.columns]
-    columns = [[_cell(value) for value in table.iloc[:, i].tolist()] for i in range(table.shape[1])]
-    return "".join(",".join(row) + "\n" for row in [header, *zip(*columns, strict=True)])
+    parts = [",".join(_cell(str(name)) for name in table.columns) + "\n"]
+    for start in range(0, len(table), _BLOCK):
+        block = table.iloc[start : start + _BLOCK]
+        columns = [[_cell(value) for value in block.iloc[:, i].tolist()] for i in range(block.shape[1])]
+        parts.append("".join(",".join(row) + "\n" for row in zip(*columns, strict=True)))
+    return "".join(parts)
 
 
 def _cell(value: object) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,9 @@ from selection.errors import InputError
 
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
+
+#: Longest row of a CSV file, bytes.
+LONGEST_ROW = 1_000_000
 
 #: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
@@ -81,12 +83,14 @@ class Rows:
     """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
 
     It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
-    ends.
+    ends. Lines are decoded one at a time, so that memory stays at the file and one row.
     """
 
     def __init__(self, data: bytes, file: str | Path) -> None:
-        text, self._broken = decode(data, file)
-        self._file, self._reader = file, csv.reader(io.StringIO(text, newline=""), strict=True)
+        self._data, self._file = data.removeprefix(codecs.BOM_UTF8), file
+        self._reader = csv.reader(self._lines(), strict=True)
+        self._broken: InputError | None = None
+        self._size = 0
         self.problem: InputError | None = None
 
     def __iter__(self) -> Iterator[tuple[int, list[str]]]:
@@ -95,6 +99,7 @@ class Rows:
     def __next__(self) -> tuple[int, list[str]]:
         while True:
             line = self._reader.line_num + 1
+            self._size = 0
             try:
                 cells = next(self._reader)
             except StopIteration:
@@ -105,6 +110,26 @@ class Rows:
                 raise StopIteration from None
             if len(cells) > 1 or (cells and cells[0].strip()):
                 return line, cells
+
+    def _lines(self) -> Iterator[str]:
+        """Lines with their ends, up to the first that is no text or makes a row too long; ``_broken`` then says why."""
+        start, number = 0, 0
+        while start < len(self._data):
+            match = _LINE_END.search(self._data, start)
+            end = match.end() if match else len(self._data)
+            number += 1
+            self._size += end - start
+            if self._size > LONGEST_ROW:
+                self._broken = InputError(
+                    f"a row of more than {LONGEST_ROW} bytes", file=self._file, line=number, expected="cells in rows"
+                )
+                return
+            text, broken = decode(self._data[start:end], self._file)
+            if broken is not None:
+                self._broken = InputError(broken.message, file=self._file, line=number, expected=broken.expected)
+                return
+            yield text
+            start = end
 
     def _unreadable(self, line: int, reason: str) -> InputError:
         if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
