@@ -60,7 +60,7 @@ def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
     spent = _processor_time() - before
     verdicts = read_sealed(labels, out / "answers", sealed)
-    write_scores(out, score(verdicts, spent), verdicts)
+    write_scores(out, score(verdicts, spent), verdicts, seed)
 
 
 def _sealed_before(out: Path, run: dict[str, Any]) -> str | None:

@@ -14,26 +14,34 @@ from pipelines.scorer import DETECTABLE, Figure, Goal
 from pipelines.store import write_bytes, write_text
 from pipelines.verdicts import Verdict
 from selection.plots.style import ALERT, INK, MUTED, WIDTH, plain_rows, styled, to_svg
+from selection.report.blind_page import blind_page
 
 NONE, SEVERAL, BOTH, OPEN, FAILED = "none", "several", "both of the pair", "unexplained", "no answer"
 _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)
 
 
-def write_scores(out: Path, figures: Sequence[Figure], cases: Sequence[Verdict]) -> None:
-    """Write ``table.csv``, ``table.md``, ``confusion.csv`` and both drawings as SVG and PNG into ``out``."""
-    matrix = confusion(cases)
-    write_text(out / "table.csv", _frame(figures).to_csv(index=False, lineterminator="\n"))
+def write_scores(out: Path, figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> None:
+    """Write ``table.csv``, ``table.md``, ``confusion.csv``, both drawings as SVG and PNG, and ``report.html``."""
+    matrix, table = confusion(cases), _frame(figures)
+    write_text(out / "table.csv", table.to_csv(index=False, lineterminator="\n"))
     write_text(out / "table.md", to_markdown(figures))
     write_text(out / "confusion.csv", matrix.to_csv(lineterminator="\n"))
-    _write_drawing(out / "table", draw_table(figures), "Goals and measured values with 95 % intervals")
-    _write_drawing(out / "confusion", draw_confusion(matrix), "True effect (rows) against answer (columns), cases")
+    drawn = {
+        "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
+        "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
+    }
+    svgs = {name: (_write_drawing(out / name, *one), one[1]) for name, one in drawn.items()}
+    write_text(out / "report.html", blind_page(table, matrix, svgs, seed, len(cases)))
 
 
-def _write_drawing(stem: Path, drawing: Drawing, title: str) -> None:
-    write_text(stem.with_suffix(".svg"), to_svg(drawing, f"blind-{stem.name}", title, title))
+def _write_drawing(stem: Path, drawing: Drawing, title: str) -> str:
+    """Write a drawing as SVG and PNG; the SVG."""
+    svg = to_svg(drawing, f"blind-{stem.name}", title, title)
+    write_text(stem.with_suffix(".svg"), svg)
     buffer = io.BytesIO()
     drawing.savefig(buffer, format="png", dpi=150)
     write_bytes(stem.with_suffix(".png"), buffer.getvalue())
+    return svg
 
 
 def confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
@@ -70,6 +78,7 @@ def _frame(figures: Sequence[Figure]) -> pd.DataFrame:
             "high": figure.high,
             "cases": figure.cases,
             "met": {True: "yes", False: "no", None: ""}[figure.met],
+            "share": figure.share,
         }
         for figure in figures
     ]
@@ -137,7 +146,9 @@ def draw_confusion(matrix: pd.DataFrame) -> Drawing:
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     drawing = Drawing(figsize=(WIDTH * 1.35, 1.9 + 0.22 * len(matrix)))
     axes = drawing.subplots()
-    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    edges = [np.arange(size + 1) - 0.5 for size in share.T.shape]  # cells as shapes: a picture would blur when scaled
+    axes.pcolormesh(*edges, share, cmap="Blues", vmin=0.0, vmax=1.0, edgecolors="white", linewidth=0.4)
+    axes.invert_yaxis()
     axes.grid(visible=False)
     axes.set_xticks(range(matrix.shape[1]), [str(name) for name in matrix.columns], rotation=60, ha="right")
     axes.set_yticks(range(matrix.shape[0]), [str(name) for name in matrix.index])

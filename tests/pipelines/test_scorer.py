@@ -235,11 +235,12 @@ def test_everything_is_written(tmp_path: Path):
     cases = [verdict("", label(), answer("slip")), verdict("", label("null:nothing", "null"), answer())]
     cases.append(replace(cases[0], probability=0.7, iou=0.5))
     figures = score(cases)
-    write_scores(tmp_path, figures, cases)
+    write_scores(tmp_path, figures, cases, 1)
     names = {
         "table.csv",
         "table.md",
         "confusion.csv",
+        "report.html",
         *(f"{n}.{e}" for n in ("table", "confusion") for e in ("svg", "png")),
     }
     assert {path.name for path in tmp_path.iterdir()} == names
@@ -247,6 +248,6 @@ def test_everything_is_written(tmp_path: Path):
     assert list(table["figure"]) == [figure.name for figure in figures]
     assert to_markdown(figures).count("\n") == len(figures) + 2
     again = tmp_path / "again"
-    write_scores(again, score(cases), cases)
+    write_scores(again, score(cases), cases, 1)
     for name in names - {"table.png", "confusion.png"}:
         assert (again / name).read_bytes() == (tmp_path / name).read_bytes()
