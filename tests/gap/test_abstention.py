@@ -1,0 +1,20 @@
+"""With the true effect deleted from the library there is no confident answer."""
+
+from __future__ import annotations
+
+import pytest
+
+from selection.gap.diagnose import diagnose
+from selection.gap.effects.catalogue import CATALOGUE
+
+#: Effects whose gap in ``lab`` is 6 to 31 sigma.
+LARGE = ("planar-coupling", "force-dropout", "phase-lag", "residual-modes", "stiffness-hardening", "slip")
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
+    smaller = {other: effect for other, effect in CATALOGUE.items() if other != name}
+    found = diagnose(lab.measured(name, points=13), lab.mode(), smaller)
+    assert found.unexplained or found.hypotheses[0].probability < 0.95
+    assert all(name not in one.effects for one in found.hypotheses)
+    assert found.gap.nominal > 3.0  # the gap is seen
