@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from selection.report.page import FigureBlock, Footer, Section, Table, Text, page
@@ -46,17 +47,20 @@ def blind_rows(table: pd.DataFrame) -> pd.DataFrame:
         {
             "figure": table["figure"],
             "goal": table["goal"].fillna(""),
-            "measured": [_measured(row) for row in table.to_dict("records")],
+            "measured": [
+                _measured(*row)
+                for row in zip(*(table[name] for name in ("measured", "low", "high", "share")), strict=True)
+            ],
             "cases": table["cases"],
             "met": table["met"].fillna(""),
         }
     )
 
 
-def _measured(row: Mapping[str, object]) -> str:
-    values = [row[name] for name in ("measured", "low", "high")]
-    if pd.isna(values[0]):
+def _measured(value: float, low: float, high: float, share: bool) -> str:
+    """A value with its interval; NaN where there is none."""
+    if np.isnan(value):
         return "-"
-    scale, unit, digits = (100.0, " %", 1) if row["share"] else (1.0, "", 2)
-    texts = [f"{scale * float(str(value)):.{digits}f}" for value in values]
-    return f"{texts[0]}{unit}" + ("" if pd.isna(values[1]) else f" ({texts[1]} to {texts[2]})")
+    scale, unit, digits = (100.0, " %", 1) if share else (1.0, "", 2)
+    texts = [f"{scale * one:.{digits}f}" for one in (value, low, high)]
+    return f"{texts[0]}{unit}" + ("" if np.isnan(low) else f" ({texts[1]} to {texts[2]})")
