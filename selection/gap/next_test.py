@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from selection.arrays import FloatArray
 from selection.gap.designs import Design, designs, highest_sweep
@@ -43,34 +44,39 @@ class Rival:
 def ranked_tests(leading: Fit, rivals: Sequence[Rival]) -> tuple[NextTest, ...]:
     """Every candidate test with its expected log odds, the best first; none where nothing rivals the leading one.
 
-    The log odds are averaged over the rivals by probability.
+    The log odds are those against all rivals together.
     """
     if not rivals:
         return ()
     found = []
     for design in designs(leading.model.problem):
         found.append(
-            NextTest(design.what, design.why, _average([_odds(leading, r.fit, design) for r in rivals], rivals))
+            NextTest(design.what, design.why, _against_all([_odds(leading, r.fit, design) for r in rivals], rivals))
         )
     found.append(
         NextTest(
             "the third harmonic of the displacement at the highest force",
             "forces that are not linear in the motion distort it, instruments and paths do not",
-            _average([_apart(_third_harmonic, leading, r.fit) for r in rivals], rivals),
+            _against_all([_apart(_third_harmonic, leading, r.fit) for r in rivals], rivals),
         )
     )
     found.append(
         NextTest(
             "a cross-axis channel at the highest force",
             "a second principal plane moves across the drive, nothing else does",
-            _average([_apart(_cross_axis, leading, r.fit) for r in rivals], rivals),
+            _against_all([_apart(_cross_axis, leading, r.fit) for r in rivals], rivals),
         )
     )
     return tuple(sorted(found, key=lambda test: -test.expected_log_odds))
 
 
-def _average(odds: list[float], rivals: Sequence[Rival]) -> float:
-    return float(np.average(odds, weights=[max(rival.probability, 1e-12) for rival in rivals]))
+def _against_all(odds: list[float], rivals: Sequence[Rival]) -> float:
+    """ln of the odds against all rivals together, each as probable as it is now: -ln sum p e^-odds.
+
+    A test that settles the case against one rival only leaves the others where they are.
+    """
+    p = np.array([max(rival.probability, 1e-12) for rival in rivals])
+    return -float(logsumexp(-np.array(odds), b=p / p.sum()))
 
 
 def _odds(leading: Fit, rival: Fit, design: Design) -> float:

@@ -40,4 +40,6 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
         bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
         bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
         bar.outline.set_visible(False)
+        if bar.solids is not None:
+            bar.solids.set(rasterized=False, edgecolor="face")  # a page shows no pictures inside of drawings
     return figure

@@ -96,7 +96,10 @@ def trends(diagnosis: Diagnosis) -> list[str]:
     for what, one in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
         if one is not None and one.gain > TREND_SEEN:
             kind = "grows" if one.change > 0.0 else "falls"
-            found.append(f"{what} {kind} with amplitude, best as A^{one.power:g} (chi-square {number(one.gain)}).")
+            found.append(
+                f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant (chi-square "
+                f"{number(one.gain)} over none)."
+            )
         elif one is not None:
             found.append(f"{what} does not depend on amplitude beyond noise.")
     return found
