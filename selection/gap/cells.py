@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from selection.arrays import BoolArray, FloatArray, IntArray
-from selection.gap.fit import WILD_WEIGHT, Fit
+from selection.gap.fit import Fit
 from selection.gap.rows import Rows, wrapped
-from selection.gap.size import nominal_residuals
+from selection.gap.size import nominal_residuals, regular_values
 from selection.gap.steady import fitted_terms, steady
 from selection.units import RAD_S_PER_HZ
 
@@ -51,7 +51,7 @@ def residual_cells(leading: Fit) -> tuple[ResidualCell, ...]:
     Wild points do not count.
     """
     rows = leading.model.problem.rows
-    regular = (leading.weights > WILD_WEIGHT).astype(float)
+    regular = regular_values(leading).astype(float)
     squares = by_quantity(rows, nominal_residuals(leading) ** 2 * regular)
     counts = by_quantity(rows, regular)
     total = max(sum(float(values.sum()) for values in squares.values()), 1e-300)

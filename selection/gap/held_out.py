@@ -8,11 +8,11 @@ import numpy as np
 from scipy.stats import norm
 
 from selection.arrays import BoolArray, FloatArray
-from selection.gap.fit import WILD_WEIGHT, Fit
+from selection.gap.fit import Fit
 from selection.gap.model import Model, Problem
 from selection.gap.problem import Setting
 from selection.gap.search import Search
-from selection.gap.size import nominal_residuals, refitted, shrinkage, whitened
+from selection.gap.size import nominal_residuals, refitted, regular_values, shrinkage, whitened
 
 #: Most levels held out, the highest first; content of the interval.
 MOST_FOLDS, CONTENT = 3, 0.9
@@ -60,7 +60,7 @@ def held_out(setting: Setting, search: Search, leading: Fit) -> HeldOut | None:
     levels = np.unique(rows.level)[::-1][:MOST_FOLDS]
     if rows.levels < 2:
         return None
-    regular = leading.weights > WILD_WEIGHT
+    regular = regular_values(leading)
     folds = tuple(_fold(setting, search, int(level), regular) for level in levels)
     values = sum(fold.count for fold in folds)
     nominal, before, after = (

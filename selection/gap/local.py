@@ -72,11 +72,13 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     for number, sweep in enumerate(rows.sweeps):
         own = np.flatnonzero(rows.sweep == number)
         for band in np.array_split(own[np.argsort(rows.u[own])], min(BANDS, max(1, len(own) // 4))):
-            omega2, omega2_sd = _mean(squared[band], (sd_real / M)[band])
-            damping, damping_sd = _mean(zeta[band], (sd_imaginary / (2.0 * M * rows.omega * mode.omega_n))[band])
+            omega2, omega2_sd, _ = _mean(squared[band], (sd_real / M)[band])
+            damping, damping_sd, weights = _mean(
+                zeta[band], (sd_imaginary / (2.0 * M * rows.omega * mode.omega_n))[band]
+            )
             omega = float(np.sqrt(max(omega2, 0.0)))
             frequency_sd = omega2_sd / max(2.0 * omega, 1e-300) / RAD_S_PER_HZ
-            amplitude = float(np.exp(rows.u[band].mean()))
+            amplitude = float(weights @ rows.A[band] / weights.sum())  # where the mean damping is that of a law
             found.append(LocalEstimate(sweep, amplitude, omega / RAD_S_PER_HZ, frequency_sd, damping, damping_sd))
     return tuple(found)
 
@@ -95,11 +97,11 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | N
     return max(found, key=lambda one: one.gain)
 
 
-def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float]:
-    """Weighted mean that a wild value does not carry away: values beyond 4 sd from the median are left out."""
+def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:
+    """Weighted mean, its sd and the weights; values beyond 4 sd from the median, wild ones, are left out."""
     near = np.abs(values - np.median(values)) < 4.0 * np.hypot(sd, np.median(sd))
     weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
-    return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+    return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5), weights
 
 
 def _chi_square(design: FloatArray, value: FloatArray, sd: FloatArray) -> tuple[float, FloatArray]:

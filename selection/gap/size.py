@@ -11,6 +11,10 @@ from selection.gap.fit import WILD_WEIGHT, Fit, fit
 from selection.gap.model import Model
 
 
+#: A larger share of wild values than this is no error of measurement: then none counts as wild.
+MOST_WILD = 0.08
+
+
 @dataclass(frozen=True)
 class Gap:
     """Root mean squares (1 = noise alone) and the share of the gap that the leading explanation closes.
@@ -28,11 +32,17 @@ class Gap:
 
 def gap(leading: Fit) -> Gap:
     """The gap of a record before and after its leading explanation, without wild points."""
-    regular = leading.weights > WILD_WEIGHT
+    regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
     before = root_mean_square(refitted(leading), regular)
     after = root_mean_square(leading, regular)
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
+
+
+def regular_values(one: Fit) -> BoolArray:
+    """Values (m,) that a fit does not take for wild points; all, where they would be more than a few."""
+    found = one.weights > WILD_WEIGHT
+    return found if found.mean() >= 1.0 - MOST_WILD else np.ones_like(found)
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:
@@ -52,7 +62,7 @@ def root_mean_square(one: Fit, regular: BoolArray) -> float:
 def refitted(leading: Fit) -> Fit:
     """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
     model = _alone(leading)
-    weights = (leading.weights > WILD_WEIGHT).astype(float)
+    weights = regular_values(leading).astype(float)
     return fit(model, np.zeros((1, model.size)), weights=weights)[0]
 
 

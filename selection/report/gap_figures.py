@@ -13,12 +13,12 @@ from scipy.stats import norm
 from selection.arrays import FloatArray
 from selection.gap.cells import by_quantity, footprint
 from selection.gap.diagnose import Diagnosis
-from selection.gap.fit import WILD_WEIGHT, Fit
+from selection.gap.fit import Fit
 from selection.gap.free_form import free_form
 from selection.gap.local import LocalEstimate
 from selection.gap.model import Model, deviated
 from selection.gap.rows import Rows
-from selection.gap.size import nominal_residuals, refitted
+from selection.gap.size import nominal_residuals, refitted, regular_values
 from selection.gap.steady import fitted_terms, steady
 from selection.gap.terms import Terms, complex_stiffness
 from selection.plots.gap_local import gap_local
@@ -128,7 +128,7 @@ def resonance_table(leading: Fit) -> pd.DataFrame:
 def measured_table(leading: Fit) -> pd.DataFrame:
     """Measured rows: ``sweep, frequency, amplitude, phase, wild``."""
     rows = leading.model.problem.rows
-    wild = np.any(leading.weights.reshape(-1, len(rows)) < WILD_WEIGHT, axis=0)
+    wild = ~np.all(regular_values(leading).reshape(-1, len(rows)), axis=0)
     return pd.DataFrame(
         {
             "sweep": [rows.sweeps[k] for k in rows.sweep],

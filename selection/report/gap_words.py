@@ -97,8 +97,8 @@ def trends(diagnosis: Diagnosis) -> list[str]:
         if one is not None and one.gain > TREND_SEEN:
             kind = "grows" if one.change > 0.0 else "falls"
             found.append(
-                f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant (chi-square "
-                f"{number(one.gain)} over none)."
+                f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant "
+                f"(chi-square {number(one.gain)} over none)."
             )
         elif one is not None:
             found.append(f"{what} does not depend on amplitude beyond noise.")
