@@ -28,7 +28,7 @@ from selection.records.schema import (
 from selection.records.text import DEFAULT_MAX_SIZE, Rows, read_bytes, shortened, unguarded
 
 #: Most rows of a table and columns of its header.
-MOST_ROWS, MOST_COLUMNS = 1_000_000, 2000
+MOST_ROWS, MOST_COLUMNS = 250_000, 2000
 _BLOCK = 100_000  # cells that are looked at together
 
 
