@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 import selection
+from pipelines import extrapolate as extrapolate_command
+from pipelines import rank as rank_command
 from pipelines.cli import main
-from selection import extrapolate, rank, read_mode, read_record
+from selection import api, extrapolate, rank, read_mode, read_record
+from selection.compare import ranking as compare_ranking
+from selection.posterior.law import Law
 from selection.records.report_tables import data_folder
 
 SATURN = data_folder() / "saturn-v"
@@ -21,6 +25,16 @@ def command(capsys, *words: object) -> dict:
         main([str(word) for word in (*words, "--json", "-")])
     assert not stopped.value.code
     return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(autouse=True)
+def few_laws(monkeypatch):
+    """What stands for all candidates: the way is tested here, not the laws."""
+    laws = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("velocity-power",)))
+    for module in (compare_ranking, rank_command):
+        monkeypatch.setattr(module, "candidate_laws", lambda data: laws)
+    for module in (api, extrapolate_command):
+        monkeypatch.setattr(module, "load_candidates", lambda data: laws[1:])
 
 
 def test_rank_is_the_command(capsys):
