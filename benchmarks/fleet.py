@@ -68,14 +68,19 @@ class Usage:
 
 @dataclass(frozen=True)
 class Run:
-    """One fleet: wall time from the first to the last record, and of all; processor time of all processes."""
+    """One fleet.
+
+    Attributes:
+        steady_s, processor_s: on the wall and of all processors, a record, from the first one done to the last.
+        wall_s: of the whole command, with the start of its processes. client_mb, worker_mb: the most at any time.
+    """
 
     work: str
     records: int
     workers: int
     steady_s: float
-    wall_s: float
     processor_s: float
+    wall_s: float
     failed: int
     client_mb: float
     worker_mb: float
@@ -88,10 +93,9 @@ class Run:
             "work": self.work,
             "records": self.records,
             "workers": self.workers,
-            "records_per_s": (self.records - 1) / self.steady_s,
+            "records_per_s": 1.0 / self.steady_s,
+            "processor_s_per_record": self.processor_s,
             "wall_s": self.wall_s,
-            "processor_s": self.processor_s,
-            "processor_s_per_record": self.processor_s / self.records,
             "failed": self.failed,
             "largest_client_mb": self.client_mb,
             "largest_worker_mb": self.worker_mb,
@@ -135,35 +139,34 @@ def run(number: int, workers: int, alone: bool = False) -> Run:
         source, out, log = (Path(folder) / name for name in ("in", "out", "log"))
         write_records(source, number)
         words = [sys.executable, "-m", "pipelines.cli", "fleet", str(source), "--out", str(out), "--fast"]
-        words += ["--workers", str(workers), "--dashboard", "127.0.0.1:0"]
+        words += ["--workers", str(workers), "--dashboard", "off"]
         if alone:
             script = "import sys; from benchmarks.fleet import machinery; machinery(*sys.argv[1:])"
             words = [sys.executable, "-c", script, str(source), str(out), str(workers)]
-        usage, first, last = Usage(), None, 0.0
+        usage, marks = Usage(), []
         started = perf_counter()
         with log.open("w") as stream, subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=stream) as process:
             client = psutil.Process(process.pid)
             while process.poll() is None:
                 done = _done(log)
-                if done and first is None:
-                    first = (perf_counter(), done)
-                if done < number:
-                    last = perf_counter()
                 usage.look(client, done)
+                if done and (not marks or done > marks[-1][0]):
+                    marks.append((done, perf_counter(), sum(usage.processor.values())))
                 sleep(SAMPLE_S)
         wall = perf_counter() - started
         if process.returncode:
             raise SystemExit(f"the fleet ended with {process.returncode}: {log.read_text()[-500:]}")
         status = pd.read_parquet(out / "records", columns=["status"])["status"]
-        begun, ahead = first or (started, 0)
+        (ahead, begun, spent), (reached, ended, total) = marks[0], marks[-1]
+        passed = max(reached - ahead, 1)
         trace = pd.DataFrame(usage.trace, columns=["records", "client_mb", "worker_mb"])
         return Run(
             work="machinery alone" if alone else "analysis",
             records=number,
             workers=workers,
-            steady_s=max(last - begun, SAMPLE_S) * (number - 1) / max(number - ahead, 1),
+            steady_s=max(ended - begun, SAMPLE_S) / passed,
+            processor_s=(total - spent) / passed,
             wall_s=wall,
-            processor_s=sum(usage.processor.values()),
             failed=int((status != "done").sum()),
             client_mb=float(trace["client_mb"].max()),
             worker_mb=float(trace["worker_mb"].max()),

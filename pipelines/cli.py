@@ -199,7 +199,7 @@ def fleet(
     level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
     seed: Seed = DEFAULT_SEED,
     dashboard: Annotated[
-        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; port 0: any.")
+        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
     ] = "127.0.0.1:8787",
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -215,7 +215,7 @@ def fleet(
         forces=tuple(force or ()),
         level=level,
         seed=seed,
-        dashboard=dashboard,
+        dashboard=None if dashboard == "off" else dashboard,
         max_size=max_size,
     )
 

@@ -14,7 +14,7 @@ from distributed import Client
 from pipelines.extrapolate import check_forces
 from pipelines.fleet.dataset import DataSet
 from pipelines.fleet.inputs import MULTIPLES, Result, Settings, Task, find_cases, tasks_of
-from pipelines.fleet.runners import ANY_PORT, connected, distributed, serial
+from pipelines.fleet.runners import connected, distributed, serial
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text
 from pipelines.study import versions
@@ -36,7 +36,7 @@ def fleet(
     forces: tuple[float, ...] = (),
     level: float = 0.9,
     seed: int = 0,
-    dashboard: str = ANY_PORT,
+    dashboard: str | None = None,
     max_size: int,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
@@ -45,7 +45,7 @@ def fleet(
         scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
             record after the other).
         fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
-        dashboard: address on which a local cluster shows its dashboard.
+        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
 
     Raises:
         InputError: bad usage or input. AnalysisError: every record failed, or the workers are gone.
@@ -67,7 +67,7 @@ def fleet(
             book.keep(serial(tasks), done)
         else:
             with connected(scheduler, workers, dashboard) as client:
-                _greet(client, done)
+                _greet(client, done, shown=scheduler is not None or dashboard is not None)
                 if scheduler is not None:
                     _same_versions(client, settings)
                 book.keep(distributed(client, tasks), done)
@@ -123,14 +123,15 @@ class _Book:
         self.results, self.written = [], time.monotonic()
 
 
-def _greet(client: Client, done: Advance) -> None:
+def _greet(client: Client, done: Advance, *, shown: bool) -> None:
     """Say where the scheduler and its dashboard are."""
     about = client.scheduler_info()
-    port = about["services"].get("dashboard")
-    shown = f"dashboard {client.dashboard_link}" if port else "no dashboard"
-    if port and find_spec("bokeh") is None:
-        shown += " (its pages need the extra: pip install damping-selection[dashboard])"
-    done(f"scheduler {about['address']}, {shown}", 0)
+    said = f"scheduler {about['address']}"
+    if shown and about["services"].get("dashboard"):
+        said += f", dashboard {client.dashboard_link}"
+        if find_spec("bokeh") is None:
+            said += " (its pages need the extra: pip install damping-selection[dashboard])"
+    done(said, 0)
 
 
 def _same_versions(client: Client, settings: Settings) -> None:

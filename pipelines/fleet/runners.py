@@ -27,8 +27,8 @@ PATIENCE = 60.0
 _LOOK = 1.0
 #: Seconds to wait for a scheduler at an address.
 CONNECT = 10.0
-#: Where a dashboard is shown unless asked for elsewhere: on the loopback, at any free port.
-ANY_PORT = "127.0.0.1:0"
+#: The scheduler has a page of its health even without a dashboard: on the loopback, at any free port.
+_ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
@@ -43,7 +43,7 @@ def serial(tasks: Iterable[Task]) -> Iterator[Result]:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int | None, dashboard: str = ANY_PORT) -> Iterator[Client]:
+def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
 
     Raises:
@@ -63,7 +63,8 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str = ANY_P
                 n_workers=workers,
                 threads_per_worker=1,
                 host="127.0.0.1",
-                dashboard_address=dashboard,
+                dashboard_address=dashboard or _ANY_PORT,
+                scheduler_kwargs={"dashboard": dashboard is not None},
                 silence_logs=logging.CRITICAL,
                 preload=[_DEAF],
             ) as cluster,
