@@ -17,4 +17,4 @@ def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
     found = diagnose(lab.measured(name, points=13), lab.mode(), smaller)
     assert found.unexplained or found.hypotheses[0].probability < 0.95
     assert all(name not in one.effects for one in found.hypotheses)
-    assert found.gap.nominal > 3.0  # the gap is seen
+    assert found.gap.nominal > 2.0  # the gap is seen

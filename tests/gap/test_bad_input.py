@@ -1,0 +1,154 @@
+"""Records that cannot say what is asked, or say it wrongly: a message or a caution, never a confident wrong answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selection.errors import AnalysisError
+from selection.gap.cautions import guess_unit
+from selection.gap.diagnose import diagnose
+from selection.gap.problem import setting
+from selection.records.record import Record
+
+PLAN = {"levels": 3, "points": 12}
+
+
+@pytest.fixture
+def honest(lab):
+    """A record of the simulation itself with some columns changed: factors, new columns, or None for none."""
+
+    def record(plan=PLAN, keep=None, **changes):
+        rows = lab.bench(**plan).rows
+        table = lab.record(rows, lab.linear(rows), 4).table
+        for name, change in changes.items():
+            table = table.drop(columns=name) if change is None else table.assign(**{name: table[name] * change})
+        return Record(table if keep is None else table[keep(table)].reset_index(drop=True), "a record")
+
+    return record
+
+
+def answer(record, mode):
+    found = diagnose(record, mode)
+    return found, "; ".join(found.cautions)
+
+
+def highest(table):
+    """Marks the row of largest amplitude of each sweep."""
+    return table.index.isin(table.groupby("sweep")["amplitude"].idxmax())
+
+
+def confident(found):
+    """Effects that are named with a probability above 0.95 as if nothing else were left."""
+    first = found.hypotheses[0]
+    return () if found.unexplained or first.probability <= 0.95 else first.effects
+
+
+def test_no_phase(lab, honest):
+    found, said = answer(honest(phase=None, phase_sd=None), lab.mode())
+    assert "no phase" in said
+    assert found.leading.effects == ()
+    assert not any("phase-lag" in one.effects for one in found.hypotheses)  # cannot be asked
+    assert {cell.quantity for cell in found.where} == {"amplitude"}
+
+
+def test_one_level(lab, honest):
+    found, said = answer(honest({"levels": 1, "points": 20}), lab.mode(None, None))
+    assert "one force level" in said
+    assert "repeatability is not stated" in said
+    assert found.held_out is None
+    assert found.leading.effects == ()
+
+
+def test_two_points(lab, honest):
+    found, said = answer(honest(keep=lambda table: table.index.isin([4, 7])), lab.mode())
+    assert "fewer than 3 rows in sweep A" in said
+    assert confident(found) == ()
+
+
+def test_rows_at_resonance_only(lab, honest):
+    """One row a sweep without a phase: what moves the resonance alone cannot be asked for."""
+    peak = honest(
+        phase=None, phase_sd=None, keep=lambda t: t.groupby("sweep")["amplitude"].transform("max") == t["amplitude"]
+    )
+    assert len(peak) == 3
+    found, said = answer(peak, lab.mode())
+    assert "one row without a phase" in said
+    assert confident(found) == ()
+    asked = {effect for one in found.hypotheses for effect in one.effects}
+    assert not asked & {"natural-frequency", "stiffness-hardening", "planar-coupling", "phase-lag", "force-dropout"}
+
+
+def test_constant_amplitude(lab):
+    rows = lab.bench(**PLAN).rows
+    unit = lab.linear(replace(rows, force=np.ones(rows.force.size)))
+    held = replace(rows, force=np.array([0.01, 0.02, 0.04])[rows.sweep] / unit.amplitude)
+    found, said = answer(lab.record(held, lab.linear(held), 4), lab.mode())
+    assert "constant amplitude in sweep A, B, C" in said
+    assert found.leading.effects == ()
+
+
+@pytest.mark.parametrize("factor", [4.448, 1 / 4.448, 9.81, 1 / 9.81])
+def test_forces_in_a_wrong_unit_are_guessed_and_said(lab, honest, factor):
+    record = honest(force=factor)
+    guess = guess_unit(setting(record, lab.mode()).problem.rows, setting(record, lab.mode()).problem.simulation)
+    # 1 per cent of noise, 2 of mass: the unit is told from all others of the table, the nearest of which is 8 % off
+    np.testing.assert_allclose(guess.factor, factor, rtol=1e-3, atol=0.0)  # 4.448 for 4.44822
+    if factor in (4.448, 1 / 9.81):  # a diagnosis in either direction
+        found, said = answer(record, lab.mode())
+        assert ("4.448 times too large" if factor > 1.0 else "9.807 times too small") in said
+        assert "check the unit" in said
+        assert found.leading.effects == ()  # all else is as simulated
+
+
+@pytest.mark.parametrize("name", ["amplitude-scale", "viscous-coefficient", "residual-modes", "planar-coupling"])
+def test_no_effect_is_taken_for_a_wrong_unit(lab, name):
+    start = setting(lab.measured(name), lab.mode())
+    assert guess_unit(start.problem.rows, start.problem.simulation) is None
+
+
+def test_a_small_factor_is_a_gain_and_no_unit(lab, honest):
+    start = setting(honest(amplitude=1.8, amplitude_sd=1.8), lab.mode())
+    assert guess_unit(start.problem.rows, start.problem.simulation) is None
+
+
+def test_sweeps_that_never_reach_resonance(lab, honest):
+    found, said = answer(honest({"levels": 3, "points": 24}, keep=lambda t: t["frequency"] < 2.97), lab.mode())
+    assert "sweep A, B, C never reaches resonance" in said
+    assert found.leading.effects == ()
+
+
+def test_damping_that_is_hardly_seen_is_not_named_with_confidence(lab):
+    """Twice the viscous damping, seen only beside resonance where it is 1/100 of the stiffness."""
+    rows = lab.bench(levels=3, points=24, half=12.0).rows
+    record = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)
+    kept = record.table[record.table["frequency"] < 2.85].reset_index(drop=True)
+    found, said = answer(Record(kept, "beside"), lab.mode())
+    assert "never reaches resonance" in said
+    assert confident(found) in ((), ("viscous-coefficient",))
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.5, 2 * np.pi])
+def test_model_and_record_of_different_modes(lab, honest, ratio):
+    with pytest.raises(AnalysisError, match="different modes") as refused:
+        diagnose(honest(frequency=ratio), lab.mode())
+    assert "simulated resonance 3 Hz" in str(refused.value)
+    assert ("rad/s?" in str(refused.value)) == (ratio == 2 * np.pi)
+
+
+def test_a_model_without_damping(lab, honest):
+    found, said = answer(honest(), lab.mode(damping={}))
+    assert "the simulation has no damping" in said
+    assert found.leading.effects != ()  # something has to balance the force
+    assert found.leading.effects not in (("slip",), ("coulomb-friction",))  # it is linear
+
+
+def test_noise_that_is_not_stated_is_said_and_found(lab, honest):
+    found, said = answer(honest({"levels": 3, "points": 20}, amplitude_sd=None, phase_sd=None), lab.mode())
+    assert "noise is not stated" in said
+    assert found.leading.effects == ()
+    rows = found.setting.problem.rows
+    # 1 %, from 60 values each of which half are free of the fit: known to 13 per cent; three of these
+    np.testing.assert_allclose([np.median(rows.sd_amplitude), np.median(rows.sd_phase)], lab.noise, rtol=0.4, atol=0.0)

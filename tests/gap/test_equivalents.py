@@ -1,0 +1,61 @@
+"""What a record cannot tell apart is reported together, and what it can is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selection.gap.alike import INDISTINCT, distance
+from selection.gap.diagnose import COVER
+
+pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
+
+
+def test_velocity_squared_and_displacement_velocity_are_one_in_a_narrow_band(lab):
+    """Both lose energy as A^3, with omega^2 and omega: 6 % apart at the ends of the band, where damping is not seen."""
+    found = lab.diagnosed("velocity-squared")
+    assert found.leading.effects[0] in ("velocity-squared", "displacement-velocity")
+    assert [set(group.effects) for group in found.groups] == [{"velocity-squared", "displacement-velocity"}]
+    assert {one.effects for one in found.explanations[:2]} == {("velocity-squared",), ("displacement-velocity",)}
+    first, second = (one.hypothesis for one in found.explanations[:2])
+    apart = distance(first.best, second.best)
+    np.testing.assert_allclose(found.groups[0].distance, apart, rtol=1e-12, atol=0.0)  # rounding
+    assert apart < INDISTINCT
+    # evidences of two forces of one strength and one prior differ by chance alone, and by less than these sigma allow
+    assert abs(first.log_evidence - second.log_evidence) < 0.5 * INDISTINCT**2
+
+
+@pytest.mark.parametrize("name", ["stiffness-hardening", "planar-coupling", "phase-lag"])
+def test_effects_that_differ_stand_alone(lab, name):
+    found = lab.diagnosed(name)
+    assert found.leading.effects == (name,)
+    assert found.groups == ()
+    others = [one.hypothesis for one in found.hypotheses if len(one.effects) == 1 and one.effects != (name,)]
+    assert min(distance(found.leading.best, other.best) for other in others) > INDISTINCT
+
+
+def test_explanations_are_the_shortest_list_that_reaches_its_cover(lab):
+    for name in ("velocity-squared", "planar-coupling"):
+        found = lab.diagnosed(name)
+        p = [one.probability for one in found.hypotheses]
+        np.testing.assert_allclose(sum(p), 1.0, rtol=0.0, atol=1e-12)  # rounding
+        assert p == sorted(p, reverse=True)
+        n = len(found.explanations)
+        assert found.explanations == found.hypotheses[:n]
+        assert sum(p[:n]) >= COVER > sum(p[: n - 1])
+        assert () in {one.effects for one in found.hypotheses}  # no effect is one of the hypotheses
+
+
+def test_the_next_test_for_what_differs_by_a_power_of_frequency(lab):
+    """It is told by a test that changes frequency or distorts: not by one that repeats what was measured."""
+    found = lab.diagnosed("velocity-squared")
+    odds = [test.expected_log_odds for test in found.next_tests]
+    assert odds == sorted(odds, reverse=True)
+    assert found.next_test == found.next_tests[0]
+    by_name = {test.what: test.expected_log_odds for test in found.next_tests}
+    assert min(odds) >= 0.0
+    twice = next(value for what, value in by_name.items() if "twice the band" in what)
+    again = next(value for what, value in by_name.items() if "downwards" in what)
+    assert found.next_test.expected_log_odds >= twice > again
+    axis = next(value for what, value in by_name.items() if "cross-axis" in what)
+    assert axis == 0.0  # neither has a second plane
