@@ -16,15 +16,18 @@ from pipelines.store import refuse_inputs, write_text
 from selection.arrays import FloatArray
 from selection.errors import AnalysisError, InputError
 from selection.forces import CubicStiffness, Force, Sum, from_damping
+from selection.gap.effects.given import check_effects
+from selection.gap.swept import swept
 from selection.records.mode import Mode, read_mode
 from selection.records.serialise import record_to_csv
 from selection.response.branches import sweep as averaged_sweep
 from selection.response.integrate import sweep_in_time
+from selection.response.ritz import SteadyState
 from selection.units import RAD_S_PER_HZ
 
 Direction = Literal["up", "down"]
 
-#: Effects of a model that a sweep simulates, as the sign of their cubic stiffness ``coefficient`` (force/length^3).
+#: Effects of a model that are simulated in time, as the sign of their cubic stiffness ``coefficient`` (force/length^3).
 _CUBIC_SIGN = {"stiffness-hardening": 1.0, "stiffness-softening": -1.0}
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
 
@@ -44,14 +47,14 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
     _choice("--direction", direction, ("up", "down"))
     _choice("--method", method, ("ritz", "time"))
     mode = read_mode(model)
-    force = simulated_force(mode)
+    check_effects(mode)
+    states = _read if mode.effects and method == "ritz" else _averaged if method == "ritz" else _integrated
     way = cast(Direction, direction)
     order = hertz if way == "up" else hertz[::-1]
-    states = _averaged if method == "ritz" else _integrated
     tables = []
     with progress(f"{method} sweeps {direction}", len(levels) * hertz.size) as advance:
         for number, level in enumerate(levels):
-            coming, rows = states(force, level, hertz, mode, way), []
+            coming, rows = states(level, hertz, mode, way), []
             for part in np.array_split(order, 4):
                 rows += list(islice(coming, part.size))
                 advance(f"force {level:g}", part.size)
@@ -60,32 +63,42 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
 
 
 def simulated_force(mode: Mode) -> Force:
-    """The forces of a model: its damping, and a cubic spring where it has a stiffness effect.
+    """The forces of a model that is integrated: its damping, and a cubic spring where it has a stiffness effect.
 
     Raises:
-        AnalysisError: an effect that a sweep does not simulate.
-        InputError: a stiffness effect without its one parameter, ``coefficient``.
+        AnalysisError: an effect that is not integrated in time.
     """
     springs: list[Force] = []
     for name, parameters in mode.effects.items():
-        if name not in _CUBIC_SIGN:
+        if name not in _CUBIC_SIGN or set(parameters) != {"coefficient"}:
             known = ", ".join(_CUBIC_SIGN)
-            raise AnalysisError(f"{mode.source}: sweep cannot simulate effect {name!r}; of effects it knows {known}")
-        if set(parameters) != {"coefficient"}:
-            raise InputError(f"[effects.{name}] has other parameters", file=mode.source, expected="coefficient")
+            raise AnalysisError(
+                f"{mode.source}: --method time cannot simulate [effects.{name}]; of effects it knows cubic springs "
+                f"({known}); --method ritz knows all"
+            )
         springs.append(CubicStiffness(_CUBIC_SIGN[name] * parameters["coefficient"]))
     return Sum((*from_damping(mode.damping).forces, *springs))
 
 
-def _averaged(force: Force, F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
+def _averaged(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
     """Amplitude and phase in the order swept, by averages."""
-    found = averaged_sweep(force, F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way)
+    found = averaged_sweep(from_damping(mode.damping), F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way)
+    yield from _in_order(found, way)
+
+
+def _read(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
+    """Amplitude and phase as they are read, in the order swept, by averages and with the effects of the model."""
+    yield from _in_order(swept(mode, F, RAD_S_PER_HZ * hertz, way), way)
+
+
+def _in_order(found: SteadyState, way: Direction) -> Iterator[tuple[float, float]]:
     step = 1 if way == "up" else -1
     yield from zip(found.amplitude[::step].tolist(), found.phase[::step].tolist(), strict=True)
 
 
-def _integrated(force: Force, F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
+def _integrated(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
     """Amplitude and phase in the order swept, by integration in time."""
+    force = simulated_force(mode)
     for state in sweep_in_time(force, F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way):
         yield state.amplitude, state.phase
 

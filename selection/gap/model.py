@@ -19,8 +19,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from selection.arrays import FloatArray
-from selection.gap.effects.catalogue import CATALOGUE
 from selection.gap.effects.form import Form, Scales
+from selection.gap.effects.given import with_effects
 from selection.gap.rows import Rows, wrapped
 from selection.gap.simulation import Simulation
 from selection.gap.terms import ComplexArray, Prediction, Terms, predict
@@ -154,9 +154,7 @@ class Model:
         for part in self.parts:
             terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
             start += part.size
-        for name, table in simulation.mode.effects.items():
-            terms = CATALOGUE[name].simulate(terms, table)
-        return terms
+        return with_effects(terms, simulation.mode)
 
     def residuals(self, y: FloatArray) -> Residuals:
         """Residuals at variables y (batch, size + 2 sweeps)."""

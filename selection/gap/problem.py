@@ -8,6 +8,7 @@ import numpy as np
 
 from selection.forces.catalogue import from_damping
 from selection.gap.effects.form import Scales
+from selection.gap.effects.given import check_effects
 from selection.gap.fit import Fit
 from selection.gap.model import NO_SCATTER, Problem, Scatter
 from selection.gap.noise import is_stated, roughness, stated_noise
@@ -61,7 +62,12 @@ class Setting:
 
 
 def setting(record: Record, mode: Mode) -> Setting:
-    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess."""
+    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
+
+    Raises:
+        InputError: the mode has an effect that is not known.
+    """
+    check_effects(mode)
     rows = stated_noise(read_rows(record, mode), record)
     problem = Problem(rows, Simulation(mode), scales(rows, mode))
     return Setting(problem, _scatter(mode, rows), *is_stated(record))

@@ -10,7 +10,6 @@ from selection.arrays import BoolArray, FloatArray
 from selection.gap.fit import WILD_WEIGHT, Fit, fit
 from selection.gap.model import Model
 
-
 #: A larger share of wild values than this is no error of measurement: then none counts as wild.
 MOST_WILD = 0.08
 

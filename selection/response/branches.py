@@ -66,7 +66,7 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
     row, roots = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     order = np.lexsort((roots, row))
     row, amplitude = row[order], np.exp(roots[order])
-    table = _by_row(row, amplitude, omega.size)
+    table = by_row(row, amplitude, omega.size)
     filled = ~np.isnan(table)
     frequency = np.broadcast_to(omega[:, np.newaxis], table.shape)
     with np.errstate(invalid="ignore"):
@@ -84,14 +84,23 @@ def sweep(
     A exp(-i phi) through steps much finer than ``omega``; when its branch ends it falls or rises to another one.
     NaN where there is no stable steady state.
     """
-    omega = np.asarray(omega, dtype=float)
+    fine, between = finely(np.asarray(omega, dtype=float))
+    return followed(branches(force, F, fine, M, omega_n), between, direction)
+
+
+def finely(omega: FloatArray) -> tuple[FloatArray, int]:
+    """Frequencies with so many steps between any two that a branch moves little in each; the number of steps."""
     between = max(1, int(np.ceil(_FEWEST_STEPS / max(1, omega.size - 1))))
     index = np.arange((omega.size - 1) * between + 1) / between
-    fine = np.interp(index, np.arange(omega.size), omega)
-    found = branches(force, F, fine, M, omega_n)
-    forward = range(fine.size) if direction == "up" else range(fine.size - 1, -1, -1)
+    return np.interp(index, np.arange(omega.size), omega), between
+
+
+def followed(found: Branches, between: int, direction: Literal["up", "down"]) -> SteadyState:
+    """The states that a slow sweep passes, at every ``between``-th frequency of the branches."""
+    size = found.omega.size
+    forward = range(size) if direction == "up" else range(size - 1, -1, -1)
     choice = _follow(found, forward)[::between]
-    rows = np.arange(0, fine.size, between)
+    rows = np.arange(0, size, between)
     known = choice >= 0
     amplitude = np.where(known, found.amplitude[rows, choice], np.nan)
     return SteadyState(amplitude=amplitude, phase=np.where(known, found.phase[rows, choice], np.nan))
@@ -109,7 +118,7 @@ def _roots(
 
     with np.errstate(all="ignore"):
         value, derivative = level(u, np.arange(block.size)[:, np.newaxis])
-        row, low, high = _brackets(level, u, value, derivative)
+        row, low, high = brackets(level, u, value, derivative)
         return start + row, bracketed_newton(lambda points: level(points, row), low, high)
 
 
@@ -126,7 +135,7 @@ def _log_force(
     return np.asarray(0.5 * np.log(squared) - log_F), np.asarray(derivative)
 
 
-def _brackets(
+def brackets(
     level: Level, u: FloatArray, value: FloatArray, derivative: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Rows and ends of all cells, or halves of cells cut at an extremum, over which the value changes sign."""
@@ -144,7 +153,7 @@ def _brackets(
     return rows, low, high
 
 
-def _by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
+def by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
     """Amplitudes, sorted by row and size, as a table (rows, most in one row) padded with NaN."""
     counts = np.bincount(row, minlength=rows)
     place = np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -39,4 +39,5 @@ AMPLITUDE_SCALE = Effect(
     sentence="all amplitudes are off by one factor (sensor gain)",
     forms=forms,
     simulate=simulate,
+    keys=("factor",),
 )

@@ -31,7 +31,7 @@ def _effect(name: str, force: str, build: Callable[[Floats], Force], sentence: s
     def simulate(terms: Terms, table: Mapping[str, float]) -> Terms:
         return change(terms, table["coefficient"])
 
-    return Effect(name, "force", sentence, forms, simulate, force=force)
+    return Effect(name, "force", sentence, forms, simulate, force=force, keys=("coefficient",))
 
 
 DISPLACEMENT = _effect(

@@ -56,5 +56,7 @@ FORCE_DROPOUT = Effect(
     sentence="the real force falls below the recorded one near resonance",
     forms=forms,
     simulate=simulate,
+    keys=("depth", "width"),
+    options=("lorentzian",),
     need="sweep",
 )

@@ -109,7 +109,8 @@ class Effect:
         name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
         forms: its forms for a problem, or none. simulate: the terms with the effect as a model file's table gives it.
         force: name of the damping force that it adds to a model file; empty where it is none.
-        need: what it cannot be told without.
+        need: what it cannot be told without. keys, options: parameters that its table in a model file must and may
+            have; any where ``keys`` is empty.
     """
 
     name: str
@@ -119,3 +120,5 @@ class Effect:
     simulate: Callable[[Terms, Mapping[str, float]], Terms]
     force: str = ""
     need: Need = ""
+    keys: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()

@@ -39,5 +39,6 @@ NATURAL_FREQUENCY = Effect(
     sentence="the natural frequency is off by more than its tolerance",
     forms=forms,
     simulate=simulate,
+    keys=("relative",),
     need="sweep",
 )

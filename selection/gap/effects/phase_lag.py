@@ -36,5 +36,6 @@ PHASE_LAG = Effect(
     sentence="all phases are off by one constant",
     forms=forms,
     simulate=simulate,
+    keys=("lag",),
     need="phase",
 )

@@ -54,5 +54,7 @@ PLANAR_COUPLING = Effect(
     sentence="the drive excites two close modes in principal planes at an angle",
     forms=forms,
     simulate=simulate,
+    keys=("angle", "frequency_ratio"),
+    options=("damping_ratio", "alike"),
     need="sweep",
 )

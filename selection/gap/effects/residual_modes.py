@@ -50,5 +50,7 @@ RESIDUAL_MODES = Effect(
     sentence="other modes or rigid-body motion add an in-phase part",
     forms=forms,
     simulate=simulate,
+    keys=("compliance",),
+    options=("slope",),
     need="sweep",
 )

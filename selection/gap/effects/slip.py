@@ -31,4 +31,4 @@ def simulate(terms: Terms, table: Mapping[str, float]) -> Terms:
     return change(terms, table["stiffness"], table["limit"])
 
 
-SLIP = Effect("slip", "force", "an elastic joint slips", forms, simulate, force="slip")
+SLIP = Effect("slip", "force", "an elastic joint slips", forms, simulate, force="slip", keys=("stiffness", "limit"))

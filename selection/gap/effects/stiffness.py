@@ -30,7 +30,7 @@ def _effect(name: str, sign: float, sentence: str) -> Effect:
     def simulate(terms: Terms, table: Mapping[str, float]) -> Terms:
         return change(table.get("exponent", 3.0))(terms, table["coefficient"])
 
-    return Effect(name, "force", sentence, forms, simulate, need="sweep")
+    return Effect(name, "force", sentence, forms, simulate, need="sweep", keys=("coefficient",), options=("exponent",))
 
 
 def _form(name: str, change: Callable[..., Terms], exponent: float, scales: Scales) -> Form:

@@ -47,4 +47,5 @@ VISCOUS_COEFFICIENT = Effect(
     sentence="the viscous coefficient is off by more than its tolerance",
     forms=forms,
     simulate=simulate,
+    keys=("relative",),
 )
