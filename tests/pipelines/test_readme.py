@@ -15,13 +15,14 @@ TOUR = re.findall(r"^damping (.+)$", (ROOT / "README.md").read_text(), re.MULTIL
 
 
 def test_the_tour_shows_the_main_commands():
-    assert {line.split()[0] for line in TOUR} >= {"rank", "extrapolate", "regress", "sweep", "condition"}
+    assert {line.split()[0] for line in TOUR} >= {"rank", "extrapolate", "regress", "sweep", "gap", "condition"}
 
 
 @pytest.mark.sampling
 @pytest.mark.parametrize("line", TOUR)
 def test_command_of_the_tour(line, damping, tmp_path, monkeypatch):
-    (tmp_path / "data").symlink_to(ROOT / "data")
+    for folder in ("data", "examples"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     monkeypatch.chdir(tmp_path)
     run = damping(*shlex.split(line))
     assert run.code == 0, run.err
