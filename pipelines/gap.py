@@ -174,11 +174,12 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> di
     }
 
 
-def _held_out(diagnosis: Diagnosis) -> dict[str, Any] | None:
+def _held_out(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The held-out part of the form; nulls where there is one level and nothing could be held out."""
+    names = ("nominal", "before", "after", "shrinkage", "low", "high")
     held = diagnosis.held_out
-    if held is None:
-        return None
-    return {name: getattr(held, name) for name in ("scheme", "nominal", "before", "after", "shrinkage", "low", "high")}
+    scheme = "one force level: nothing can be held out" if held is None else held.scheme
+    return {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
 
 
 def _posterior(sampled: EffectPosterior) -> dict[str, Any]:
