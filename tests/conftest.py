@@ -137,3 +137,21 @@ def opened(browser: Browser) -> Callable[..., AbstractContextManager[Opened]]:
         context.close()
 
     return opening
+
+
+@pytest.fixture
+def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callable[..., None]:
+    """``check_page(path, width, scheme)``: a report is quiet, self-contained, no wider than the window, readable."""
+    contrast = (Path(__file__).parent / "contrast.js").read_text()
+
+    def check(path: Path, width: int = 1280, scheme: str = "light") -> None:
+        with opened(path, width=width, scheme=scheme) as one:
+            one.page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
+            assert one.complaints == []
+            assert one.requests == [path.as_uri()]
+            assert one.page.evaluate("document.documentElement.scrollWidth") <= width
+            found = one.page.evaluate(contrast)
+            assert found["checked"] > 50
+            assert found["found"] == []
+
+    return check

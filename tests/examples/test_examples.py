@@ -98,8 +98,8 @@ def test_numbers_of_the_pages():
 
 
 @pytest.mark.sampling
-def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys):
-    """The tank's study on two candidate laws: every stage, every file."""
+def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page):
+    """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""
     laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
     monkeypatch.setattr(study, "candidate_laws", lambda data: laws)
     monkeypatch.setattr(study, "load_candidates", lambda data: laws)
@@ -109,14 +109,17 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys):
     assert "viscous + quadratic-displacement" in page
     loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
     assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
+    check_page(tmp_path / "out" / "report.html", 390, "dark")
 
 
-def test_the_second_plane_is_found(tmp_path, capsys):
-    """On every other row: the effect, its angle and its frequency, and no force."""
+def test_the_second_plane_is_found(tmp_path, capsys, check_page):
+    """On every other row: the effect, its angle and its frequency, and no force; and the page that says so."""
     folder = EXAMPLES / "two-plane-mode"
     pd.read_csv(folder / "record.csv").iloc[::2].to_csv(tmp_path / "record.csv", index=False)
     capsys.readouterr()
-    damping("gap", folder / "model.toml", tmp_path / "record.csv", "--no-posterior", "--json", "-")
+    page = tmp_path / "gap.html"
+    words = ("--no-posterior", "--report", page, "--json", "-")
+    damping("gap", folder / "model.toml", tmp_path / "record.csv", *words)
     found = json.loads(capsys.readouterr().out)
     assert found["effects"] == ["planar-coupling"]
     plane = found["parameters"]["planar-coupling"]
@@ -124,3 +127,5 @@ def test_the_second_plane_is_found(tmp_path, capsys):
     np.testing.assert_allclose(plane["angle"], np.radians(25.0), rtol=0.1, atol=0.0)
     np.testing.assert_allclose(plane["frequency_ratio"] - 1.0, 0.025, rtol=0.1, atol=0.0)
     assert found["gap"]["held_out"]["shrinkage"] > 0.9
+    check_page(page, 390, "light")
+    check_page(page, 1280, "dark")
