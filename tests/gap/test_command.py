@@ -1,0 +1,185 @@
+"""``damping gap``: the form, the files it writes, a folder of cases of which one is broken."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from pipelines.cli import main
+from selection.records.mode import mode_to_toml, read_mode
+
+pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
+KEYS = {
+    *("format", "effects", "explanations", "equivalents", "unexplained", "where", "footprint", "gap", "parameters"),
+    "next_test",
+}
+NAME = "a <script>alert(1)</script> & mode"
+
+
+@dataclass(frozen=True)
+class Run:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def damping(capsys):
+    """``damping(*words)`` gives exit code, standard output and standard error."""
+
+    def run(*words):
+        code = command(*words)
+        said = capsys.readouterr()
+        return Run(code, said.out, said.err)
+
+    return run
+
+
+def command(*words):
+    with pytest.raises(SystemExit) as stopped:
+        main([str(word) for word in words])
+    return int(stopped.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def case(lab, tmp_path_factory):
+    """A folder with ``model.toml`` and ``data.csv`` of a lag of phase, with names that are no HTML."""
+    folder = tmp_path_factory.mktemp("case")
+    (folder / "model.toml").write_text(mode_to_toml(lab.mode(name=NAME)))
+    table = lab.measured("phase-lag", points=12).table
+    table["sweep"] = "<b>" + table["sweep"] + "</b>"
+    table.to_csv(folder / "data.csv", index=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def answered(case, tmp_path_factory):
+    """The files that a run writes: answer, page, corrected model."""
+    return written(case, tmp_path_factory.mktemp("answered"))
+
+
+def written(case, out):
+    files = [out / name for name in ("answer.json", "page.html", "corrected.toml")]
+    options = zip(("--json", "--report", "--model-out"), files, strict=True)
+    words = [word for option in options for word in option]
+    assert command("gap", case / "model.toml", case / "data.csv", *words, "--no-posterior") == 0
+    return files
+
+
+def constants(text):
+    """JSON that has no NaN and no infinity."""
+
+    def refuse(name):
+        raise AssertionError(f"{name} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_the_form(answered):
+    found = constants(answered[0].read_text())
+    assert set(found) >= KEYS
+    assert found["format"] == "gap/1"
+    assert found["effects"] == ["phase-lag"]
+    assert found["explanations"][0]["effects"] == ["phase-lag"]
+    # a lag is known to 0.0015 rad at this noise; five of them
+    np.testing.assert_allclose(found["parameters"]["phase-lag"]["lag"], -0.1, rtol=0.0, atol=0.0075)
+    assert found["unexplained"] is False
+    assert set(found["gap"]) >= {"nominal", "before", "after", "shrinkage", "held_out"}
+    assert set(found["gap"]["held_out"]) >= {"scheme", "before", "after", "shrinkage", "low", "high"}
+    assert found["gap"]["nominal"] > found["gap"]["before"] > found["gap"]["after"]
+    places = {"sweep", "frequency_low", "frequency_high", "quantity"}
+    assert all(set(cell) == places | {"share", "z"} for cell in found["where"])
+    assert all(set(cell) == places | {"size"} for cell in found["footprint"])
+    assert {cell["quantity"] for cell in found["footprint"]} == {"phase"}  # a lag moves phases alone
+    assert {cell["sweep"] for cell in found["footprint"]} == {"<b>A</b>", "<b>B</b>", "<b>C</b>"}
+    assert set(found["next_test"]) == {"what", "why", "expected_log_odds"}
+    assert found["posterior"] is None
+
+
+def test_equal_input_gives_equal_bytes(case, answered, tmp_path):
+    assert [path.read_bytes() for path in written(case, tmp_path)] == [path.read_bytes() for path in answered]
+
+
+class Page(HTMLParser):
+    """Collects tags and what they link to."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.links = [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value or "" for key, value in attrs if key in ("href", "src", "xlink:href", "action", "srcset")]
+
+
+def test_report_and_corrected_model(answered):
+    _, page, model = answered
+    assert read_mode(model).effects["phase-lag"]["lag"] == pytest.approx(-0.1, rel=0.0, abs=0.0075)  # as above
+    text = page.read_text()
+    found = Page()
+    found.feed(text)
+    assert "alert(1)" in text  # the name is there, as text
+    assert NAME not in text
+    assert "<b>A</b>" not in text
+    assert "script" not in found.tags or "alert(1)" not in "".join(re.findall(r"<script.*?</script>", text, re.DOTALL))
+    assert all(link.startswith(("#", "data:")) for link in found.links), found.links
+    assert not re.search(r"url\(\s*['\"]?https?:|@import", text)
+
+
+def test_a_folder_with_a_broken_case(damping, case, tmp_path):
+    cases, out = tmp_path / "cases", tmp_path / "answers"
+    model, data = ((case / name).read_text() for name in ("model.toml", "data.csv"))
+    texts = {
+        "fine": (model, data),
+        "broken": (model, data.replace("amplitude,", "amplitudes,")),
+        "other-mode": (re.sub(r"frequency = [0-9.]+", "frequency = 7.0", model, count=1), data),
+    }
+    for name, (toml, csv) in texts.items():
+        (cases / name).mkdir(parents=True)
+        (cases / name / "model.toml").write_text(toml)
+        (cases / name / "data.csv").write_text(csv)
+    done = damping("gap", cases, "--json", out, "--jobs", 1)
+    assert done.code == 1
+    assert "Traceback" not in done.err
+    assert {path.name for path in out.iterdir()} == {f"{name}.json" for name in texts}
+    answers = {name: constants((out / f"{name}.json").read_text()) for name in texts}
+    assert answers["fine"]["effects"] == ["phase-lag"]
+    assert answers["fine"]["posterior"] is None  # off for a folder
+    for name, says in (("broken", "amplitude"), ("other-mode", "different modes")):
+        assert set(answers[name]) == {"format", "error"}
+        assert answers[name]["format"] == "gap/1"
+        assert says in answers[name]["error"]
+
+
+def test_bad_usage(damping, case, tmp_path):
+    model, data = case / "model.toml", case / "data.csv"
+    (tmp_path / "empty").mkdir()
+    for words, says in (
+        ((tmp_path / "none.toml", data), "none.toml"),
+        ((case, "--report", tmp_path / "page.html", "--json", tmp_path), "one record"),
+        ((case.parent,), "--json"),
+        ((tmp_path / "empty", "--json", tmp_path / "out"), "holds no case"),
+        ((model, "--json", tmp_path / "out"), "folder"),
+    ):
+        done = damping("gap", *words)
+        assert (done.code, done.out) == (2, ""), words
+        assert says in done.err
+        assert len(done.err.strip().splitlines()) == 1
+
+
+def test_an_analysis_that_cannot_be_done(damping, case, tmp_path):
+    other = tmp_path / "other.toml"
+    text = (case / "model.toml").read_text()
+    other.write_text(re.sub(r"frequency = [0-9.]+", "frequency = 7.0", text, count=1))
+    earlier = tmp_path / "answer.json"
+    earlier.write_text("earlier")
+    done = damping("gap", other, case / "data.csv", "--json", earlier)
+    assert (done.code, done.out) == (1, "")
+    assert "different modes" in done.err
+    assert len(done.err.strip().splitlines()) == 1
+    assert earlier.read_text() == "earlier"
