@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from selection.forces.hysteresis import Loop
 from selection.forces.slip_equivalent import EquivalenceError
-from selection.plots.style import ALERT, INK, LINEAR, MUTED, WIDTH, law_style, styled
+from selection.plots.style import INK, LINEAR, MUTED, WIDTH, law_style, styled
 
 #: Of the 1441 points of a small loop, every so many are drawn: all corners at multiples of 30 degrees stay.
 EVERY = 12
@@ -85,8 +85,8 @@ def _errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
     for values, colour, line, label in lines:
         axes.plot(error.amplitude, values, color=colour, linestyle=line, label=label)
     axes.axhline(0.0, color=INK, linewidth=0.7)
-    axes.plot([3.0], [0.0], "o", color=ALERT, markersize=4)
-    axes.annotate("equal only at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=ALERT)
+    axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
+    axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
     axes.set(xlim=(1.0, float(error.amplitude[-1])), ylim=(-170.0, 250.0))
     axes.set_xlabel("amplitude A / A₁")
     axes.set_ylabel("error (per cent)")
