@@ -84,7 +84,7 @@ def _print(diagnosis: Diagnosis) -> None:
         reach(diagnosis),
         following(diagnosis),
     ]
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     for line in lines:
         console.print(line)
     for caution in diagnosis.cautions:
