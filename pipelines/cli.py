@@ -167,6 +167,18 @@ app.command("verify")(results.verify)
 
 
 @app.command()
+def bands(
+    records: Annotated[Path, typer.Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
+    seed: Seed = DEFAULT_SEED,
+) -> None:
+    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
+    from pipelines.bands_page import bands_page as run
+
+    run(records, out, seed)
+
+
+@app.command()
 def calibrate(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
