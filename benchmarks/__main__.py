@@ -1,16 +1,46 @@
-"""Run every benchmark: ``python -m benchmarks``; each prints its lines."""
+"""Run benchmarks and write their tables: ``python -m benchmarks [--out DIR] [NAME ...]``, by default all of ``SPEED``.
+
+Each one writes its own table; the page is made of all tables that are there. (The other modules of this folder are
+programs of their own.)
+"""
 
 from __future__ import annotations
 
+import argparse
 import importlib
+import os
+from dataclasses import asdict
 from pathlib import Path
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy starts its threads: ours and peers have one each
+
+SPEED = ("subsets", "best_subset", "steady_states", "posterior", "cost", "gap_cases")
 
 
 def main() -> None:
-    """Run the benchmarks of this folder in order of name."""
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        if not path.stem.startswith("_"):
-            importlib.import_module(f"benchmarks.{path.stem}").main()
+    """Measure, write a table each, then the page with its figure."""
+    from benchmarks import _page  # noqa: PLC0415 - after the threads are set
+
+    options = argparse.ArgumentParser(prog="python -m benchmarks")
+    options.add_argument("--out", type=Path, default=Path("results/benchmarks"))
+    options.add_argument(
+        "--page", action="store_true", help="make the page of the tables that are there, measure nothing"
+    )
+    options.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SPEED))
+    chosen = options.parse_args()
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    for name in [] if chosen.page else chosen.names or SPEED:
+        found = importlib.import_module(f"benchmarks.{name}").measure()
+        if name == "cost":
+            table = _page.cost_table(found)
+        else:
+            table = _page.rows_table(found)
+            for row in found:
+                print(*asdict(row).values(), sep=" | ", flush=True)
+        table.to_csv(chosen.out / f"{name}.csv", index=False, float_format="%.6g")
+    _page.write(chosen.out, SPEED)
+    print(f"{chosen.out / 'README.md'} written")
 
 
 if __name__ == "__main__":

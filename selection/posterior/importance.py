@@ -15,11 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from selection.arrays import FloatArray
+from selection.errors import AnalysisError
 from selection.posterior.proposal import Proposal
 
 _POWER = 13  # 8192 draws a round: 1 % of standard error in Z for a posterior close to a t
 _MOST_ROUNDS = 8  # of adaptation
 _ENOUGH = 2000  # effective draws at which to stop
+_LARGEST_POWER = 22  # of two: draws that still fit a small memory
 
 
 @dataclass(frozen=True)
@@ -74,3 +76,28 @@ def importance(
         draws=draws,
         effective_draws=effective,
     )
+
+
+def more_draws(
+    log_density: Callable[[FloatArray], FloatArray], start: Evidence, wanted: float, seed: int = 0
+) -> tuple[FloatArray, float]:
+    """Posterior draws (n, dimension) that are worth ``wanted`` independent ones, n a power of two, and their worth.
+
+    From the adapted proposal of ``start``, resampled by weight with equal spacing (systematic), which adds next to
+    nothing to the error.
+
+    Raises:
+        AnalysisError: 2^22 draws are worth less.
+    """
+    efficiency = start.effective_draws / len(start.draws)
+    power = int(np.ceil(np.log2(1.1 * wanted / efficiency)))
+    while power <= _LARGEST_POWER:
+        x = start.proposal.sobol(power, seed)
+        log_w = log_density(x) - start.proposal.log_density(x)
+        w = np.exp(log_w - log_w.max())
+        effective = float(w.sum() ** 2 / np.sum(w**2))
+        if effective >= wanted:
+            edges = (np.arange(len(x)) + np.random.default_rng(seed).random()) / len(x)
+            return x[np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(x) - 1)], effective
+        power += 1
+    raise AnalysisError(f"importance draws worth {wanted:g} would need more than 2^{_LARGEST_POWER}")

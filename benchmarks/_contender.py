@@ -1,0 +1,203 @@
+"""One sampler of the two-term posterior, in a process of its own: ``python -m benchmarks._contender NAME NUMBER``.
+
+The model: resonances of Configuration II, first mode, by viscous + displacement-velocity damping. With x ~ N(0, 1)^3,
+
+    total  T = F exp(x1),    share  s = Phi(x2),    scatter  S = .02 exp(.75 x3),
+    C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
+
+g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of
+``selection.posterior``, written here once in plain Python, once for PyMC and once for NumPyro. Ours draw until they
+are worth NUMBER; the others twice NUMBER draws a chain, and tell how many effective ones a second more would give.
+Effective size: the least bulk one (arviz) of x1, x2, x3; importance draws are worth (sum w)^2/sum w^2.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import dataclass
+from functools import partial
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+#: Table 4.II: force (lb), frequency (Hz), amplitude (in).
+FORCE, HZ, AMPLITUDE = [19.37, 24.95, 28.98], [1.66882, 1.66577, 1.66401], [1.229, 1.439, 1.567]
+OMEGA = [2.0 * math.pi * f for f in HZ]
+CHAINS, SEED = 4, 1970
+
+
+def geometric_mean(values: list[float]) -> float:
+    return math.exp(math.fsum(map(math.log, values)) / len(values))
+
+
+REFERENCE = tuple(map(geometric_mean, (FORCE, OMEGA, AMPLITUDE)))
+#: Both terms at each resonance over their value at the reference.
+VISCOUS = [a * w / (REFERENCE[2] * REFERENCE[1]) for a, w in zip(AMPLITUDE, OMEGA, strict=True)]
+CASE_IV = [a * a * w / (REFERENCE[2] ** 2 * REFERENCE[1]) for a, w in zip(AMPLITUDE, OMEGA, strict=True)]
+
+
+def plain(x: Any) -> float:
+    """Log posterior density at one point, up to a constant: arithmetic alone, which for three rows beats arrays."""
+    x1, x2, x3 = x
+    share = 0.5 * math.erfc(-x2 / math.sqrt(2.0))
+    scatter = 0.02 * math.exp(0.75 * x3)
+    total, value = REFERENCE[0] * math.exp(x1), -0.5 * (x1 * x1 + x2 * x2 + x3 * x3)
+    for F, viscous, case_iv in zip(FORCE, VISCOUS, CASE_IV, strict=True):
+        linear, square = total * share * viscous, total * (1.0 - share) * case_iv
+        C = linear + square
+        n = (F - C) / ((linear + 2.0 * square) * min(1.0, F / C))
+        value -= 0.5 * (n / scatter) ** 2 + math.log(scatter)
+    return value
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Draws x (n, 3) worth ``size`` independent ones. ``rate``: effective draws for a second of processor after
+    start-up; NaN where all that were wanted were drawn."""
+
+    x: np.ndarray
+    size: float
+    how: str
+    rate: float = math.nan
+
+
+def effective(x: np.ndarray) -> float:
+    """Least bulk effective size of x (chains, draws, 3)."""
+    import arviz  # noqa: PLC0415 - start-up is part of what is measured, so each process imports what it needs
+
+    return min(float(arviz.ess(x[..., i])) for i in range(3))
+
+
+def in_part(x: np.ndarray, used: float, how: str) -> Sampled:
+    """Chains (chains, draws, 3), of which the second half took ``used`` seconds of processor."""
+    size = effective(x)
+    return Sampled(x.reshape(-1, 3), size, f"{how}, {x.shape[0]} x {x.shape[1]} draws", 0.5 * size / used)
+
+
+def ours(wanted: int) -> Sampled:
+    """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
+    from selection.posterior.evidence import evidence  # noqa: PLC0415 - as above
+    from selection.posterior.importance import more_draws  # noqa: PLC0415 - as above
+    from selection.posterior.likelihood import log_posterior  # noqa: PLC0415 - as above
+
+    coordinates, data = target()
+    start = evidence(coordinates, data, SEED)
+    density = partial(log_posterior, coordinates=coordinates, data=data)
+    draws, size = more_draws(density, start, wanted, SEED)
+    return Sampled(draws, size, f"{len(draws)} importance draws")
+
+
+def chains(wanted: int) -> Sampled:
+    """Chains of the library, run to its own criteria: ensembles of many walkers, moved all at once."""
+    from selection.posterior.evidence import evidence  # noqa: PLC0415 - as above
+    from selection.posterior.sampling import Settings, sample  # noqa: PLC0415 - as above
+
+    coordinates, data = target()
+    start = evidence(coordinates, data, SEED)
+    settings = Settings(walkers=512, block=150, effective_size=wanted, kept=5000)
+    found = sample(coordinates, data, start, lambda x: {}, SEED, settings)
+    size = min(d.effective_size for d in found.diagnoses)
+    return Sampled(found.draws, size, f"4 ensembles of 512 walkers, {found.steps} steps")
+
+
+def target() -> Any:
+    """Coordinates and observations of the library."""
+    from selection.posterior.law import Coordinates, Law  # noqa: PLC0415 - as above
+    from selection.posterior.observations import Observations  # noqa: PLC0415 - as above
+
+    F, omega, A = map(np.array, (FORCE, OMEGA, AMPLITUDE))
+    zero, number = np.zeros(len(F)), np.arange(len(F))
+    data = Observations(A, omega, F, zero, number, zero, zero, zero, ("A", "B", "C"), F, A, omega)
+    return Coordinates.of(Law(("viscous", "displacement-velocity")), data), data
+
+
+def emcee(part: int) -> Sampled:
+    """Plain emcee: 32 walkers, its own default move, one point at a time."""
+    import emcee  # noqa: PLC0415 - as above
+
+    sampler = emcee.EnsembleSampler(32, 3, plain)
+    rng = np.random.default_rng(SEED)
+    state = sampler.run_mcmc(rng.standard_normal((32, 3)) * [0.1, 1.0, 1.0], 300)
+    sampler.reset()
+    state = sampler.run_mcmc(state, part)
+    start = process_time()
+    sampler.run_mcmc(state, part)
+    return in_part(np.moveaxis(sampler.get_chain(), 1, 0), process_time() - start, "32 walkers")
+
+
+def pymc(part: int) -> Sampled:
+    """PyMC's own NUTS, four chains one after the other."""
+    import pymc as pm  # noqa: PLC0415 - as above
+    import pytensor.tensor as pt  # noqa: PLC0415 - as above
+
+    with pm.Model():
+        x = pm.Normal("x", 0.0, 1.0, shape=3)
+        share, total = 0.5 * pt.erfc(-x[1] / math.sqrt(2.0)), REFERENCE[0] * pt.exp(x[0])
+        linear, square = total * share * np.array(VISCOUS), total * (1.0 - share) * np.array(CASE_IV)
+        C = linear + square
+        n = (np.array(FORCE) - C) / ((linear + 2.0 * square) * pt.minimum(1.0, np.array(FORCE) / C))
+        pm.Potential("rows", pm.logp(pm.Normal.dist(0.0, 0.02 * pt.exp(0.75 * x[2])), n).sum())
+
+        clock: list[float] = []
+
+        def note(trace: Any, draw: Any) -> None:
+            if not draw.tuning and draw.chain == CHAINS - 1:
+                clock.append(process_time())
+
+        found = pm.sample(
+            2 * part, tune=1000, chains=CHAINS, cores=1, random_seed=SEED, progressbar=False, callback=note,
+            compute_convergence_checks=False, return_inferencedata=False,
+        )  # fmt: skip
+    drawn = np.stack([found.get_values("x", chains=[chain]) for chain in found.chains])
+    # the last chain's time stands for half of it, times the number of chains
+    return in_part(drawn, CHAINS * 0.5 * (clock[-1] - clock[0]), "four chains")
+
+
+def numpyro(part: int) -> Sampled:
+    """NumPyro's NUTS in double precision, four chains at once in one program."""
+    import jax  # noqa: PLC0415 - as above
+    import jax.numpy as jnp  # noqa: PLC0415 - as above
+    import numpyro  # noqa: PLC0415 - as above
+    from jax.scipy.stats import norm  # noqa: PLC0415 - as above
+    from numpyro import distributions as dist  # noqa: PLC0415 - as above
+    from numpyro.infer import MCMC, NUTS  # noqa: PLC0415 - as above
+
+    numpyro.enable_x64()
+    F, viscous, case_iv = map(jnp.array, (FORCE, VISCOUS, CASE_IV))
+
+    def model() -> None:
+        x = numpyro.sample("x", dist.Normal(0.0, 1.0).expand([3]))
+        share, total = norm.cdf(x[1]), REFERENCE[0] * jnp.exp(x[0])
+        linear, square = total * share * viscous, total * (1.0 - share) * case_iv
+        C = linear + square
+        n = (F - C) / ((linear + 2.0 * square) * jnp.minimum(1.0, F / C))
+        numpyro.factor("rows", norm.logpdf(n, 0.0, 0.02 * jnp.exp(0.75 * x[2])).sum())
+
+    kernel = MCMC(
+        NUTS(model), num_warmup=1000, num_samples=part, num_chains=CHAINS, chain_method=METHOD, progress_bar=False
+    )
+    halves = []
+    for _ in range(2):
+        start = process_time()
+        kernel.run(jax.random.PRNGKey(SEED))
+        halves.append(np.asarray(kernel.get_samples(group_by_chain=True)["x"]))
+        kernel.post_warmup_state = kernel.last_state
+    return in_part(np.concatenate(halves, axis=1), process_time() - start, f"{CHAINS} chains ({METHOD})")
+
+
+METHOD = "vectorized"
+CONTENDERS = {"ours": ours, "chains": chains, "emcee": emcee, "pymc": pymc, "numpyro": numpyro}
+
+
+def main() -> None:
+    name, number = sys.argv[1], int(sys.argv[2])
+    found = CONTENDERS[name](number)
+    told = {"size": found.size, "how": found.how, "rate": None if math.isnan(found.rate) else found.rate}
+    print(json.dumps(told | {"mean": list(found.x.mean(axis=0)), "sd": list(found.x.std(axis=0))}))
+
+
+if __name__ == "__main__":
+    main()

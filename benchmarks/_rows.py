@@ -1,0 +1,77 @@
+"""What benchmarks measure: processor and wall time of ours and of a named peer in one run, beside the goal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+from time import perf_counter, process_time
+
+
+@dataclass(frozen=True)
+class Time:
+    """Seconds of processors (all threads and child processes together) and on the wall."""
+
+    processor: float
+    wall: float
+
+    def times(self, factor: float) -> Time:
+        return Time(factor * self.processor, factor * self.wall)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A piece of work and what it took.
+
+    ``at_least``: ratio peer/ours wanted. ``at_most``: seconds of processor wanted of ours. ``right``: whether the
+    results agree as ``remark`` says.
+    """
+
+    work: str
+    ours: Time
+    peer: str = ""
+    theirs: Time | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    right: bool = True
+    remark: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """Processor time of the peer over ours."""
+        return self.theirs.processor / self.ours.processor if self.theirs else None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the goal is met; None where there is none."""
+        if self.at_least is None and self.at_most is None:
+            return None
+        fast = self.at_least is None or (self.ratio is not None and self.ratio >= self.at_least)
+        return self.right and fast and (self.at_most is None or self.ours.processor <= self.at_most)
+
+    @property
+    def goal(self) -> str:
+        """The goal in words."""
+        parts = [f"ratio >= {self.at_least:g}"] if self.at_least is not None else []
+        return ", ".join(parts + ([f"ours <= {self.at_most:g} s"] if self.at_most is not None else []))
+
+
+def timed(work: Callable[[], object], repeats: int = 1) -> Time:
+    """Time of one run, averaged over ``repeats``; all in this process."""
+    processor, wall = process_time(), perf_counter()
+    for _ in range(repeats):
+        work()
+    return Time((process_time() - processor) / repeats, (perf_counter() - wall) / repeats)
+
+
+def middle(times: Sequence[Time]) -> Time:
+    """Median of each."""
+    return Time(median(t.processor for t in times), median(t.wall for t in times))
+
+
+def seconds(value: float) -> str:
+    """A time to three digits with a unit that fits."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if value >= size:
+            return f"{value / size:#.3g}".rstrip(".") + f" {unit}"
+    return f"{value / 1e-9:#.3g} ns"

@@ -1,0 +1,106 @@
+"""How cost grows with points, levels, terms and walkers: exponents b of processor time ~ size^b, at the larger sizes.
+
+Run ``python -m benchmarks.cost``. For terms the size is the number of subsets, 2^terms - 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import emcee
+import numpy as np
+
+from benchmarks._rows import middle, timed
+from selection.loads.calibration import CANDIDATES
+from selection.loads.plan import plan_loads
+from selection.loads.simulated import peaks, simulated_levels, structures
+from selection.posterior.law import Coordinates, Law
+from selection.posterior.likelihood import log_posterior
+from selection.regression.design import design_of_arrays
+from selection.regression.subsets import all_subsets
+
+LAW = Law(("viscous", "displacement-velocity"))
+REPEATS, LEAST_S = 3, 0.05
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Processor times (sizes,) of ``work`` against ``sizes`` of what is called ``against``."""
+
+    work: str
+    against: str
+    sizes: np.ndarray
+    seconds: np.ndarray
+
+    @property
+    def exponent(self) -> float:
+        """Slope of ln time against ln size over the upper half of the sizes."""
+        half = len(self.sizes) // 2
+        return float(np.polyfit(np.log(self.sizes[half:]), np.log(self.seconds[half:]), 1)[0])
+
+
+def growth(work: str, against: str, sizes: list[int], make: Callable[[int], Callable[[], object]]) -> Growth:
+    """Time ``make(size)()`` for each size: median of three, each repeated until it can be timed."""
+    times = []
+    for size in sizes:
+        call = make(size)
+        once = timed(call).processor
+        repeats = int(np.clip(LEAST_S / max(once, 1e-9), 1, 1000))
+        times.append(middle([timed(call, repeats) for _ in range(REPEATS if once < 0.3 else 1)]).processor)
+    return Growth(work, against, np.array(sizes), np.array(times))
+
+
+def points(rows: int) -> Callable[[], object]:
+    """Posterior density of 256 parameter points on so many rows."""
+    A = np.geomspace(0.5, 2.0, rows)
+    data = peaks(A**1.5, A)
+    coordinates = Coordinates.of(LAW, data)
+    x = np.random.default_rng(0).standard_normal((256, coordinates.dimension))
+    return partial(log_posterior, x, coordinates, data)
+
+
+def levels(number: int) -> Callable[[], object]:
+    """Choice and weights of eight laws for a band, from so many levels."""
+    data = simulated_levels(structures()[1], number, 4.0, 0.01, np.random.default_rng(number))
+    return partial(plan_loads, data, CANDIDATES)
+
+
+def terms(k: int) -> Callable[[], object]:
+    """All subsets of so many terms on 200 rows, with statistics."""
+    rng = np.random.default_rng(k)
+    design = design_of_arrays(rng.normal(size=(200, k)), rng.normal(size=200))
+
+    def work() -> object:
+        models = all_subsets(design)
+        return models.t_ratios, models.criteria
+
+    return work
+
+
+def walkers(number: int) -> Callable[[], object]:
+    """Twenty steps of an ensemble of so many walkers on three resonances."""
+    A = np.array([1.229, 1.439, 1.567])
+    data = peaks(A**1.6, A)
+    coordinates = Coordinates.of(LAW, data)
+    density = partial(log_posterior, coordinates=coordinates, data=data)
+    sampler = emcee.EnsembleSampler(number, coordinates.dimension, density, vectorize=True)
+    state = emcee.State(0.1 * np.random.default_rng(0).standard_normal((number, coordinates.dimension)))
+    return partial(sampler.run_mcmc, state, 20, skip_initial_state_check=True)
+
+
+def measure() -> list[Growth]:
+    """All four."""
+    subsets = growth("all subsets with statistics", "terms", list(range(6, 14)), terms)
+    return [
+        growth("posterior density of 256 points", "points", [10 * 4**i for i in range(6)], points),
+        growth("laws weighed for a band", "levels", [3, 4, 6, 8], levels),
+        Growth(subsets.work, "subsets, 2^terms - 1", 2**subsets.sizes - 1, subsets.seconds),
+        growth("20 steps of an ensemble", "walkers", [32 * 2**i for i in range(8)], walkers),
+    ]
+
+
+if __name__ == "__main__":
+    for found in measure():
+        print(found.work, found.against, found.sizes, found.seconds, found.exponent)

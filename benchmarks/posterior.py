@@ -1,0 +1,101 @@
+"""A two-term posterior to 50 000 effective samples, start-up included: ours, plain emcee, PyMC, NumPyro.
+
+Run ``python -m benchmarks.posterior``. Each sampler runs in a process of its own (``benchmarks._contender``), which
+imports, compiles, samples and judges its effective size; the whole process is timed. Peers draw a part, with all of
+start-up, compilation and warm-up; the rest of the 50 000 is added at the rate of the second half of that part. Ours
+draw all, twice: importance draws, and chains, all walkers moved at once, which run to the library's own criteria of
+convergence beside.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks._rows import Row, Time
+
+WANTED = 50_000
+PLAIN, BEST = 20.0, 5.0
+PEERS = {"emcee": "emcee, one point at a time", "pymc": "PyMC (NUTS)", "numpyro": "NumPyro (NUTS)"}
+#: Half the draws of a chain of each peer.
+PARTS = {"emcee": 1500, "pymc": 1000, "numpyro": 2000}
+#: Largest difference of means and standard deviations in Monte Carlo standard errors: of 24 looked at, one in a
+#: thousand runs has one beyond 4; chains that just reach the size know their own error roughly.
+SAME = 5.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a process printed and took."""
+
+    time: Time
+    size: float
+    rate: float | None
+    how: str
+    mean: np.ndarray
+    sd: np.ndarray
+
+    @property
+    def whole(self) -> Time:
+        """Time to ``WANTED``: as it was, or with the rest added at the rate; wall time in proportion."""
+        if self.rate is None:
+            return self.time
+        return self.time.times(1.0 + (WANTED - self.size) / self.rate / self.time.processor)
+
+
+def run(name: str) -> Run:
+    """One contender in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks._contender", name, str(PARTS.get(name, WANTED))]
+    start = perf_counter()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, "OMP_NUM_THREADS": "1"}) as process:
+        assert process.stdout is not None
+        printed = process.stdout.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"{name} ended with {process.returncode}")
+    wall = perf_counter() - start
+    told = json.loads(printed.splitlines()[-1])
+    return Run(
+        Time(usage.ru_utime + usage.ru_stime, wall), told["size"], told["rate"], told["how"], np.array(told["mean"]),
+        np.array(told["sd"]),
+    )  # fmt: skip
+
+
+def difference(a: Run, b: Run) -> float:
+    """Of means and standard deviations, in Monte Carlo standard errors."""
+    error = a.sd * np.sqrt(1.0 / a.size + 1.0 / b.size)
+    # sd: error sd/sqrt(2 n) of a normal posterior; these have heavier tails
+    return float(max(np.max(np.abs(a.mean - b.mean) / error), np.max(np.abs(a.sd - b.sd) / error)))
+
+
+def measure() -> list[Row]:
+    """Ours by importance and by chains against each peer."""
+    ours, chains = run("ours"), run("chains")
+    peers = {name: run(name) for name in PEERS}
+    best = min(peers, key=lambda name: peers[name].whole.processor)
+    rows = []
+    for own, by in ((ours, "importance draws"), (chains, "chains")):
+        for name, peer in peers.items():
+            goal = max(PLAIN if name == "emcee" else 0.0, BEST if name == best else 0.0) or None
+            away = difference(own, peer)
+            rows.append(
+                Row(
+                    f"two-term posterior to {WANTED} effective samples, by {by}", own.whole, PEERS[name], peer.whole,
+                    at_least=goal, right=away < SAME,
+                    remark=f"{own.how}; {peer.how}, worth {peer.size:.0f} in {peer.time.processor:.1f} s, the rest at "
+                    f"{peer.rate:.0f} a second; means and sds within {away:.1f} standard errors",
+                )
+            )  # fmt: skip
+    return rows
+
+
+if __name__ == "__main__":
+    for row in measure():
+        print(row, row.ratio, row.met)
