@@ -173,12 +173,17 @@ def test_pages_link_to_what_is_there(built):
                 assert f'id="{anchor}"' in file.read_text(), f"{page.name}: {target}"
 
 
-def test_pages_are_quiet_load_nothing_and_fit(opened, built):
+def test_pages_are_quiet_load_nothing_fit_and_can_be_read(opened, built):
+    contrast = (ROOT / "tests" / "contrast.js").read_text()
     for page in PAGES:
         path = (built / page.relative_to(DOCS)).with_suffix(".html")
         with opened(path, width=390) as one:
-            for width in (390, 1280):
+            for width, scheme in ((390, "light"), (1280, "dark")):
                 one.page.set_viewport_size({"width": width, "height": 900})
+                one.page.emulate_media(color_scheme=scheme)
                 assert one.page.evaluate("document.documentElement.scrollWidth") <= width, page.name
+                found = one.page.evaluate(contrast)
+                assert found["checked"] > 20
+                assert found["found"] == [], page.name
             assert one.complaints == []
             assert all(request.startswith(("file:", "data:")) for request in one.requests)
