@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -87,7 +88,7 @@ def check(folders: Sequence[Path]) -> None:
 
 def _names(folders: Sequence[Path]) -> list[str]:
     """What each folder is called on the page: its own name, or its path where two have one name."""
-    resolved = [folder.resolve() for folder in folders]
+    resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
     if len(set(resolved)) < len(resolved):
         raise InputError("a folder is given twice", expected="different folders")
     own = [path.name for path in resolved]

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from pipelines.store import write_json, write_text
+from pipelines.store import refuse_inputs, write_json, write_text
 from pipelines.tables import console
 from selection.conditioning.ringdown import LEVELS, PERIODS, Decay, ring_down
 from selection.errors import InputError
@@ -58,8 +58,8 @@ def import_file(
         AnalysisError: no decay that can be used.
     """
     inputs = [file, *([decay.mode] if decay else [])]
-    if out.resolve() in [one.resolve() for one in inputs]:
-        raise InputError("--out is a file that is read", file=out, expected="another file")
+    refuse_inputs("--out", out, *inputs)
+    refuse_inputs("--json", json_out, *inputs)
     series, summary = read_file(file, stated, max_size=max_size)
     found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
     write_text(out, record_to_csv(found.record))

@@ -47,7 +47,9 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
     """InputError where the file that ``option`` names is one of the inputs, by whatever path; before any work."""
     if target is None or target == "-":
         return
-    if Path(target).resolve() in {path.resolve() for path in inputs}:
+    if os.path.realpath(target) in {
+        os.path.realpath(path) for path in inputs
+    }:  # Path.resolve fails on a link to itself
         raise InputError(
             f"{option} is one of the inputs, which are never written over", file=target, expected="another file"
         )

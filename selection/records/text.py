@@ -13,7 +13,7 @@ from selection.errors import InputError
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
 
-#: Longest row of a CSV file, bytes.
+#: Longest row of a CSV file, characters.
 LONGEST_ROW = 1_000_000
 
 #: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
@@ -21,6 +21,8 @@ NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
 _EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet may execute begins with one of these
 _LINE_END = re.compile(rb"\r\n?|\n")
+_LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
+_TOGETHER = 65_536  # bytes that are decoded together, and on to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
 
@@ -83,7 +85,7 @@ class Rows:
     """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
 
     It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
-    ends. Lines are decoded one at a time, so that memory stays at the file and one row.
+    ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row.
     """
 
     def __init__(self, data: bytes, file: str | Path) -> None:
@@ -115,20 +117,20 @@ class Rows:
         """Lines with their ends, up to the first that is no text or makes a row too long; ``_broken`` then says why."""
         start, number = 0, 0
         while start < len(self._data):
-            match = _LINE_END.search(self._data, start)
-            end = match.end() if match else len(self._data)
-            number += 1
-            self._size += end - start
-            if self._size > LONGEST_ROW:
-                self._broken = InputError(
-                    f"a row of more than {LONGEST_ROW} bytes", file=self._file, line=number, expected="cells in rows"
-                )
-                return
+            end = self._data.find(b"\n", start + _TOGETHER) + 1 or len(self._data)
             text, broken = decode(self._data[start:end], self._file)
+            for match in _LINE.finditer(text):
+                number += 1
+                self._size += match.end() - match.start()
+                if self._size > LONGEST_ROW:
+                    message = f"a row of more than {LONGEST_ROW} characters"
+                    self._broken = InputError(message, file=self._file, line=number, expected="cells in rows")
+                    return
+                yield match[0]
             if broken is not None:
-                self._broken = InputError(broken.message, file=self._file, line=number, expected=broken.expected)
+                line = number + 1
+                self._broken = InputError(broken.message, file=self._file, line=line, expected=broken.expected)
                 return
-            yield text
             start = end
 
     def _unreadable(self, line: int, reason: str) -> InputError:

@@ -92,7 +92,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--out is a file that is read"):
+    with pytest.raises(InputError, match="--out is one of the inputs"):
         import_file(sweep_csv, sweep_csv, Stated(columns=COLUMNS))
     out = tmp_path / "record.csv"
     out.write_text("an earlier result")
