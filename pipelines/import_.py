@@ -11,7 +11,6 @@ from typing import Any
 import pandas as pd
 from rich.box import SIMPLE
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from pipelines.store import refuse_inputs, write_json, write_text
@@ -201,5 +200,5 @@ def _print(found: Imported, out: Path, to: Console) -> None:
 
 
 def _printable(text: str) -> str:
-    """Text of a file for a terminal: no control characters, no markup."""
-    return escape("".join(c if c.isprintable() else "?" for c in text))
+    """Text of a file for a terminal: no control characters; the console takes no markup."""
+    return "".join(c if c.isprintable() else "?" for c in text)
