@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 import pytest
+import typer
 
 from pipelines import extrapolate, rank, study
 from pipelines.cli import app, main
@@ -127,6 +128,22 @@ def every_key(value: Any) -> set[str]:
     if isinstance(value, dict):
         return set(value) | {key for inner in value.values() for key in every_key(inner)}
     return {key for inner in value for key in every_key(inner)} if isinstance(value, list) else set()
+
+
+def test_options_named_anywhere_exist():
+    """Every option in the documents is one of a command."""
+    group = typer.main.get_command(app)
+    known = {option for one in group.commands.values() for parameter in one.params for option in parameter.opts}
+    known |= {
+        option for one in group.commands.values() for parameter in one.params for option in parameter.secondary_opts
+    }
+    known |= {"--help", "--port"}  # the latter of Dask's scheduler
+    pages = [*PAGES, ROOT / "README.md", *(ROOT / "examples").rglob("README.md")]
+    named = {
+        (option, page.name) for page in pages for option in re.findall(r"(?<![\w-])--[a-z][a-z-]+", page.read_text())
+    }
+    assert len(named) > 30
+    assert {(option, page) for option, page in named if option not in known} == set()
 
 
 @pytest.fixture(scope="module")
