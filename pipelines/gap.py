@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from pipelines.progress import progress
-from pipelines.store import write_json, write_text
+from pipelines.store import refuse_inputs, write_json, write_text
 from selection.errors import AnalysisError, DampingError, InputError
 from selection.gap.corrected import corrected_mode, effect_values, refitted_values
 from selection.gap.diagnose import Diagnosis, diagnose
@@ -50,6 +50,8 @@ def gap(
     if record is None:
         _folder(model, report, model_out, json_out, jobs, seed)
         return
+    for option, target in (("--json", json_out), ("--model-out", model_out), ("--report", report)):
+        refuse_inputs(option, target, model, record)
     diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
     sampled = None
     if posterior is not False:
