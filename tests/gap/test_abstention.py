@@ -14,7 +14,7 @@ LARGE = ("planar-coupling", "force-dropout", "phase-lag", "residual-modes", "sti
 @pytest.mark.parametrize("name", LARGE)
 def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
     smaller = {other: effect for other, effect in CATALOGUE.items() if other != name}
-    found = diagnose(lab.measured(name, points=13), lab.mode(), smaller)
+    found = diagnose(lab.measured(name, points=10), lab.mode(), smaller)
     assert found.unexplained or found.hypotheses[0].probability < 0.95
     assert all(name not in one.effects for one in found.hypotheses)
     assert found.gap.nominal > 2.0  # the gap is seen
