@@ -27,7 +27,7 @@ Array: TypeAlias = npt.NDArray[Any]  # of float64 or complex128
 #: Seconds after which a file that is still being read is given up.
 LONGEST = 60.0
 _WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its own size
-_WORKING = 200_000_000  # bytes that libraries and buffers may take, beside three times the file
+_WORKING = 100_000_000  # bytes that libraries and buffers may take, beside three times the file
 
 
 @dataclass(frozen=True)
