@@ -1,0 +1,67 @@
+"""Memory of commands on hostile files: at most 300 MB and four times the file."""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+
+SIZE = 6_000_000
+
+
+def rows() -> bytes:
+    """More rows than a table may have, each different."""
+    return b"sweep,force,frequency,amplitude\n" + b"".join(b"a,%d.5,2,3\n" % i for i in range(SIZE // 14))
+
+
+def packed() -> bytes:
+    """A MAT file of 100 kB that unpacks to a column of 100 MB."""
+    n = 12_500_000
+    shape = struct.pack("<IIIIIIii", 6, 8, 6, 0, 5, 8, n, 1) + struct.pack("<HH", 1, 1) + b"f\0\0\0"
+    body = struct.pack("<II", 14, len(shape) + 8 + 8 * n) + shape + struct.pack("<II", 9, 8 * n)
+    packer = zlib.compressobj(9)
+    content = packer.compress(body) + b"".join(packer.compress(b"\0" * 1_000_000) for _ in range(100)) + packer.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<HH", 0x0100, 0x4D49)
+    return head + struct.pack("<II", 15, len(content)) + content
+
+
+EXPORT = ("export", "IN", "--out", "OUT", "--from", "us", "--units", "si")
+IMPORT = ("import", "IN", "--out", "OUT", "--column", "frequency=f", "--column", "response=f", "--consistent")
+CASES = {
+    "rows": (rows, EXPORT, "more than 250000 rows"),
+    "commas": (lambda: b"," * SIZE, EXPORT, "a row of more than 1000000 characters"),
+    "quotes": (lambda: b'sweep,force,frequency,amplitude\n"' + b'a""\n' * (SIZE // 4), EXPORT, "field larger than"),
+    "wide": (lambda: ("a,\U0001f600\r" * (SIZE // 8)).encode(), EXPORT, "missing columns"),
+    "packed": (packed, IMPORT, "warrants"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_memory(tmp_path: Path, name: str) -> None:
+    make, words, message = CASES[name]
+    given, said = tmp_path / "in", tmp_path / "said"
+    given.write_bytes(make())
+    places = {"IN": str(given), "OUT": str(tmp_path / "out.csv")}
+    command = [sys.executable, "-m", "pipelines.cli", *(places.get(word, word) for word in words)]
+    # a small process between the two: what one that is forked had of its parent counts as its own
+    script = (
+        "import os, sys\n"
+        "child = os.posix_spawn(sys.executable, sys.argv[2:], os.environ)\n"
+        "_, status, used = os.wait4(child, 0)\n"
+        "open(sys.argv[1], 'w').write(f'{os.waitstatus_to_exitcode(status)} {used.ru_maxrss}')\n"
+    )
+    out = os.open(tmp_path / "err", os.O_WRONLY | os.O_CREAT)
+    actions = [(os.POSIX_SPAWN_DUP2, out, 2), (os.POSIX_SPAWN_DUP2, out, 1)]
+    process = os.posix_spawn(
+        sys.executable, [sys.executable, "-c", script, str(said), *command], os.environ, file_actions=actions
+    )
+    os.waitpid(process, 0)
+    os.close(out)
+    code, kilobytes = map(int, said.read_text().split())
+    assert code == 2
+    assert message in (tmp_path / "err").read_text()
+    assert 1024 * kilobytes <= 300e6 + 4 * given.stat().st_size

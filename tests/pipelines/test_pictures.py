@@ -1,0 +1,39 @@
+"""Figures of a study as PNG beside their SVG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipelines.pictures import pictures
+from pipelines.study import read_inputs
+from pipelines.study_output import study_files
+from selection.compare.ranking import rank_laws
+from selection.posterior.law import Law
+from selection.records.report_tables import data_folder
+from selection.report.results import RecordResult, StudyResult
+
+
+@pytest.fixture(scope="module")
+def study() -> StudyResult:
+    """Three resonances ranked, nothing sampled."""
+    from pipelines.settings import default_study, read_settings
+
+    settings = read_settings(default_study())
+    one = next(
+        one for one in read_inputs(settings, data_folder() / "saturn-v") if one.settings.name == "config-2-mode-1"
+    )
+    ranking = rank_laws(one.data, 0, [Law(("viscous",)), Law(("velocity-squared",))])
+    record = RecordResult("peaks", "Peaks", one.record, one.mode, one.data, ranking, (), None, None, ())
+    return StudyResult("A study", 1, 0.9, (record,), {}, {}, {"table": pd.DataFrame({"a": [1.0]})})
+
+
+def test_every_svg_has_its_png(study):
+    svgs = [name for name in study_files(study) if name.endswith(".svg")]
+    drawn = pictures(study, svgs)
+    assert len(drawn) >= 2
+    assert set(drawn) == {str(Path(name).with_suffix(".png")) for name in svgs}
+    for content in drawn.values():
+        assert content.startswith(b"\x89PNG\r\n\x1a\n")
