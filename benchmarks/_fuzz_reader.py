@@ -23,10 +23,12 @@ with atheris.instrument_imports(include=["selection.records", "selection.errors"
     from selection.records.reading import read_record, read_table
     from selection.records.serialise import record_to_csv
 
-with atheris.instrument_imports(include=["pipelines.settings", "pipelines.condition", "pipelines.export"]):
+with atheris.instrument_imports(
+    include=["pipelines.settings", "pipelines.condition", "pipelines.export", "pipelines.manifest"]
+):
     from pipelines.condition import read_description, read_raw
     from pipelines.export import form_table
-    from pipelines.manifest import Manifest
+    from pipelines.manifest import MANIFEST, open_folder
     from pipelines.settings import default_study, read_settings
 
 from selection.errors import AnalysisError, InputError
@@ -67,7 +69,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "lock-in": _imported("lock-in"),
     "mat": _mat,
     "form": form_table,
-    "manifest": lambda path: Manifest.model_validate_json(path.read_bytes()) and None,
+    "manifest": lambda path: open_folder(path.rename(path.with_name(MANIFEST)).parent),
 }
 
 
