@@ -38,6 +38,8 @@ from selection.records.serialise import record_to_csv
 OUT = Path(__file__).parents[1] / "results" / "benchmarks"
 RECORDS, LONG, MACHINERY = 20, 60, 500
 SAMPLE_S = 0.5
+#: Records from which on a growth of memory is told from the filling of caches at the start.
+FEWEST = 400
 MB = 1e6
 
 
@@ -224,6 +226,8 @@ def measure(records: int, long: int, alone: int) -> tuple[pd.DataFrame, dict[str
         )
     traces = {one.work: one.trace for one in runs[-2:]}
     for work, trace in traces.items():
+        if trace["records"].max() < FEWEST:
+            continue
         grown = growth(trace)
         print(f"{work}: growth in 1000 records: client {grown['client_mb']:.1f} MB, worker {grown['worker_mb']:.1f} MB")
     return pd.DataFrame([one.row for one in runs]), traces
