@@ -17,7 +17,7 @@ WIDTHS = {1.5: 1.35, 4.0: 1.8}
 #: Content of the band of ranks and of the binomial bounds that goals are held against.
 SURE = 0.99
 #: Bins of a histogram of ranks.
-BINS = 16
+BINS = 8
 
 
 def coverage_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
@@ -69,6 +69,24 @@ def selection_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame
     return cells.agg(
         trials=("true_wins", "size"), true_wins=("true_wins", "sum"), false_term=("false_term", "sum")
     ).reset_index()
+
+
+def winners_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
+    """A row a structure and law that won, most often first: ``structure, winner, true, trials``.
+
+    Arguments as in ``coverage_table``.
+    """
+    laws = {structure.name: structure.law for structure in structures()}
+    rows = [
+        {"structure": structure, "winner": result.winner.name, "true": result.winner == laws[structure]}
+        for (structure, *_), result in covered.items()
+    ]
+    counts = (
+        pd.DataFrame(rows).groupby(["structure", "winner", "true"], sort=False).size().rename("trials").reset_index()
+    )
+    place = {name: i for i, name in enumerate(laws)}
+    order = np.lexsort((-counts["trials"], counts["structure"].map(place)))
+    return counts.iloc[order].reset_index(drop=True)
 
 
 def ranks_table(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:

@@ -45,7 +45,10 @@ def _shares(ax: Axes, counts: pd.DataFrame, scale: float) -> None:
     limits = [result.proportion_ci(0.95, "wilson") for result in found]
     ax.vlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE, linewidth=4)
     ax.plot(place, [result.statistic for result in found], "o", color=AVERAGE, markersize=4)
-    labels = [name.replace(" + ", " +\n") if isinstance(name, str) else f"{scale * name:g}" for name in counts.index]
+    labels = [
+        name.replace(" + ", " +\n").replace("-", "-\n") if isinstance(name, str) else f"{scale * name:g}"
+        for name in counts.index
+    ]
     ax.set_xticks(place, labels)
     ax.set_xlim(-0.6, len(counts) - 0.4)
     ax.grid(visible=False, axis="x")
