@@ -110,6 +110,7 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page):
     loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
     assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
     check_page(tmp_path / "out" / "report.html", 390, "dark")
+    check_page(tmp_path / "out" / "report.html", 1280, "light")
 
 
 def test_the_second_plane_is_found(tmp_path, capsys, check_page):
