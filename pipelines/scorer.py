@@ -202,10 +202,12 @@ def _pairs(cases: Cases) -> list[Figure]:
         ("pair:two-forces", "two forces", Goal(low=0.80)),
         ("pair:force-structure", "force + structure", Goal()),
     )
-    return [
-        _share(f"both of a pair named: {what}", [c for c in cases if c.kind == kind], _both, goal)
-        for kind, what, goal in kinds
-    ]
+    found = []
+    for kind, what, goal in kinds:
+        some = [c for c in cases if c.kind == kind]
+        found.append(_share(f"both of a pair named: {what}", some, _both, goal))
+        found.append(_share(f"… or a stated equivalent: {what}", some, lambda c: _both(c) or c.right_or_equivalent))
+    return found
 
 
 def _both(case: Verdict) -> bool:
