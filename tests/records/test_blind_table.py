@@ -18,4 +18,6 @@ def test_every_figure_has_its_cases():
     null = table.set_index("figure").loc["null cases wrongly accused"]
     assert null["cases"] >= 500  # fewer could not show one per cent
     assert table.loc[table["goal"] != "", "met"].isin(["yes", "no"]).all()
-    assert (table["low"].fillna(0.0) <= table["measured"].fillna(0.0) + 1e-12).all()
+    # the calibration error of resampled cases is larger than that of the cases: its interval may lie above it
+    others = table[table["figure"] != "expected calibration error"].dropna(subset="low")
+    assert ((others["low"] <= others["measured"]) & (others["measured"] <= others["high"])).all()
