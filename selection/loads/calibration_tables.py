@@ -82,7 +82,7 @@ def winners_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
         for (structure, *_), result in covered.items()
     ]
     counts = (
-        pd.DataFrame(rows).groupby(["structure", "winner", "true"], sort=False).size().rename("trials").reset_index()
+        pd.DataFrame(rows).groupby(["structure", "winner", "true"], sort=False).size().reset_index(name="trials")
     )
     place = {name: i for i, name in enumerate(laws)}
     order = np.lexsort((-counts["trials"], counts["structure"].map(place)))
