@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from benchmarks._rows import Row, seconds
 from benchmarks.cost import Growth
-from selection.plots.style import ALERT, AVERAGE, WIDTH, styled
+from selection.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:
@@ -61,6 +61,9 @@ def cost_figure(table: pd.DataFrame) -> Figure:
         ax.set_title(str(work), fontsize=8)
         ax.set_xlabel(str(against))
         ax.set_ylabel("processor time (s)")
+        ax.set_ylim(0.5 * time.min(), 3.0 * time.max())  # so that every axis has numbers
+        plain_log(ax.xaxis)
+        plain_log(ax.yaxis)
         ax.legend(loc="upper left")
     return figure
 
@@ -76,8 +79,7 @@ def write(out: Path, names: Sequence[str]) -> None:
         first = costs.groupby(["work", "against"], sort=False)
         growth = _GROWTH.format(
             rows="\n".join(
-                f"| {work} | {against} | {rows['size'].min():g} to {rows['size'].max():g} | {rows['exponent'].iloc[0]:.2f} "
-                "|"
+                f"| {work} | {against} | {rows['size'].min()} to {rows['size'].max()} | {rows['exponent'].min():.2f} |"
                 for (work, against), rows in first
             )
         )
