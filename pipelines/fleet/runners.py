@@ -50,7 +50,12 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
         InputError: no scheduler answers at the address.
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it, a row or a message says
-    settings = {"distributed.scheduler.allowed-failures": DEATHS, "distributed.scheduler.worker-saturation": 1.0}
+    settings = {
+        "distributed.scheduler.allowed-failures": DEATHS,
+        "distributed.scheduler.worker-saturation": 1.0,
+        # a worker keeps a profile of every second for an hour: 100 kB each where calls are nested as deeply as here
+        "distributed.worker.profile.enabled": False,
+    }
     with dask.config.set(settings), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="(?s).*Port .* already in use")
         warnings.filterwarnings("ignore", message="(?s).*Sending large graph")
