@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from pipelines.processes import end_with_parent
 from pipelines.progress import progress
 from pipelines.store import refuse_inputs, write_json, write_text
 from selection.errors import AnalysisError, DampingError, InputError
@@ -118,7 +119,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     failed = 0
-    with progress("diagnosing", len(names)) as advance, ProcessPoolExecutor(_workers(jobs, len(names))) as pool:
+    with progress("diagnosing", len(names)) as advance, _pool(jobs, len(names)) as pool:
         futures = {pool.submit(partial(diagnose_case, cases / name)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
@@ -195,6 +196,7 @@ def _posterior(sampled: EffectPosterior) -> dict[str, Any]:
     }
 
 
-def _workers(jobs: int | None, cases: int) -> int:
+def _pool(jobs: int | None, cases: int) -> ProcessPoolExecutor:
+    """Processes that end with this one: no more than there are processors, or cases."""
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(jobs or available, cases))
+    return ProcessPoolExecutor(max(1, min(jobs or available, cases)), initializer=end_with_parent)
