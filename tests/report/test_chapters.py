@@ -218,7 +218,8 @@ def test_gaps_name_the_second_plane_and_the_missing_damping(results: ChapterResu
     """The second plane lies where the report's own fit has it (11.48 to 11.51 rad/s, section 3.1)."""
     found = find(parts, "gaps")
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))
-    assert plane and 11.48 <= float(plane[1]) <= 11.51
+    assert plane
+    assert 11.48 <= float(plane[1]) <= 11.51
     assert results.gaps.configuration_1.leading.effects == ("planar-coupling",)
     assert "Damping grows with amplitude" in said(found)
     shown = found.tables["gap_configuration_2"]
