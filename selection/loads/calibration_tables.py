@@ -81,9 +81,7 @@ def winners_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
         {"structure": structure, "winner": result.winner.name, "true": result.winner == laws[structure]}
         for (structure, *_), result in covered.items()
     ]
-    counts = (
-        pd.DataFrame(rows).groupby(["structure", "winner", "true"], sort=False).size().reset_index(name="trials")
-    )
+    counts = pd.DataFrame(rows).groupby(["structure", "winner", "true"], sort=False).size().reset_index(name="trials")
     place = {name: i for i, name in enumerate(laws)}
     order = np.lexsort((-counts["trials"], counts["structure"].map(place)))
     return counts.iloc[order].reset_index(drop=True)
