@@ -31,11 +31,11 @@ from selection.loads.simulated import OMEGA, simulated_levels, structures
 from selection.posterior.law import Law
 from selection.report.fleet_page import outliers
 
-RECORDS, SIZE = 8, 10_000_000
+RECORDS, SIZE = 6, 10_000_000
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
 
 
-def record_text(seed: int, levels: int = 4) -> str:
+def record_text(seed: int, levels: int = 3) -> str:
     """Resonances of a structure whose law is known, with 2 % of noise."""
     structure = structures()[seed % 4]
     data = simulated_levels(structure, levels, 4.0, 0.02, np.random.default_rng(seed))
@@ -145,7 +145,7 @@ def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster,
     capfd.readouterr()
     fleet(records, tmp_path, fast=True, scheduler=cluster[0], seed=5, max_size=SIZE)
     said = capfd.readouterr().err
-    assert len(re.findall(r"^fleet: \d+/8 mode-", said, re.MULTILINE)) == RECORDS - there
+    assert len(re.findall(r"^fleet: \d+/6 mode-", said, re.MULTILINE)) == RECORDS - there
     assert {path: path.stat().st_mtime_ns for path in first} == first
     assert rows_of(tmp_path) == rows_of(alone)
     assert files_of(tmp_path) == files_of(alone)
