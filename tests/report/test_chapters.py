@@ -89,7 +89,8 @@ def test_every_figure_of_the_report_is_shown_once(parts: list[Part]) -> None:
 def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: ChapterResults) -> None:
     anchors = re.findall(r'<section id="([^"]+)"', rendered.html)
     assert anchors.index("chapter-2") > anchors.index("config-2-mode-1") if "config-2-mode-1" in anchors else True
-    assert anchors[-9:] == [*(f"chapter-{n}" for n in range(2, 7)), "reproduction", "errata", "cautions", "method"]
+    chapters = [f"chapter-{n}" for n in range(2, 7)]
+    assert anchors[-10:] == [*chapters, "gaps", "reproduction", "errata", "cautions", "method"]
     assert "source" not in anchors  # the chapters show what that section would
     assert all(f'href="#{anchor}"' in rendered.html for anchor in anchors)
     named = set(re.findall(r'<span class="file">([^<]+)\.csv</span>', rendered.html))
