@@ -30,6 +30,8 @@ CHAPTERS = {
     ),
 }
 RESULTS = Path(__file__).parents[2] / "results" / "saturn-v"
+#: One group: records are ranked once.
+pytestmark = pytest.mark.xdist_group("results")
 
 
 @pytest.fixture(scope="module")

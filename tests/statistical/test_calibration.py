@@ -22,7 +22,8 @@ from selection.loads.simulated import simulated_levels, structures
 from selection.posterior.evidence import evidence
 from selection.posterior.law import Coordinates, Law
 
-pytestmark = pytest.mark.sampling
+#: One group: the trials that every test looks at are made once.
+pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]
 
 #: One false alarm in a thousand sets of seeds; the seeds are fixed.
 ALARM = 1e-3
