@@ -14,7 +14,7 @@ import pandas as pd
 
 from pipelines.store import plain, refuse_inputs, write_json, write_text
 from selection.arrays import FloatArray
-from selection.errors import InputError
+from selection.errors import AnalysisError, InputError
 from selection.records.reading import read_table
 from selection.regression.columns import required_columns, take_columns
 from selection.regression.fit import Fit
@@ -24,6 +24,10 @@ from selection.regression.selecting import Choice
 from selection.regression.terms import Term, columns_of, parse_terms
 
 Form = dict[str, Any]
+
+
+#: Rows beyond which the list of deviations would take more memory than a few times the file.
+MOST_ROWS = 100_000
 
 
 def regress(
@@ -82,6 +86,8 @@ def _one(path: Path, table: pd.DataFrame, response: str, terms: Sequence[Term], 
 def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
     """The table; what the names stand for is there and numbers."""
     table = read_table(path, text_columns=("sweep",), max_size=max_size)
+    if len(table) > MOST_ROWS:
+        raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
     required = required_columns(names, list(table.columns))
     numbers = [name for name in required if name != "sweep"]
     if "sweep" in names:  # used as a number

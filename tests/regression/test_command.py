@@ -280,3 +280,12 @@ def test_a_failed_run_leaves_earlier_results(run: Run, shoe: Path, tmp_path: Pat
     assert run(shoe, "--response", "y", *curves, "--json", target, "--plots", plots)[0] == 1
     assert target.read_bytes() == before
     assert not plots.exists()
+
+
+def test_a_table_too_long_to_list_is_refused(run: Run, tmp_path: Path) -> None:
+    data = tmp_path / "long.csv"
+    data.write_text("x,y\n" + "1,2\n3,4\n" * 50_001)
+    code, out, err = run(data, "--response", "y", "--terms", "x")
+    assert (code, out) == (1, "")
+    assert err.count("\n") == 1
+    assert "100002 rows; every deviation is listed, of 100000 rows at most" in err
