@@ -63,10 +63,10 @@ def measure() -> list[Row]:
     some = rng.random((SAMPLE, TERMS)) < 0.5
     for criterion, name in (("bic", "BIC"), ("loo", "leave-one-out error")):
         found: list[Subsets] = []
-        own = timed(lambda c=criterion, f=found: f.append(best_subsets(data, c)))  # type: ignore[misc]
+        own = timed(lambda c=criterion, f=found: f.append(best_subsets(data, c)))  # type: ignore[misc]  # bound now
         best, score = found[0].members[0], float(found[0].scores(criterion)[0])
         scores: list[np.ndarray] = []
-        slow = timed(lambda c=criterion, s=scores: s.append(loop(data, some, c)))  # type: ignore[misc]
+        slow = timed(lambda c=criterion, s=scores: s.append(loop(data, some, c)))  # type: ignore[misc]  # bound now
         none_better = bool(np.all(scores[0] >= loop(data, best[None, :], criterion)[0] * (1.0 - 1e-12)))
         run = by_abess(data, criterion)
         taken = run()

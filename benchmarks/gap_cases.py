@@ -24,7 +24,7 @@ def measure() -> list[Row]:
         make_cases(folder / "cases", folder / "labels.json", CASES, SEED, jobs=1)
         cases = sorted((folder / "cases").iterdir())
         diagnose_case(cases[0])
-        times = [timed(lambda case=case: diagnose_case(case)) for case in cases]  # type: ignore[misc]
+        times = [timed(lambda case=case: diagnose_case(case)) for case in cases]  # type: ignore[misc]  # bound now
     mean = Time(*(float(np.mean([getattr(t, part) for t in times])) for part in ("processor", "wall")))
     worst = max(t.processor for t in times)
     remark = f"mean of {CASES} cases, next test included; the slowest {worst:.2f} s"
