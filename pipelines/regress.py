@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipelines.store import plain, refuse_inputs, write_json, write_text
+from pipelines.store import plain, refuse_inputs, write_plain, write_text
 from selection.arrays import FloatArray
 from selection.errors import AnalysisError, InputError
 from selection.records.reading import read_table
@@ -26,8 +26,8 @@ from selection.regression.terms import Term, columns_of, parse_terms
 Form = dict[str, Any]
 
 
-#: Rows beyond which the list of deviations would take more memory than a few times the file.
-MOST_ROWS = 100_000
+#: Rows beyond which the list of deviations would take more memory than a few times the file, and rows times terms.
+MOST_ROWS, MOST_NUMBERS = 100_000, 800_000
 
 
 def regress(
@@ -49,15 +49,19 @@ def regress(
     """
     refuse_inputs("--json", json_out, *data)
     results = run_regress(data, response, terms, Choice(select, criterion, nonnegative, t_stop), max_size)
+    if json_out is not None:
+        _write_forms(json_out, results)
     if plots is not None:
         for name, text in deviation_plots(results).items():
             write_text(plots / name, text)
-    if json_out is not None:
-        forms = [regress_form(result) for result in results]
-        write_json(json_out, forms[0] if len(forms) == 1 else forms)
     if json_out != "-":
         pages = [printout(result) for result in results]
         sys.stdout.write("\n".join([*pages, comparison(results)] if len(pages) > 1 else pages))
+
+
+def _write_forms(json_out: str, results: Sequence[Regression]) -> None:
+    forms = [regress_form(result) for result in results]
+    write_plain(json_out, forms[0] if len(forms) == 1 else forms)
 
 
 def run_regress(
@@ -75,6 +79,12 @@ def run_regress(
         raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *columns_of(term for terms in parsed for term in terms)]))
     tables = [(path, _read(path, names, max_size)) for path in data]
+    widest = max(len(terms) for terms in parsed)
+    for path, table in tables:
+        if len(table) * widest > MOST_NUMBERS:
+            raise AnalysisError(
+                f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
+            )
     return [_one(path, table, wanted, terms, choice) for path, table in tables for terms in parsed]
 
 
@@ -109,7 +119,7 @@ def regress_form(result: Regression) -> Form:
         "one_term_fits": [_one_term(one) for one in result.one_term],
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
-        "deviations": _deviations(result),
+        "deviations": [],  # in its place among the keys
         "steps": _steps(result),
         "selection": asdict(choice),
         "subsets": _subsets(result),
@@ -121,7 +131,7 @@ def regress_form(result: Regression) -> Form:
         "breakdown": [asdict(band) for band in result.bands],
         "notes": list(result.notes),
     }
-    return dict(plain(form))
+    return {**plain(form), "deviations": _deviations(result)}
 
 
 def _terms(fit: Fit) -> list[Form]:
@@ -160,7 +170,7 @@ def _summary(result: Regression) -> Form:
 
 def _deviations(result: Regression) -> list[Form]:
     d = result.deviations
-    columns = (d.observed, d.fitted, d.deviation, d.percent, result.rows + 1)
+    columns = plain((d.observed, d.fitted, d.deviation, d.percent, result.rows + 1))
     keys = ("observed", "fitted", "deviation", "percent", "row")
     return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
@@ -213,6 +223,7 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
             title = f"{result.data}: deviations of {response} against {name}"
             told = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
             drawn[f"{stem}.svg"] = to_svg(figure, stem, title, told)
+            figure.clear()
     return drawn
 
 

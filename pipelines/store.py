@@ -11,7 +11,7 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,12 @@ from selection.errors import InputError
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write ``content`` to ``path`` atomically; the folder is made when it is missing.
+    """Write ``content`` to ``path`` atomically (:func:`write_chunks`)."""
+    write_chunks(path, (content,))
+
+
+def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
+    """Write ``chunks`` one after the other to ``path``, atomically; the folder is made when it is missing.
 
     Raises:
         InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
@@ -31,7 +36,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
+                stream.writelines(chunks)
                 stream.flush()
                 os.fsync(stream.fileno())
             os.chmod(temporary, 0o666 & ~_umask())
@@ -82,16 +87,27 @@ def write_text(path: Path, text: str) -> None:
 
 def write_json(target: Path | str, value: Any) -> None:
     """Write ``value`` as JSON to a file, or to standard output when ``target`` is ``-``; NaN becomes ``null``."""
-    text = to_json(value)
+    write_plain(target, plain(value))
+
+
+def write_plain(target: Path | str, value: Any) -> None:
+    """:func:`write_json` of data that are :func:`plain` already, without a copy of them."""
+    chunks = _json_chunks(value)
     if str(target) == "-":
-        sys.stdout.write(text)
+        sys.stdout.writelines(chunks)
     else:
-        write_text(Path(target), text)
+        write_chunks(Path(target), (chunk.encode("utf-8") for chunk in chunks))
 
 
 def to_json(value: Any) -> str:
     """JSON text of plain data, numpy numbers and arrays included; a value that does not exist is ``null``."""
-    return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return "".join(_json_chunks(plain(value)))
+
+
+def _json_chunks(value: Any) -> Iterator[str]:
+    """The text of plain data piece by piece: as a whole it can be many times the data."""
+    yield from json.JSONEncoder(indent=2, ensure_ascii=False, allow_nan=False).iterencode(value)
+    yield "\n"
 
 
 def plain(value: Any) -> Any:

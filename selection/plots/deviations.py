@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from selection.arrays import FloatArray
 from selection.plots.style import MEASURED, MUTED, WIDTH, styled
+
+#: Points from which on they are drawn as one picture: a mark each would make a file many times the data.
+MANY = 5_000
 
 
 @styled
@@ -25,8 +30,9 @@ def deviations_figure(
     figure = Figure(figsize=(WIDTH, 4.6))
     above, below = figure.subplots(2, 1, sharex=True)
     known = ~np.isnan(percent)
-    above.plot(x, deviation, "o", color=MEASURED)
-    below.plot(x[known], percent[known], "o", color=MEASURED)
+    many: dict[str, Any] = {"rasterized": True, "markersize": 1.0, "alpha": 0.5} if len(x) > MANY else {}
+    for axes, shown, value in ((above, x, deviation), (below, x[known], percent[known])):
+        axes.plot(shown, value, "o", color=MEASURED, **many)
     for axes, label in ((above, f"deviation of {response}"), (below, "deviation, per cent")):
         axes.axhline(0.0, color=MUTED, linewidth=0.8)
         axes.set_ylabel(label, parse_math=False)

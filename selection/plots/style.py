@@ -235,7 +235,7 @@ def _shorten(root: ElementTree.Element, prefix: str) -> None:
         if own in used:
             attributes["id"] = f"{prefix}-{own}"
         for key, value in list(attributes.items()):
-            if key == href:
+            if key == href and value.startswith("#"):
                 attributes[key] = f"#{prefix}-{value.removeprefix('#')}"
             elif "url(#" in value:
                 attributes[key] = _REFERENCE.sub(rf"url(#{prefix}-\1)", value)

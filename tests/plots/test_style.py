@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from base64 import b64decode
 from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 import pipelines
 import selection
 from selection.forces.catalogue import CATALOGUE
+from selection.plots.deviations import MANY, deviations_figure
 from selection.plots.style import identifier, law_style, short, styled, three, to_svg, weight_text
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -75,6 +77,21 @@ def test_svg_loads_nothing_and_styles_nothing_else() -> None:
 
 
 @pytest.mark.filterwarnings("error")
+def test_many_deviations_are_one_picture() -> None:
+    """Beyond ``MANY`` points the marks are a PNG inside the SVG (RFC 2397), all of it there; below, one mark each."""
+    x = np.linspace(0.0, 1.0, MANY + 1)
+    figure = deviations_figure(x, np.sin(40.0 * x), 100.0 * np.cos(40.0 * x), x_label="A", response="E")
+    pictures = list(ElementTree.fromstring(to_svg(figure, "many", "Title", "Said")).iter(f"{SVG}image"))
+    for picture in pictures:
+        head, _, content = picture.attrib["{http://www.w3.org/1999/xlink}href"].partition(",")
+        assert head == "data:image/png;base64"
+        assert b64decode(content)[:8] == b"\x89PNG\r\n\x1a\n"
+    few = deviations_figure(x[1:], x[1:], x[1:], x_label="A", response="E")
+    marks = ElementTree.fromstring(to_svg(few, "few", "Title", "Said")).iter(f"{SVG}use")
+    assert len(pictures) == 2
+    assert sum(1 for _ in marks) >= 2 * MANY
+
+
 def test_hostile_text_stays_text() -> None:
     root = ElementTree.fromstring(to_svg(drawing(HOSTILE), HOSTILE, HOSTILE, HOSTILE))
     assert not list(root.iter(f"{SVG}script"))
