@@ -12,6 +12,9 @@ from selection.posterior.mode import find_mode
 from selection.posterior.observations import Observations
 from selection.response.ritz import resonant_amplitude
 
+#: Times that a law is fitted without some of the sweeps, at most.
+MOST_FOLDS = 20
+
 
 def percent_errors(force: Force, data: Observations) -> FloatArray:
     """100 (predicted/measured - 1) of the resonant amplitude of each sweep at its tested force, (sweeps,).
@@ -32,17 +35,20 @@ def fitted_force(coordinates: Coordinates, least_squares: Fit, mode: FloatArray)
 def held_out_errors(law: Law, data: Observations) -> FloatArray:
     """Percent errors of each sweep predicted by the law fitted to all other sweeps, (sweeps,).
 
+    More than ``MOST_FOLDS`` sweeps are left out in as many groups, neighbours in the record in different ones.
+
     Raises:
         AnalysisError: the law cannot carry the forces of the other sweeps.
     """
     errors = np.full(len(data.sweeps), np.nan)
-    for level in range(len(data.sweeps)):
-        keep = np.arange(len(data.sweeps)) != level
+    folds = min(len(data.sweeps), MOST_FOLDS)
+    for fold in range(folds):
+        keep = np.arange(len(data.sweeps)) % folds != fold
         others = data.keep_sweeps(keep)
         coordinates = Coordinates.of(law, others)
         mode = find_mode(coordinates, others)
         force = fitted_force(coordinates, fit(coordinates, others, mode), mode)
-        errors[level] = percent_errors(force, data.keep_sweeps(~keep))[0]
+        errors[~keep] = percent_errors(force, data.keep_sweeps(~keep))
     return errors
 
 

@@ -29,6 +29,8 @@ SAME_FORCE = 0.10
 FEWEST_BELOW, ENOUGH = 2, 4
 #: Draws kept of each prediction: a density in its bulk is then known to 3 %.
 DRAWS = 1024
+#: Sweeps of a level taken together: memory does not grow with their number.
+SWEEPS_AT_ONCE = 8
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,15 @@ class HeldOut:
 
         Normal about each draw with variance scatter^2 + (kappa distance)^2; a draw without resonance counts as 0.
         """
-        variance = self.scatter[:, None, None] ** 2 + (kappa[:, None] * self.distance) ** 2
-        squared = (self.measured - self.log_amplitude[:, None, :]) ** 2 / variance
+        parts = np.array_split(np.arange(len(self.measured)), -(-len(self.measured) // SWEEPS_AT_ONCE))
+        return np.asarray(np.mean(np.concatenate([self._log_densities(kappa, part) for part in parts], axis=1), axis=1))
+
+    def _log_densities(self, kappa: FloatArray, part: IntArray) -> FloatArray:
+        """Log predictive density of some sweeps, (k, part)."""
+        variance = self.scatter[:, None, None] ** 2 + (kappa[:, None] * self.distance[part]) ** 2
+        squared = (self.measured[part] - self.log_amplitude[:, None, part]) ** 2 / variance
         value = np.where(np.isfinite(squared), -0.5 * (squared + np.log(2.0 * np.pi * variance)), -np.inf)
-        return np.asarray(np.mean(logsumexp(value, axis=0) - np.log(len(value)), axis=1))
+        return np.asarray(logsumexp(value, axis=0) - np.log(len(value)))
 
     def probability_below(self) -> float:
         """Predictive probability, without any discrepancy, of an amplitude below the measured; mean over sweeps.

@@ -2,7 +2,8 @@
 
 1. Plausible laws: those whose marginal likelihood on the resonances alone is within a factor ``PLAUSIBLE`` of the best
    physical one. (Rows of one sweep share their error, so counting them one by one would single out a law falsely.)
-2. Weights: every level with two or more below it predicted from those below (``selection.compare.weights``).
+2. Weights: every level with two or more below it (the highest ``MOST_HELD_OUT``) predicted from those below
+   (``selection.compare.weights``).
 3. Discrepancy of each law: kappa, from all those predictions (``selection.loads.discrepancy``).
 4. A limit, where the law is changing at the top of the test: p rises there, and the laws that explain the lower levels
    did not foresee the highest one.
@@ -42,6 +43,8 @@ PLAUSIBLE = 10.0
 TELLING = 1.1
 #: Probability below which the highest level was not foreseen by the laws of the lower ones.
 UNFORESEEN = 0.10
+#: Levels held out at most, the highest ones: what lies far below the design load says little of it.
+MOST_HELD_OUT = 12
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ def plan_loads(
     laws = load_candidates(data) if laws is None else laws
     chosen = _plausible(data, laws, seed, done, estimate)
     top = int(level_numbers(data.tested_force).max())
-    splits = range(FEWEST_BELOW, top + 1)
+    splits = range(max(FEWEST_BELOW, top + 1 - MOST_HELD_OUT), top + 1)
     predictions = [
         tuple(p for below in splits for p in _held_out(law, data, below, seed, estimate)) for law, _, _ in chosen
     ]

@@ -24,7 +24,7 @@ from selection.loads import discrepancy
 from selection.loads.cautions import cautions
 from selection.loads.plan import Plan
 from selection.posterior.law import Coordinates
-from selection.posterior.likelihood import residuals
+from selection.posterior.likelihood import by_blocks, residuals
 from selection.posterior.observations import Observations
 from selection.response.ritz import resonant_amplitude
 
@@ -177,7 +177,9 @@ def _spread(
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    known = np.mean(residuals(member.coordinates.force(member.draws), data)[2], axis=1)
+    known = by_blocks(
+        lambda x: np.mean(residuals(member.coordinates.force(x), data)[2], axis=1), member.draws, len(data.A)
+    )
     kappa = discrepancy.draw(discrepancy.prior() if member.kappa is None else member.kappa, len(row), rng)
     beyond = kappa[:, None] * discrepancy.distance(force, data.tested_force)
     sd_level, sd_noise = np.hypot(level[:, None], beyond), np.sqrt(row**2 + known)[:, None]

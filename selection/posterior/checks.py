@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from selection.arrays import FloatArray
-from selection.posterior.diagnostics import arviz
-from selection.posterior.likelihood import pointwise_log_likelihood, residuals
+from selection.posterior.law import Coordinates
+from selection.posterior.likelihood import by_blocks, pointwise_log_likelihood, residuals
 from selection.posterior.observations import Observations
+from selection.posterior.quiet_arviz import arviz
 from selection.posterior.sampling import Posterior
 
 #: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).
@@ -94,13 +95,19 @@ def predictive_check(
     """
     rng = np.random.default_rng(seed)
     x = posterior.draws
-    n, h, known = residuals(posterior.coordinates.force(x), data)
     row, level_scatter = posterior.coordinates.scatter(x)
-    variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
-    measured = np.sum(n**2 / variance, axis=1)
-    replicated = rng.chisquare(n.shape[1], size=len(x))
+    measured = by_blocks(lambda block: _discrepancy(block, posterior.coordinates, data), x, len(data.A))
+    replicated = rng.chisquare(len(data.A), size=len(x))
     scatter = np.hypot(row, level_scatter)[:, None]
     percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))
     tail = 50.0 * (1.0 - level)
     low, median, high = np.nanpercentile(percent, [tail, 50.0, 100.0 - tail], axis=0)
     return PredictiveCheck(float(np.mean(replicated > measured)), median, low, high)
+
+
+def _discrepancy(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """T at points (points, dimension)."""
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level_scatter = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
+    return np.asarray(np.sum(n**2 / variance, axis=1))

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from emcee.autocorr import integrated_time
 
 from selection.arrays import FloatArray
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore", FutureWarning)  # arviz announces its version 1 at every import
-    import arviz
 
 
 @dataclass(frozen=True)
@@ -43,6 +38,8 @@ def diagnose(name: str, values: FloatArray, thin: int = 1) -> Diagnosis:
         values: (ensembles, steps, walkers), every ``thin``-th step after burn-in.
         thin: steps between two entries, so that times are in steps.
     """
+    from selection.posterior.quiet_arviz import arviz  # noqa: PLC0415 - 60 MB that only chains need
+
     ensembles, steps, walkers = values.shape
     # in order of steps, so that the halves of split R-hat are early and late
     r_hat = float(arviz.rhat(values.reshape(ensembles, steps * walkers)))

@@ -21,6 +21,9 @@ from selection.records.record import Record
 from selection.records.resonance import energy_per_cycle, resonances
 from selection.units import RAD_S_PER_HZ
 
+#: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
+MOST_ROWS, MOST_SWEEPS = 20_000, 100
+
 
 @dataclass(frozen=True)
 class Observations:
@@ -93,9 +96,15 @@ def observe(record: Record) -> Observations:
     :func:`selection.records.resonance.resonances` is not removed here: ``D`` is what was measured.
 
     Raises:
-        AnalysisError: no row says anything about damping.
+        AnalysisError: no row says anything about damping, or there are too many.
     """
     table = record.table
+    sweeps = table["sweep"].nunique()
+    if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
+        raise AnalysisError(
+            f"{record.source}: {len(table)} rows of {sweeps} sweeps; laws are weighed on {MOST_ROWS} rows"
+            f" of {MOST_SWEEPS} sweeps at most: keep the rows near resonance, or every second one"
+        )
     energy = energy_per_cycle(record)
     usable = np.isfinite(energy)
     if not usable.any():
@@ -104,13 +113,14 @@ def observe(record: Record) -> Observations:
     A, force = rows["amplitude"].to_numpy(float), rows["force"].to_numpy(float)
     D = energy[usable] / (np.pi * A)
     labels = list(dict.fromkeys(rows["sweep"].astype(str)))
+    number = {label: i for i, label in enumerate(labels)}
     peaks = resonances(record).set_index("sweep").loc[labels]
     return Observations(
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
         D=D,
         R=np.sqrt(np.maximum(force**2 - D**2, 0.0)),
-        sweep=np.array([labels.index(label) for label in rows["sweep"].astype(str)], dtype=np.int64),
+        sweep=np.array([number[label] for label in rows["sweep"].astype(str)], dtype=np.int64),
         sd_amplitude=_relative_sd(rows, "amplitude"),
         sd_force=_relative_sd(rows, "force"),
         sd_phase=rows["phase_sd"].to_numpy(float) if "phase_sd" in rows else np.zeros_like(A),

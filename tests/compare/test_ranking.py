@@ -8,10 +8,11 @@ import statsmodels.api as sm
 
 from selection.compare.candidates import candidate_laws, polynomial_laws
 from selection.compare.fit import fit
-from selection.compare.held_out import held_out_errors, percent_errors
+from selection.compare.held_out import MOST_FOLDS, fitted_force, held_out_errors, percent_errors
 from selection.compare.ranking import rank_laws
 from selection.errors import AnalysisError
 from selection.forces.catalogue import CATALOGUE, make
+from selection.loads.simulated import simulated_levels, structures
 from selection.posterior.evidence import evidence
 from selection.posterior.law import Coordinates, Law
 from selection.posterior.mode import find_mode
@@ -111,6 +112,19 @@ def test_held_out_error_is_refitting_without_the_level(saturn):
     np.testing.assert_allclose(
         held_out_errors(law, data)[2], 100.0 * (predicted / data.tested_amplitude[2] - 1.0), rtol=1e-9
     )
+
+
+def test_many_sweeps_are_left_out_in_groups():
+    """Each sweep is predicted without its whole group."""
+    data = simulated_levels(structures()[1], 3 * MOST_FOLDS, 4.0, 0.02, np.random.default_rng(5))
+    law = structures()[1].law
+    grouped = held_out_errors(law, data)
+    assert np.isfinite(grouped).all()
+    keep = np.arange(len(grouped)) % MOST_FOLDS != 7
+    others = data.keep_sweeps(keep)
+    c = Coordinates.of(law, others)
+    force = fitted_force(c, fit(c, others, find_mode(c, others)), find_mode(c, others))
+    np.testing.assert_allclose(grouped[~keep], percent_errors(force, data.keep_sweeps(~keep)), rtol=1e-9)
 
 
 def test_percent_errors_of_the_linear_law_of_sweep_c(saturn):

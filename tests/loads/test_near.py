@@ -1,12 +1,15 @@
 """Rows near resonance: phase offsets, drop-out, restoring forces, records of other kinds."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from selection.errors import AnalysisError
 from selection.forces import CubicStiffness, Sum
 from selection.loads.near import NEAR, at_resonance, near_resonance, without_offset
 from selection.loads.simulated import structures
-from selection.posterior.observations import observe
+from selection.posterior.observations import MOST_ROWS, MOST_SWEEPS, observe
+from selection.records.record import Record
 
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")
@@ -79,3 +82,15 @@ def test_one_row_a_sweep_at_resonance(column, swept):
     tested = {"A": data.tested_amplitude, "D": data.tested_force, "omega": data.tested_omega}
     np.testing.assert_array_equal(getattr(alone, column), tested[column])
     assert not alone.has_repeats
+
+
+def test_too_many_rows_or_sweeps_are_refused_in_a_line():
+    def record(rows, sweeps):
+        A = np.linspace(1.0, 2.0, rows)
+        columns = {"sweep": [str(i % sweeps) for i in range(rows)], "force": A, "frequency": A, "amplitude": A}
+        return Record(pd.DataFrame({**columns, "phase": 1.5}), "r.csv")
+
+    assert len(observe(record(MOST_ROWS, MOST_SWEEPS)).sweeps) == MOST_SWEEPS
+    for rows, sweeps in ((MOST_ROWS + 1, 3), (MOST_SWEEPS + 1, MOST_SWEEPS + 1)):
+        with pytest.raises(AnalysisError, match=f"{rows} rows of {sweeps} sweeps.*every second one"):
+            observe(record(rows, sweeps))

@@ -1,5 +1,6 @@
 """The likelihood against dense algebra, closed forms and a change of units."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,9 @@ from scipy.stats import multivariate_normal, norm
 
 from selection.posterior.law import Coordinates, Law
 from selection.posterior.likelihood import (
+    MOST,
     REACH,
+    by_blocks,
     log_likelihood,
     log_posterior,
     log_prior,
@@ -30,7 +33,7 @@ def swept(peaks, rows=5, levels=3):
         sweep=np.repeat(np.arange(levels), rows),
         sd_amplitude=np.full(n, 0.01),
         sd_phase=np.full(n, 0.02),
-        sweeps=tuple("abc"[:levels]),
+        sweeps=tuple(f"L{i}" for i in range(levels)),
         tested_force=data.D[top],
         tested_amplitude=A[top],
         tested_omega=data.omega[top],
@@ -125,3 +128,37 @@ def test_units_left_out_add_up(peaks):
     by_level = pointwise_log_likelihood(x, c, data)
     assert by_level.shape == (3, 3)
     np.testing.assert_allclose(by_level.sum(axis=1), log_likelihood(x, c, data), rtol=1e-12)
+
+
+def test_many_levels_against_a_dense_multivariate_normal(peaks):
+    """Forty sweeps are summed in another way than a few."""
+    data = replace(swept(peaks, 2, 40), sweep=np.tile(np.arange(40), 2))
+    c = Coordinates.of(Law(("viscous",)), data)
+    x = np.random.default_rng(4).standard_normal((3, c.dimension))
+    n, h, known = residuals(c.force(x), data)
+    row, level = c.scatter(x)
+    same_sweep = data.sweep[:, None] == data.sweep[None, :]
+    for i in range(len(x)):
+        cov = np.diag(row[i] ** 2 + known[i]) + level[i] ** 2 * np.outer(h[i], h[i]) * same_sweep
+        dense = multivariate_normal(np.zeros(len(n[i])), cov).logpdf(n[i])
+        np.testing.assert_allclose(log_likelihood(x, c, data)[i], dense, rtol=1e-9)  # two routes, 80 x 80
+
+
+def test_memory_does_not_grow_with_points_times_rows(peaks):
+    """10^7 of them, 80 MB an array if taken at once; what comes out is what a few points at a time give."""
+    data = swept(peaks, 2500, 4)
+    c = Coordinates.of(Law(("viscous", "displacement")), data)
+    x = np.random.default_rng(4).standard_normal((1000, c.dimension))
+    tracemalloc.start()
+    found = log_likelihood(x, c, data)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(x) * len(data.A) > 10 * MOST
+    assert peak < 20e6  # some ten arrays of a block, 0.5 MB each, and a few of all rows
+    few = np.concatenate([log_likelihood(part, c, data) for part in np.array_split(x, 100)])
+    np.testing.assert_allclose(found, few, rtol=1e-12)  # sums in another order
+
+
+def test_blocks_hold_every_point_once_in_order():
+    x = np.arange(1000.0)[:, None]
+    np.testing.assert_array_equal(by_blocks(lambda block: block[:, 0], x, 2500), x[:, 0])
