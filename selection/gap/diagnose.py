@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from selection.errors import AnalysisError
 from selection.gap.alike import Group, equivalents
 from selection.gap.cautions import guess_unit, record_cautions, refuse_other_mode, rescaled
 from selection.gap.cells import FootprintCell, ResidualCell, footprint_cells, residual_cells
@@ -31,6 +32,8 @@ COVER = 0.95
 DISPERSED, MOST_DISPERSIONS = 4.0, 3
 #: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
 FEW_ROWS = 40
+#: Rows that are diagnosed at most: it takes minutes, not hours.
+MOST_ROWS = 5_000
 
 
 @dataclass(frozen=True)
@@ -98,8 +101,12 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         effects: the library, by name; all of `CATALOGUE` where not given.
 
     Raises:
-        AnalysisError: model and record are of different modes.
+        AnalysisError: model and record are of different modes, or there are too many rows.
     """
+    if len(record) > MOST_ROWS:
+        raise AnalysisError(
+            f"{record.source}: {len(record)} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+        )
     library = CATALOGUE if effects is None else effects
     start = setting(record, mode)
     rows = start.problem.rows

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selection.errors import AnalysisError
 from selection.gap.cautions import guess_unit
-from selection.gap.diagnose import diagnose
+from selection.gap.diagnose import MOST_ROWS, diagnose
 from selection.gap.problem import setting
 from selection.records.record import Record
 
@@ -79,6 +80,14 @@ def test_rows_at_resonance_only(lab, honest):
     assert confident(found) == ()
     asked = {effect for one in found.hypotheses for effect in one.effects}
     assert not asked & {"natural-frequency", "stiffness-hardening", "planar-coupling", "phase-lag", "force-dropout"}
+
+
+def test_too_many_rows(lab, honest):
+    record = honest()
+    times = MOST_ROWS // len(record) + 1
+    many = Record(pd.concat([record.table] * times, ignore_index=True), "many.csv")
+    with pytest.raises(AnalysisError, match=f"many.csv: {times * len(record)} rows; {MOST_ROWS}"):
+        diagnose(many, lab.mode())
 
 
 def test_constant_amplitude(lab):
