@@ -87,14 +87,18 @@ def check(folders: Sequence[Path]) -> None:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """What each folder is called on the page: its own name, or its path where two have one name."""
+    """What each folder is called on the page: its own name, after those above it where two have one name."""
     resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
     if len(set(resolved)) < len(resolved):
         raise InputError("a folder is given twice", expected="different folders")
-    own = [path.name for path in resolved]
-    return [
-        shortened(name if own.count(name) == 1 else str(path), 60) for name, path in zip(own, resolved, strict=True)
-    ]
+    return [_shortest(path, resolved) for path in resolved]
+
+
+def _shortest(path: Path, among: Sequence[Path]) -> str:
+    """The least end of a path that no other one has."""
+    ends = [path.parts[-n:] for n in range(1, len(path.parts) + 1)]
+    alone = next((end for end in ends if sum(other.parts[-len(end) :] == end for other in among) == 1), path.parts)
+    return shortened("/".join(alone), 60)
 
 
 def _study(folder: Folder, name: str) -> StudySummary:
