@@ -52,6 +52,7 @@ def import_(
     band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Frequencies to take, Hz.")] = None,
     reverse: Annotated[bool, typer.Option("--reverse", help="The sensor is mounted against the force.")] = False,
     delimiter: Annotated[str, typer.Option("--delimiter", help="comma, semicolon, tab or space.")] = "comma",
+    decimal: Annotated[str, typer.Option("--decimal", help="Mark in numbers: point or comma.")] = "point",
     skip: Annotated[int, typer.Option("--skip", min=0, help="Lines before the header of a CSV file.")] = 0,
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="Time histories are free decays of the mode of --mode.")
@@ -87,6 +88,7 @@ def import_(
         reverse=reverse,
         delimiter=delimiter,
         skip=skip,
+        decimal=decimal,
     )
     options = {"periods": periods, "levels": levels, "start": start, "end": end}
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}

@@ -22,6 +22,12 @@ from selection.records.text import decode, shortened, unguarded
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
+#: Marks that separate the decimals of a number.
+DECIMALS = ("point", "comma")
+#: Numbers as they look with the other mark than the stated one.
+_OTHER_MARK = {
+    mark: re.compile(rf"[+-]?\d*{other}\d*([eE][+-]?\d+)?") for mark, other in (("point", ","), ("comma", r"\."))
+}
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
 
@@ -43,6 +49,7 @@ def read_columns(
     known: Mapping[str, Iterable[str]],
     delimiter: str,
     skip: int,
+    decimal: str = "point",
 ) -> Columns:
     """The columns of a CSV file that have a role.
 
@@ -51,7 +58,7 @@ def read_columns(
         mapped: column of each role as the user states it, with or without its unit; empty: by name.
         known: names, in lower case and without units, that columns of each role have; used where nothing is mapped.
         delimiter: a name of ``DELIMITERS``; with ``space`` several count as one.
-        skip: lines before the header.
+        skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers.
 
     Raises:
         InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number
@@ -76,7 +83,7 @@ def read_columns(
                 f"{len(row)} cells in the row", file=file, line=rows.line, expected=f"{len(names)} as in the header"
             )
         for role, column in values.items():
-            column.append(_number(row[places[role]], file, rows.line, names[places[role]]))
+            column.append(_number(row[places[role]], decimal, file, rows.line, names[places[role]]))
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
     numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
@@ -126,18 +133,25 @@ class _Rows:
                 return cells
 
 
-def _number(cell: str, file: str | Path, line: int, column: str) -> float:
-    """The number in a cell; NaN where nothing was measured."""
+def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -> float:
+    """The number in a cell; NaN where nothing was measured. A mark between thousands is no number."""
     text = cell.strip()
     if text in _MISSING:
         return float("nan")
+    other, mark = (",", ".") if decimal == "point" else (".", ",")
     try:
-        if "_" not in text:
-            return float(text)
+        if "_" not in text and other not in text:
+            return float(text.replace(mark, "."))
     except ValueError:
         pass
+    name = "comma" if decimal == "point" else "point"
+    hint = f" (is --decimal {name} meant?)" if _OTHER_MARK[decimal].fullmatch(text) else ""
     raise InputError(
-        f"{shortened(text)!r} is not a number", file=file, line=line, column=shortened(column), expected="a number"
+        f"{shortened(text)!r} is not a number{hint}",
+        file=file,
+        line=line,
+        column=shortened(column),
+        expected=f"a number with a decimal {decimal}",
     )
 
 

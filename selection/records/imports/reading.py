@@ -9,7 +9,7 @@ from pathlib import Path
 
 from selection.errors import InputError
 from selection.records.imports.arrays import read_arrays
-from selection.records.imports.csv_map import DELIMITERS, read_columns
+from selection.records.imports.csv_map import DECIMALS, DELIMITERS, read_columns
 from selection.records.imports.lockin import COLUMNS as LOCKIN_COLUMNS
 from selection.records.imports.lockin import once
 from selection.records.imports.named import ROLES, to_series
@@ -53,7 +53,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     if stated.datasets:
         raise InputError("--dataset is for universal files", file=path)
     known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
-    found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip)
+    found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
     for role, name in found.names.items():
         if role in numbers or role == "sweep":
@@ -73,6 +73,9 @@ def check(stated: Stated) -> None:
     _one_of("--scaling", stated.scaling, SCALINGS)
     _one_of("--to", stated.system, SYSTEMS)
     _one_of("--delimiter", stated.delimiter, DELIMITERS)
+    _one_of("--decimal", stated.decimal, DECIMALS)
+    if stated.decimal == stated.delimiter:
+        raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
     for option, known, given in (
         ("--column", tuple(ROLES), stated.columns),
         ("--unit", ("force", "response", "energy", "mass"), stated.units),

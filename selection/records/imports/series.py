@@ -77,7 +77,7 @@ class Stated:
         band: lowest and highest frequency to take, Hz.
         reverse: turn the sign of the response (a sensor mounted against the force).
         delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab`` or ``space``.
-        skip: lines before the header of a CSV file.
+        skip: lines before the header of a CSV file. decimal: ``point`` or ``comma``, the mark in its numbers.
     """
 
     format: str = "auto"
@@ -95,3 +95,4 @@ class Stated:
     reverse: bool = False
     delimiter: str = "comma"
     skip: int = 0
+    decimal: str = "point"

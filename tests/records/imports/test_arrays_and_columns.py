@@ -144,6 +144,28 @@ def test_csv_with_a_column_map(truth, tmp_path, imported):
     assert ("response", "acceleration", "follows from its unit") in imported(path, **stated).summary.rows
 
 
+def test_decimal_commas(truth, tmp_path, imported):
+    """As German and French spreadsheets write: semicolons between cells, commas in numbers."""
+    table = pd.DataFrame({"frequency": truth.f, "amplitude": truth.amplitude, "force": truth.F})
+    path = tmp_path / "a.csv"
+    table.to_csv(path, index=False, sep=";", decimal=",")
+    stated = {"response": "displacement", "consistent": True, "delimiter": "semicolon"}
+    record = imported(path, decimal="comma", **stated).record
+    np.testing.assert_array_equal(record.column("amplitude"), truth.amplitude)  # digits are kept, only the mark differs
+    with pytest.raises(InputError, match=r"is --decimal comma meant\?\).*a number with a decimal point"):
+        imported(path, **stated)
+    table.to_csv(path, index=False, sep=";")
+    with pytest.raises(InputError, match=r"is --decimal point meant"):
+        imported(path, decimal="comma", **stated)
+    path.write_text("frequency;amplitude;force\n1.234,5;1;1\n")
+    for decimal in ("point", "comma"):  # a mark between thousands
+        with pytest.raises(InputError, match=r"'1\.234,5' is not a number;") as caught:
+            imported(path, decimal=decimal, **stated)
+        assert "meant" not in caught.value.message
+    with pytest.raises(InputError, match="--decimal comma beside --delimiter comma"):
+        imported(path, decimal="comma", response="displacement", consistent=True)
+
+
 def test_csv_without_phases(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     pd.DataFrame({"frequency": truth.f, "amplitude": truth.amplitude, "force": truth.F}).to_csv(path, index=False)
