@@ -22,9 +22,9 @@ LAWS = ("viscous", "velocity-squared")
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
     candidates.CATALOGUE = {name: candidates.CATALOGUE[name] for name in LAWS}
-    candidates.PARTNERS = ()
+    vars(candidates)["PARTNERS"] = ()
     build.record_figures = lambda result, level: {"fits": figures._fits(result)}
-    study.get_context = lambda method: get_context("fork")
+    vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:
         settings, out, seed = line.rstrip("\n").split("\t")
         child = os.fork()

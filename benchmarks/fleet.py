@@ -145,7 +145,8 @@ def run(number: int, workers: int, alone: bool = False) -> Run:
         if alone:
             script = "import sys; from benchmarks.fleet import machinery; machinery(*sys.argv[1:])"
             words = [sys.executable, "-c", script, str(source), str(out), str(workers)]
-        usage, marks = Usage(), []
+        usage = Usage()
+        marks: list[tuple[int, float, float]] = []  # records done, wall and processor time
         started = perf_counter()
         with log.open("w") as stream, subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=stream) as process:
             client = psutil.Process(process.pid)
@@ -216,12 +217,12 @@ def measure(records: int, long: int, alone: int) -> tuple[pd.DataFrame, dict[str
     """Short fleets with 1 and 2 workers, a longer one and the machinery: the table, and the traces of the last two."""
     runs = []
     for number, workers, only in ((records, 1, False), (records, 2, False), (long, 2, False), (alone, 2, True)):
-        runs.append(run(number, workers, only))
-        one = runs[-1].row
+        one = run(number, workers, only)
+        runs.append(one)
         print(
-            f"{number} records, {workers} worker{'s' * (workers > 1)}, {one['work']}: {one['records_per_s']:.2f}"
-            f" records/s, {1e3 * one['processor_s_per_record']:.0f} ms of processor a record, client at most"
-            f" {one['largest_client_mb']:.0f} MB, worker {one['largest_worker_mb']:.0f} MB, {one['failed']} failed",
+            f"{number} records, {workers} worker{'s' * (workers > 1)}, {one.work}: {1.0 / one.steady_s:.2f}"
+            f" records/s, {1e3 * one.processor_s:.0f} ms of processor a record, client at most"
+            f" {one.client_mb:.0f} MB, worker {one.worker_mb:.0f} MB, {one.failed} failed",
             flush=True,
         )
     traces = {one.work: one.trace for one in runs[-2:]}

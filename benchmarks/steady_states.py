@@ -59,7 +59,7 @@ def measure() -> list[Row]:
     for i in range(PEERS):
         c = float(equivalent_viscous(force, states.amplitude[i], omega[i]))
         periods = int(np.ceil(13.8 * 2 * M / c * omega[i] / (2 * pi)))
-        times.append(timed(lambda i=i, n=periods: amplitudes.append(integrated(F[i], omega[i], n))))  # type: ignore[misc]  # bound now
+        times.append(timed(lambda i=i, n=periods: amplitudes.append(integrated(float(F[i]), float(omega[i]), n))))  # type: ignore[misc]  # bound now
     worst = float(np.max(np.abs(np.array(amplitudes) / states.amplitude[:PEERS] - 1.0)))
     mean = Time(*(float(np.mean([getattr(t, part) for t in times])) for part in ("processor", "wall")))
     remark = f"{missing} not found; amplitudes differ by {worst:.0e} at most"

@@ -14,7 +14,7 @@ from distributed import Client
 from pipelines.extrapolate import check_forces
 from pipelines.fleet.dataset import DataSet
 from pipelines.fleet.inputs import MULTIPLES, Result, Settings, Task, find_cases, tasks_of
-from pipelines.fleet.runners import connected, distributed, serial
+from pipelines.fleet.runners import DIED, INTERNAL, connected, distributed, serial
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text
 from pipelines.study import versions
@@ -58,7 +58,7 @@ def fleet(
     settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
     cases = find_cases(records)
     kept = DataSet(out / "records")
-    book = _Book(kept, out, kept.keys())
+    book = _Book(kept, out, _final(kept))
     with progress("fleet", len(cases)) as done:
         tasks = book.new(tasks_of(cases, settings), done)
         first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
@@ -121,6 +121,16 @@ class _Book:
                 write_text(self.out / name, html)
         self.kept.add([result.row for result in self.results])
         self.results, self.written = [], time.monotonic()
+
+
+def _final(kept: DataSet) -> set[str]:
+    """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
+    table = kept.read(["reason"])
+    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL))
+    final = set(table.loc[~chance, "key"])
+    if chance.any():
+        kept.keep(final)
+    return final
 
 
 def _greet(client: Client, done: Advance, *, shown: bool) -> None:

@@ -41,10 +41,6 @@ class DataSet:
         table = pd.concat(frames, ignore_index=True).drop_duplicates("key")
         return table.sort_values(["name", "key"], ignore_index=True)
 
-    def keys(self) -> set[str]:
-        """Keys of all rows."""
-        return set(self.read(["key"])["key"])
-
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Add a batch as one file, named after its keys."""
         if rows:

@@ -31,6 +31,8 @@ CONNECT = 10.0
 _ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+#: How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
+DIED, INTERNAL = "workers died", "internal error"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
@@ -113,9 +115,9 @@ def _result(task: Task, outcome: Result | BaseException) -> Result:
     if isinstance(outcome, Result):
         return outcome
     if isinstance(outcome, KilledWorker):
-        return failed(task, "workers died under it again and again (out of memory, or a crash in native code)")
+        return failed(task, f"{DIED} under it again and again (out of memory, or a crash in native code)")
     line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
-    return failed(task, f"internal error, please report it ({printable(line)})")
+    return failed(task, f"{INTERNAL}, please report it ({printable(line)})")
 
 
 def _outcomes(

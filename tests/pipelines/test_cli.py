@@ -24,16 +24,19 @@ def test_every_command_has_help(command, damping):
     assert "Usage" in run.out
 
 
-def test_brackets_in_names_are_text(damping, saturn_data, tmp_path):
-    """``[in]`` and ``[/b]`` would be instructions to what draws the tables."""
-    mode, test = tmp_path / "mode.toml", tmp_path / "test.toml"
+def odd_mode(saturn_data, tmp_path):
+    """A mode whose name would be instructions to what draws tables, and whose frequency is 2 pi times too high."""
     text = (saturn_data / "modes" / "config-2-mode-1.toml").read_text()
     name = next(line for line in text.splitlines() if line.startswith("name"))
     frequency = next(line for line in text.splitlines() if line.startswith("frequency"))
+    mode = tmp_path / "mode.toml"
     mode.write_text(text.replace(name, 'name = "tower [/b] [red]"').replace(frequency, "frequency = 10.46"))
-    done = damping("extrapolate", saturn_data / "records" / "config-2-mode-1.csv", "--mode", mode, "--force", 60)
-    assert "tower [/b] [red]: resonant amplitude [in]" in done.out
-    assert "Caution: the mode's frequency, 10.46 Hz, is far from those of the record, 1.664 to 1.669 Hz." in done.out
+    return mode
+
+
+def test_brackets_in_titles_are_text(damping, saturn_data, tmp_path):
+    """``[/b]`` would be an instruction to what draws the tables; names of modes: ``test_loads_form``."""
+    test = tmp_path / "test.toml"
     title = 'title = "Saturn V Configuration I, second mode, pitch test"'
     test.write_text((saturn_data / "condition.toml").read_text().replace(title, 'title = "[/b] pitch"'))
     raw = saturn_data / "raw" / "config-1-mode-2.csv"
@@ -171,9 +174,12 @@ def test_rank_form(damping, saturn_data):
 
 @pytest.mark.sampling
 def test_loads_form(damping, saturn_data, tmp_path):
-    out = tmp_path / "loads.json"
-    run = damping("extrapolate", *files(saturn_data), "--force", 28.98, "--force", 90, "--level", 0.8, "--json", out)
+    out, record = tmp_path / "loads.json", files(saturn_data)[0]
+    forces = ("--force", 28.98, "--force", 90, "--level", 0.8)
+    run = damping("extrapolate", record, "--mode", odd_mode(saturn_data, tmp_path), *forces, "--json", out)
     assert run.code == 0
+    assert "tower [/b] [red]: resonant amplitude [in]" in run.out
+    assert "Caution: the mode's frequency, 10.46 Hz, is far from those of the record, 1.664 to 1.669 Hz." in run.out
     form = json.loads(out.read_text())
     assert (form["format"], form["level"]) == ("loads/1", 0.8)
     at_test, beyond = form["predictions"]
