@@ -129,7 +129,7 @@ def test_units_rescale_coefficients_and_nothing_else(seed: int, units: list[floa
     scale = np.abs(one.t_ratios).max()
     np.testing.assert_allclose(two.t_ratios, one.t_ratios, rtol=tolerance, atol=tolerance * max(scale, 1.0))
     np.testing.assert_allclose(two.std_errors * factors / factor, one.std_errors, rtol=tolerance)
-    # a leverage is the squared length of a row of an orthonormal basis, whose entries err in parts of 1, not of their own
+    # the root of a leverage is the length of a row of an orthonormal basis: it errs in parts of 1, not of its own
     np.testing.assert_allclose(np.sqrt(two.leverages), np.sqrt(one.leverages), atol=tolerance, rtol=0)
     np.testing.assert_allclose(two.condition_number, one.condition_number, rtol=tolerance)
     np.testing.assert_allclose(
