@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from selection.forces.catalogue import CATALOGUE, parameter_names
 from selection.records.keys import Table, read_toml
-from selection.records.schema import EFFECT_NAMES, FORCE_PARAMETERS, PARAMETER_RANGES
+from selection.records.schema import ANY_PARAMETER, EFFECT_NAMES, PARAMETER_RANGES
 from selection.records.text import DEFAULT_MAX_SIZE
 from selection.units import RAD_S_PER_HZ
 
@@ -110,13 +111,13 @@ def _repeatability(table: Table) -> Repeatability:
 
 
 def _damping(table: Table) -> dict[str, dict[str, float]]:
-    table.only(*FORCE_PARAMETERS)
+    table.only(*CATALOGUE)
     return {name: _force(table, name) for name in table.values}
 
 
 def _force(damping: Table, name: str) -> dict[str, float]:
     """Parameters of one damping force; a bare number is its coefficient where it has nothing else."""
-    parameters = FORCE_PARAMETERS[name]
+    parameters = parameter_names(name)
     if parameters == ("coefficient",) and not isinstance(damping.values[name], dict):
         return {"coefficient": damping.number(name, least=0.0)}
     force = damping.table(name, expected=f"{{{', '.join(f'{parameter} = ...' for parameter in parameters)}}}")
@@ -125,7 +126,7 @@ def _force(damping: Table, name: str) -> dict[str, float]:
 
 
 def _parameter(force: Table, parameter: str) -> float:
-    bound, included = PARAMETER_RANGES[parameter]
+    bound, included = PARAMETER_RANGES.get(parameter, ANY_PARAMETER)
     return force.number(parameter, least=bound) if included else force.number(parameter, above=bound)
 
 

@@ -22,28 +22,17 @@ BLANK_COLUMNS = ("mass",)
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST, LARGEST = 1e-50, 1e50
 
-#: Parameters of each damping force in a mode file; the names and meanings are those of the force catalogue.
-FORCE_PARAMETERS: dict[str, tuple[str, ...]] = {
-    "viscous": ("coefficient",),
-    "displacement": ("coefficient",),
-    "velocity-squared": ("coefficient",),
-    "displacement-velocity": ("coefficient",),
-    "quadratic-displacement": ("coefficient",),
-    "velocity-power": ("coefficient", "exponent"),
-    "displacement-velocity-power": ("coefficient", "exponent"),
-    "coulomb": ("coefficient",),
-    "slip": ("stiffness", "limit"),
-}
-
-#: Least value of each force parameter, and whether that value itself is allowed.
+#: Least value of force parameters by name, and whether that value itself is allowed; of those not listed.
 PARAMETER_RANGES: dict[str, tuple[float, bool]] = {
     "coefficient": (0.0, True),
     "exponent": (0.0, False),
     "stiffness": (0.0, True),
     "limit": (0.0, False),
 }
+ANY_PARAMETER = (0.0, True)
 
-#: Effects whose parameters a model file may carry; they are numbers and are kept as they are.
+#: The catalogue of effects, a line each (``selection/gap/effects`` has their files): what a model file may carry in
+#: ``[effects.NAME]`` and what a gap may be called, in this order.
 EFFECT_NAMES: tuple[str, ...] = (
     "viscous-coefficient",
     "displacement",

@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 HEAD = "| where | what |\n|---|---|\n"
 #: The arrow of imports, in which the table lists the parts of ``selection``.
 ORDER = [
-    *("errors", "arrays", "units", "records", "conditioning", "forces", "response", "regression"),
+    *("errors", "arrays", "units", "forces", "records", "conditioning", "response", "regression"),
     *("posterior", "compare", "loads", "gap", "reproduction", "plots", "report", "api"),
 ]
 

@@ -12,6 +12,7 @@ from pipelines.generator.draw import draw
 from pipelines.generator.files import data_text, model_text
 from pipelines.generator.noise import columns
 from selection.gap.corrected import effect_values
+from selection.gap.effects import catalogue
 from selection.gap.effects.catalogue import CATALOGUE
 from selection.gap.problem import setting
 from selection.gap.search import Search
@@ -19,6 +20,7 @@ from selection.gap.steady import fitted_terms, steady
 from selection.gap.terms import predict
 from selection.records.mode import read_mode
 from selection.records.reading import read_record
+from selection.records.schema import EFFECT_NAMES
 
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
 #: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the
@@ -139,3 +141,10 @@ def test_drawn_cases_are_fitted_too(name, tmp_path):
     # 0.3 sigma shift chi-square of 200 values by 18, less than its standard deviation of 20: it is not seen. The centre
     # of a drawn dip of force lies off resonance, where the form has it
     assert np.sqrt(np.mean(own.r**2)) < 0.3
+
+
+def test_every_effect_of_a_file_is_in_the_catalogue():
+    """Files are found by themselves, names are listed: neither without the other."""
+    defined = catalogue._defined()
+    assert set(defined) == set(CATALOGUE) == set(EFFECT_NAMES)
+    assert all(effect.name == name for name, effect in CATALOGUE.items())

@@ -20,7 +20,6 @@ from selection.forces.derived import energy_per_cycle
 from selection.gap.diagnose import diagnose
 from selection.gap.effects.catalogue import CATALOGUE as EFFECTS
 from selection.posterior.law import Law
-from selection.records import schema
 from selection.records.mode import Mode, Repeatability, Tolerance, read_mode
 from selection.records.record import Record
 
@@ -55,7 +54,6 @@ def velocity_cubed(monkeypatch):
     force = module(path, monkeypatch).VelocityCubed
     assert f'"{force.name}": VelocityCubed,' in TEXT
     monkeypatch.setitem(FORCES, force.name, force)
-    monkeypatch.setitem(schema.FORCE_PARAMETERS, force.name, ("coefficient",))
     return force
 
 
@@ -89,7 +87,7 @@ def test_the_force_is_a_candidate_and_wins_on_its_own_data(velocity_cubed, peaks
 def test_the_effect_is_found_in_its_own_data(monkeypatch):
     path = next(path for path in FILES if path.startswith("selection/gap"))
     effect = module(path, monkeypatch).FORCE_TILT
-    assert f'"{effect.name}": FORCE_TILT,' in TEXT
+    assert f'"{effect.name}",\n' in TEXT
     M, omega_n, xi, slope, noise = 10.0, 20.0, 0.01, 4.0, 0.005
     omega = omega_n * (1.0 + np.linspace(-0.06, 0.06, 31))
     rig, tables = np.random.default_rng(4), []

@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selection.errors import InputError
+from selection.forces.catalogue import CATALOGUE, parameter_names
 from selection.records.keys import MAX_TOML_SIZE
 from selection.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
-from selection.records.schema import EFFECT_NAMES, FORCE_PARAMETERS
+from selection.records.schema import EFFECT_NAMES
 
 MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
-FORCES = ", ".join(FORCE_PARAMETERS)
+FORCES = ", ".join(CATALOGUE)
 EFFECTS = ", ".join(EFFECT_NAMES)
 
 WHOLE = """\
@@ -206,7 +207,8 @@ MODES = st.builds(
     damping=st.fixed_dictionaries(
         {},
         optional={
-            name: st.fixed_dictionaries(dict.fromkeys(keys, POSITIVE)) for name, keys in FORCE_PARAMETERS.items()
+            name: st.fixed_dictionaries(dict.fromkeys(keys, POSITIVE))
+            for name, keys in ((name, parameter_names(name)) for name in CATALOGUE)
         },
     ),
     effects=st.fixed_dictionaries({}, optional=dict.fromkeys(EFFECT_NAMES, st.dictionaries(TEXT, NUMBERS, max_size=3))),
