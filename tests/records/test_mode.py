@@ -206,10 +206,7 @@ MODES = st.builds(
     units=st.builds(Units, TEXT, TEXT, TEXT),
     damping=st.fixed_dictionaries(
         {},
-        optional={
-            name: st.fixed_dictionaries(dict.fromkeys(keys, POSITIVE))
-            for name, keys in ((name, parameter_names(name)) for name in CATALOGUE)
-        },
+        optional={name: st.fixed_dictionaries(dict.fromkeys(parameter_names(name), POSITIVE)) for name in CATALOGUE},
     ),
     effects=st.fixed_dictionaries({}, optional=dict.fromkeys(EFFECT_NAMES, st.dictionaries(TEXT, NUMBERS, max_size=3))),
 )
