@@ -7,7 +7,7 @@ the result says so (``converged`` is False) and nothing uses it silently.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -166,13 +166,13 @@ def run(
             if todo > 0:
                 sampler.run_mcmc(state if sampler.backend.iteration == 0 else sampler.get_last_sample(), todo)
                 checkpoint.save(k, sampler.backend)
-        chains = np.stack([sampler.get_chain()[:steps] for sampler, _ in samplers])
+        chains = [sampler.get_chain()[:steps] for sampler, _ in samplers]  # views: all steps are held once
         diagnoses, burn = _diagnose(chains, target, quantities)
         failure = _failure(diagnoses, settings)
         if not failure or steps == settings.budget:
             break
     acceptance = float(np.mean([sampler.acceptance_fraction for sampler, _ in samplers]))
-    x = _keep(chains[:, burn:], settings.kept)
+    x = np.stack([_keep(chain[burn:], settings.kept) for chain in chains])
     return Chains(x, diagnoses, not failure, failure, steps, acceptance)
 
 
@@ -198,11 +198,13 @@ def _sampler(
     return sampler, emcee.State(coords, random_state=random.get_state())
 
 
-def _diagnose(chains: FloatArray, target: Target, quantities: Quantities) -> tuple[tuple[Diagnosis, ...], int]:
-    """Diagnose every quantity on chains (ensembles, steps, walkers, dimension); also the burn-in in steps."""
-    burn = chains.shape[1] // 5
-    thin = max(1, chains.shape[1] // 1000)
-    x = chains[:, burn::thin]
+def _diagnose(
+    chains: Sequence[FloatArray], target: Target, quantities: Quantities
+) -> tuple[tuple[Diagnosis, ...], int]:
+    """Diagnose every quantity on chains (steps, walkers, dimension), one an ensemble; also the burn-in in steps."""
+    burn = len(chains[0]) // 5
+    thin = max(1, len(chains[0]) // 1000)
+    x = np.stack([chain[burn::thin] for chain in chains])
     flat = x.reshape(-1, x.shape[-1])
     values = {**target.parameters(flat), **quantities(flat)}
     return tuple(diagnose(name, value.reshape(x.shape[:-1]), thin) for name, value in values.items()), burn
@@ -220,7 +222,7 @@ def _failure(diagnoses: tuple[Diagnosis, ...], settings: Settings) -> str:
     return ""
 
 
-def _keep(chains: FloatArray, kept: int) -> FloatArray:
-    """Evenly spaced draws of each ensemble, (ensembles, kept, dimension)."""
-    flat = chains.reshape(chains.shape[0], -1, chains.shape[-1])
-    return flat[:, np.linspace(0, flat.shape[1] - 1, kept).astype(int)]
+def _keep(chain: FloatArray, kept: int) -> FloatArray:
+    """Evenly spaced draws of an ensemble, (kept, dimension)."""
+    flat = chain.reshape(-1, chain.shape[-1])
+    return np.asarray(flat[np.linspace(0, len(flat) - 1, kept).astype(int)])
