@@ -142,10 +142,11 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
         return values, not is_time
     if is_time:
         raise InputError("amplitudes against time", file=file, expected="--column response=NAME of the signal")
+    size = _magnitude(values, "amplitude", file)
     if phase is None:
-        return _real(values, "amplitude", file), False
+        return size, False
     angle = _real(_same(arrays[phase], n, values, phase, file), phase, file) * _PHASES[phase]
-    return _real(values, "amplitude", file) * np.exp(1j * angle), True
+    return size * np.exp(1j * angle), True
 
 
 def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Samples | None:
@@ -160,10 +161,9 @@ def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Sam
         other = _real(_spread(arrays["force_y"], n, k, "force_y", file), "force_y", file)
         return cartesian(_real(values, "force_x", file), other)
     if "force_lead_deg" in arrays:
-        return polar(
-            _real(values, "force", file), _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
-        )
-    return values
+        lead = _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
+        return polar(_magnitude(values, "force", file), lead)
+    return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force", file)
 
 
 def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Samples:
@@ -209,6 +209,17 @@ def _real(values: Samples, role: str, file: str | Path) -> FloatArray:
     if np.iscomplexobj(values):
         raise InputError(f"array of {role} is complex", file=file, expected="real numbers")
     return np.asarray(values, dtype=np.float64)
+
+
+def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
+    """Amplitudes (n, k): a minus sign there is a mistake or a phase that nobody states, and would be lost."""
+    found = _real(values, role, file)
+    below = np.argwhere(found < 0.0)
+    if len(below):
+        row, sweep = (int(place) for place in below[0])
+        where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if found.shape[1] > 1 else "")
+        raise InputError(f"{role} {found[row, sweep]:g} in {where}", file=file, expected=f"{role} >= 0, an amplitude")
+    return found
 
 
 def _column(values: Array, n: int, role: str, file: str | Path) -> FloatArray:

@@ -174,6 +174,35 @@ def test_csv_without_phases(truth, tmp_path, imported):
     assert any("no phases" in note for note in found.summary.notes)
 
 
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("frequency,amplitude,force\n1,1,1\n2,-0.5,1\n", "amplitude -0.5 in row 2; expected amplitude >= 0"),
+        ("frequency,amplitude,phase,force\n1,-3,0.5,1\n", "amplitude -3 in row 1; expected amplitude >= 0"),
+        ("frequency,amplitude,force\n1,1,1\n2,1,-2\n", "force -2 in row 2; expected force >= 0"),
+        ("frequency,x,y,force\n1,1,1,-2\n", "force -2 in row 1"),
+    ],
+)
+def test_amplitudes_below_zero_are_refused(tmp_path, imported, content, message):
+    path = tmp_path / "a.csv"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        imported(path, response="displacement", consistent=True, scaling="peak")
+
+
+def test_negative_parts_of_a_force_are_no_amplitudes(truth, tmp_path, imported):
+    path = tmp_path / "a.mat"
+    parts = {"force_x": -truth.F * np.ones_like(truth.f), "force_y": 0 * truth.f}
+    whole = {"frequency": truth.f, "x": -truth.H.real * truth.F, "y": -truth.H.imag * truth.F}
+    scipy.io.savemat(path, whole | parts)
+    close(imported(path, response="displacement", consistent=True, scaling="peak").record, truth)
+    scipy.io.savemat(path, whole | {"force": (-truth.F + 0j) * np.ones_like(truth.f)})
+    close(imported(path, response="displacement", consistent=True, scaling="peak").record, truth)
+    scipy.io.savemat(path, {"frequency": truth.f, "response": np.column_stack([truth.H] * 2), "force": [1.0, -4.0]})
+    with pytest.raises(InputError, match="force -4 in row 1 of sweep 2"):
+        imported(path, scaling="peak", **SI)
+
+
 def test_standard_uncertainties_and_energies_are_converted(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     w = 2 * np.pi * truth.f
