@@ -13,8 +13,8 @@ import pandas as pd
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from pipelines.forms import LoadsForm, RankForm
-from pipelines.manifest import Folder, digest, open_folder, verify
-from pipelines.store import write_text
+from pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
+from pipelines.store import refuse_inputs, write_text
 from pipelines.study import versions
 from selection.errors import InputError
 from selection.plots.comparison import MOST_STUDIES
@@ -70,11 +70,16 @@ def compare(folders: Sequence[Path], out: Path) -> None:
     """Write the page that sets the studies in ``folders`` side by side.
 
     Raises:
-        InputError: fewer than two folders, one that is no finished study, or whose files are of two runs.
+        InputError: fewer than two folders, one that is no finished study, or whose files are of two runs; an ``out``
+            that is a file of one of the studies.
     """
     if not 2 <= len(folders) <= MOST_STUDIES:
         raise InputError(f"{len(folders)} folders", expected=f"two to {MOST_STUDIES} folders of studies")
-    studies = [_study(open_folder(folder), name) for folder, name in zip(folders, _names(folders), strict=True)]
+    names = _names(folders)
+    opened = [open_folder(folder) for folder in folders]
+    for one in opened:
+        refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
+    studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
     write_text(out, comparison_page(studies, versions()))
     print(f"{out} written")
 

@@ -87,6 +87,17 @@ def test_two_studies_side_by_side(tmp_path, damping):
     assert again.read_text() == html
 
 
+@pytest.mark.parametrize("name", ["summary.json", "panel-posteriors.csv", MANIFEST])
+def test_files_of_a_study_are_not_written_over(tmp_path, damping, name):
+    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2))
+    before = (two / name).read_bytes()
+    run = damping("compare", one, two, "--out", two / ".." / "b" / name)
+    assert run.code == 2
+    assert "--out is one of the inputs, which are never written over; expected another file\n" in run.err
+    assert (two / name).read_bytes() == before
+    assert damping("compare", one, two, "--out", two / "compared.html").code == 0
+
+
 def test_studies_that_share_nothing(tmp_path, damping):
     one = study(tmp_path / "a", summary())
     two = study(tmp_path / "b", summary(name="other", loads=None, units={}))
