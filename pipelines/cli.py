@@ -6,6 +6,7 @@ Heavy packages are imported by the command that needs them, so that ``damping --
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -213,6 +214,9 @@ def fleet(
     dashboard: Annotated[
         str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
     ] = "127.0.0.1:8787",
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
+    ] = False,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Rank, extrapolate and diagnose many records on Dask."""
@@ -228,12 +232,15 @@ def fleet(
         level=level,
         seed=seed,
         dashboard=None if dashboard == "off" else dashboard,
+        replace=replace,
         max_size=max_size,
     )
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
+    if arguments is None:  # a program of its own: what a scheduler of jobs ends with SIGTERM ends as with Ctrl-C
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
         if code == 130:  # typer turns an interrupt into this code, without a word

@@ -13,8 +13,9 @@ from distributed import Client
 
 from pipelines.extrapolate import check_forces
 from pipelines.fleet.dataset import DataSet
-from pipelines.fleet.inputs import MULTIPLES, Result, Settings, Task, find_cases, tasks_of
-from pipelines.fleet.runners import DIED, INTERNAL, connected, distributed, serial
+from pipelines.fleet.inputs import MULTIPLES, Case, Result, Settings, Task, find_cases, tasks_of
+from pipelines.fleet.runners import DIED, INTERNAL, check_address, connected, distributed, serial
+from pipelines.manifest import sole_writer
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text
 from pipelines.study import versions
@@ -22,8 +23,8 @@ from pipelines.tables import console
 from selection.errors import AnalysisError, InputError
 from selection.report.fleet_page import COLUMNS, fleet_page
 
-#: Rows of a batch at most, and seconds after which one is written however few it has.
-BATCH, PERIOD = 32, 30.0
+#: Rows of a batch at most, and seconds after which one is written however few it has: what a lost power costs.
+BATCH, PERIOD = 32, 5.0
 
 
 def fleet(
@@ -37,6 +38,7 @@ def fleet(
     level: float = 0.9,
     seed: int = 0,
     dashboard: str | None = None,
+    replace: bool = False,
     max_size: int,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
@@ -46,19 +48,38 @@ def fleet(
             record after the other).
         fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
         dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+        replace: drop what ``out`` holds of other records, settings or versions.
 
     Raises:
-        InputError: bad usage or input. AnalysisError: every record failed, or the workers are gone.
+        InputError: bad usage or input, or results in ``out`` that would be lost.
+        AnalysisError: every record failed, or the workers are gone.
     """
     check_forces(list(forces), level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    check_address(dashboard)
     settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
     cases = find_cases(records)
+    with sole_writer(out):
+        _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
+
+
+def _fleet(
+    cases: list[Case],
+    out: Path,
+    settings: Settings,
+    scheduler: str | None,
+    workers: int | None,
+    dashboard: str | None,
+    *,
+    replace: bool,
+) -> None:
     kept = DataSet(out / "records")
     book = _Book(kept, out, _final(kept))
+    if not replace:
+        _refuse_loss(kept, tasks_of(cases, settings))
     with progress("fleet", len(cases)) as done:
         tasks = book.new(tasks_of(cases, settings), done)
         first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
@@ -71,8 +92,7 @@ def fleet(
                 if scheduler is not None:
                     _same_versions(client, settings)
                 book.keep(distributed(client, tasks), done)
-    kept.keep(book.wanted)
-    _tidy(out, book.wanted, kept)
+    _drop(out, book.wanted, kept)
     _finish(out, kept, settings)
 
 
@@ -159,12 +179,33 @@ def _same_versions(client: Client, settings: Settings) -> None:
                 )
 
 
-def _tidy(out: Path, wanted: set[str], kept: DataSet) -> None:
-    """Remove pages of rows that are gone."""
-    stems = {Path(name).stem for name in kept.read(["report"], wanted)["report"]}
-    for page in (out / "reports").glob("*.html"):
-        if page.stem.removesuffix("-gap") not in stems:
-            page.unlink()
+def _refuse_loss(kept: DataSet, tasks: Iterable[Task]) -> None:
+    """InputError where rows are there that this run does not want, though nothing says that their record changed."""
+    names, contents, keys = set(), set(), set()
+    for task in tasks:
+        names.add(task.name)
+        contents.add((task.name, *task.digests))
+        keys.add(task.key)
+    table = kept.read(["record_sha256", "model_sha256"])
+    other = table[~table["key"].isin(keys)]
+    of = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
+    lost = [content[0] for content in of if content[0] not in names or content in contents]
+    if lost:
+        raise InputError(
+            f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}",
+            file=kept.folder,
+            expected="another --out, or --replace to drop them",
+        )
+
+
+def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
+    """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
+    table = kept.read(["report"])
+    for report in table.loc[~table["key"].isin(wanted), "report"]:
+        stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
+        for name in (f"{stem}.html", f"{stem}-gap.html"):
+            (out / "reports" / name).unlink(missing_ok=True)
+    kept.keep(wanted)
 
 
 def _finish(out: Path, kept: DataSet, settings: Settings) -> None:

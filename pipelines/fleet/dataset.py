@@ -25,8 +25,8 @@ class DataSet:
     folder: Path
 
     def files(self) -> list[Path]:
-        """The Parquet files, in order of name."""
-        return sorted(self.folder.glob("*.parquet"))
+        """The Parquet files that are ours, in order of name."""
+        return sorted(self.folder.glob("part-*.parquet"))
 
     def read(self, columns: Sequence[str], keys: Collection[str] | None = None) -> pd.DataFrame:
         """Columns of all rows (of those with ``keys``), sorted by name and key; a key counts once.

@@ -148,6 +148,8 @@ def seed_of(seed: int, key: str) -> int:
 def _content(path: Path, max_size: int) -> tuple[bytes | None, str]:
     """The bytes of a file, or None with the reason."""
     try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            return None, f"{shown(path.name)}: is no regular file"
         with path.open("rb") as stream:
             content = stream.read(max_size + 1)
     except OSError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import socket
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
@@ -78,6 +79,19 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
             Client(cluster) as client,
         ):
             yield client
+
+
+def check_address(dashboard: str | None) -> None:
+    """InputError unless this is ``HOST:PORT`` of a host that is known, or None."""
+    if dashboard is None:
+        return
+    host, _, port = dashboard.rpartition(":")
+    try:
+        if not (port.isascii() and port.isdigit() and int(port) < 65536):
+            raise OSError("no port")
+        socket.getaddrinfo(host, int(port))
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"--dashboard {dashboard!r}", expected="HOST:PORT of this machine, or off") from error
 
 
 def _client(address: str) -> Client:

@@ -30,6 +30,8 @@ _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of
 def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
     """Contents of a file of at most ``max_size`` bytes. InputError if it cannot be read, is empty or is larger."""
     try:
+        if not Path(path).is_dir() and Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
+            raise InputError("is no regular file", file=path, expected="a file")
         with Path(path).open("rb") as stream:
             data = stream.read(max_size + 1)
     except FileNotFoundError:

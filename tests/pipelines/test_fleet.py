@@ -25,10 +25,12 @@ from pipelines.fleet.command import fleet
 from pipelines.fleet.dataset import DataSet
 from pipelines.fleet.inputs import Result, Settings, find_cases, seed_of, tasks_of
 from pipelines.fleet.rows import row_of
+from pipelines.manifest import sole_writer
 from pipelines.store import write_bytes
 from selection.errors import AnalysisError, InputError
 from selection.loads.simulated import OMEGA, simulated_levels, structures
 from selection.posterior.law import Law
+from selection.records.text import read_bytes
 from selection.report.fleet_page import outliers
 
 RECORDS, SIZE = 6, 10_000_000
@@ -228,9 +230,19 @@ def test_changed_and_removed_records(tmp_path, one_law):
     before = rows_of(out)
     write_bytes(source / "r1.toml", MODE.replace("1.0", "2.0").encode())
     (source / "r2.csv").unlink()
-    fleet(source, out, **run)
+    with pytest.raises(InputError, match=r"holds 1 results of other .* the first of 'r2'; expected another --out, or"):
+        fleet(source, out, **run)
+    write_bytes(out / "reports" / "mine.html", b"of the user")
+    write_bytes(out / "records" / "mine.parquet", b"of the user")
+    fleet(source, out, replace=True, **run)
+    for name in ("reports/mine.html", "records/mine.parquet"):  # what is not ours stays
+        assert (out / name).read_bytes() == b"of the user"
+        (out / name).unlink()
     after = rows_of(out)
     assert [row["name"] for row in after] == ["r0", "r1"]
+    with pytest.raises(InputError, match="holds 2 results of other records, settings"):
+        fleet(source, out, **run | {"forces": (1.0,)})
+    assert rows_of(out) == after
     assert after[0] == before[0]
     assert after[1]["key"] != before[1]["key"]
     assert {Path(row["report"]).name for row in after} == {path.name for path in (out / "reports").iterdir()}
@@ -350,6 +362,11 @@ def test_bad_usage(tmp_path, monkeypatch):
     monkeypatch.setattr(runners, "CONNECT", 0.2)
     with pytest.raises(InputError, match="no scheduler answers"):
         fleet(tmp_path / "in", tmp_path / "out", scheduler="tcp://127.0.0.1:9", **run)
+    for dashboard in ("foo", "127.0.0.1:99999", "no such host:8787"):
+        with pytest.raises(InputError, match=r"--dashboard .*; expected HOST:PORT"):
+            fleet(tmp_path / "in", tmp_path / "out", dashboard=dashboard, **run)
+    with sole_writer(tmp_path / "out"), pytest.raises(InputError, match="another run is writing here"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
     write_bytes(tmp_path / "out" / "records" / "part-x.parquet", b"no parquet")
     with pytest.raises(InputError, match="no part of a fleet"):
         fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
@@ -412,3 +429,13 @@ def test_an_interrupt_is_one_line_and_130(records, tmp_path, monkeypatch, dampin
     run = damping("fleet", records, "--out", tmp_path, "--workers", 0)
     assert (run.code, run.out) == (130, "")
     assert run.err == "damping: interrupted; nothing half-written is left behind\n"
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
+    write_record(tmp_path / "in", "good", 1)
+    write_bytes(tmp_path / "in" / "ring.csv", record_text(2).encode())
+    os.mkfifo(tmp_path / "in" / "ring.toml")
+    fleet(tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    assert [row["reason"] for row in rows_of(tmp_path / "out")] == ["", "ring.toml: is no regular file"]
+    with pytest.raises(InputError, match="is no regular file"):
+        read_bytes(tmp_path / "in" / "ring.toml")
