@@ -10,7 +10,7 @@ import pandas as pd
 from pydantic import Field, TypeAdapter, ValidationError
 
 from pipelines.forms import LoadsForm, RankForm, loads_rows, ranking_rows
-from pipelines.store import refuse_inputs, write_bytes, write_text
+from pipelines.store import refuse_inputs, refuse_twice, write_bytes, write_text
 from pipelines.tables import console
 from selection.errors import InputError
 from selection.records.imports.quantity import SYSTEMS
@@ -63,6 +63,7 @@ def export(
     inputs = [path for path in (source, mode) if path is not None]
     refuse_inputs("--out", out, *inputs)
     refuse_inputs("--mode-out", mode_out, *inputs)
+    refuse_twice({"--out": out, "--mode-out": mode_out})
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
         if kind in _UFF or units or mode_out:
             raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from pipelines.processes import end_with_parent
 from pipelines.progress import progress
-from pipelines.store import refuse_inputs, write_json, write_text
+from pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from selection.errors import AnalysisError, DampingError, InputError
 from selection.gap.corrected import corrected_mode, effect_values, refitted_values
 from selection.gap.diagnose import Diagnosis, diagnose
@@ -51,8 +51,10 @@ def gap(
     if record is None:
         _folder(model, report, model_out, json_out, jobs, seed)
         return
-    for option, target in (("--json", json_out), ("--model-out", model_out), ("--report", report)):
+    targets = {"--json": json_out, "--model-out": model_out, "--report": report}
+    for option, target in targets.items():
         refuse_inputs(option, target, model, record)
+    refuse_twice(targets)
     diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
     sampled = None
     if posterior is not False:

@@ -13,7 +13,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from pipelines.store import refuse_inputs, write_json, write_text
+from pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from pipelines.tables import console
 from selection.conditioning.ringdown import LEVELS, PERIODS, Decay, ring_down
 from selection.errors import InputError
@@ -59,6 +59,7 @@ def import_file(
     inputs = [file, *([decay.mode] if decay else [])]
     refuse_inputs("--out", out, *inputs)
     refuse_inputs("--json", json_out, *inputs)
+    refuse_twice({"--out": out, "--json": json_out})
     series, summary = read_file(file, stated, max_size=max_size)
     found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
     write_text(out, record_to_csv(found.record))

@@ -60,6 +60,17 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
         )
 
 
+def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
+    """InputError where two outputs of one command, by option, are one file: the later would replace the earlier."""
+    seen: dict[str, str] = {}
+    for option, target in targets.items():
+        if target is None or target == "-":
+            continue
+        other = seen.setdefault(os.path.realpath(target), option)
+        if other != option:
+            raise InputError(f"{option} is the file of {other}", file=target, expected="another file for each output")
+
+
 def make_folder(path: Path) -> None:
     """Make a folder and those above it where they are missing. InputError if that cannot be done."""
     try:

@@ -214,6 +214,23 @@ def test_links(tmp_path, damping):
     assert "--out is one of the inputs" in run.err
 
 
+def test_two_outputs_are_two_files(tmp_path, damping, monkeypatch):
+    """By whatever path: nothing is written, and the line names both options."""
+    monkeypatch.chdir(tmp_path)
+    universal(tmp_path / "a.uff", "receptance")
+    (tmp_path / "m.toml").write_text(MODE)
+    words = ("import", "a.uff", "--force", F, "--scaling", "peak")
+    run = damping(*words, "--out", "x", "--json", tmp_path / "." / "x")
+    assert run.code == 2
+    assert run.err.endswith(": --json is the file of --out; expected another file for each output\n")
+    assert not (tmp_path / "x").exists()
+    assert damping(*words, "--out", "r.csv", "--json", "r.json").code == 0
+    run = damping("export", "r.csv", "--mode", "m.toml", "--units", "us", "--out", "o.csv", "--mode-out", "./o.csv")
+    assert run.code == 2
+    assert "--mode-out is the file of --out" in run.err
+    assert not (tmp_path / "o.csv").exists()
+
+
 class Opened:
     """Unpickling it makes a folder."""
 

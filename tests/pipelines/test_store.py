@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from pipelines.store import plain, refuse_inputs, to_json, write_bytes, write_json, write_text
+from pipelines.store import plain, refuse_inputs, refuse_twice, to_json, write_bytes, write_json, write_text
 from selection.errors import InputError
 
 
@@ -40,6 +40,16 @@ def test_inputs_are_no_outputs(tmp_path):
             refuse_inputs("--out", target, tmp_path / "else.csv", one)
     for target in (None, "-", tmp_path / "two.csv"):
         refuse_inputs("--out", target, one)
+
+
+def test_outputs_are_different_files(tmp_path):
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    other.symlink_to(one)
+    for target in (str(tmp_path / "." / "one.csv"), other):
+        with pytest.raises(InputError, match=r"--json is the file of --out; expected another file for each output"):
+            refuse_twice({"--out": one, "--page": None, "--json": target})
+    refuse_twice({"--out": one, "--page": None, "--json": tmp_path / "two.csv"})
+    refuse_twice({"--out": "-", "--page": None, "--json": "-", "--report": None})
 
 
 def test_plain_data(capsys):
