@@ -25,9 +25,23 @@ from selection.forces.catalogue import force_class
 from selection.records.keys import line_of, read_toml
 from selection.records.report_tables import data_folder
 from selection.records.schema import nearest
+from selection.records.text import shortened
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970
+#: What belongs where pydantic found another thing, by its name for the mistake.
+_EXPECTED = {
+    "string_type": "text",
+    "string_pattern_mismatch": "letters, digits, - and _, the first a letter or digit",
+    "string_too_long": "at most 80 characters",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "too_short": "at least one",
+}
 
 
 class _Table(BaseModel):
@@ -99,11 +113,20 @@ def _input_error(problem: Any, path: Path, content: str) -> InputError:
     """Pydantic's first problem as one line for people."""
     keys = tuple(str(key) for key in problem["loc"] if isinstance(key, str))
     key = ".".join(str(part) for part in problem["loc"])
-    line = line_of(content, keys[:1]) if keys else None
+    line = _line(content, tuple(problem["loc"]))
     if problem["type"] == "extra_forbidden":
         known = RecordSettings.model_fields if len(keys) > 1 else StudySettings.model_fields
         message, expected = "unknown key", f"{nearest(keys[-1], known)} (nearest of {', '.join(known)})"
         return InputError(message, file=path, line=line, column=key, expected=expected)
     if problem["type"] == "missing":
         return InputError("missing key", file=path, line=line, column=key, expected=f"{keys[-1]} = ...")
+    if problem["type"] in _EXPECTED:
+        given = shortened(repr(problem["input"]))
+        return InputError(given, file=path, line=line, column=key, expected=_EXPECTED[problem["type"]])
     return InputError(problem["msg"].removeprefix("Value error, "), file=path, line=line, column=key)
+
+
+def _line(content: str, loc: tuple[str | int, ...]) -> int | None:
+    """Line of what a problem is with, or of the least that holds it."""
+    lines = (line_of(content, loc[:length]) for length in range(len(loc), 0, -1))
+    return next((line for line in lines if line is not None), None)

@@ -106,14 +106,17 @@ class Table:
         return line_of(self.content, self.path) if self.path else None
 
 
-def line_of(content: str, path: tuple[str, ...]) -> int | None:
-    """Line of a TOML text on which the key at ``path`` is set: the first that, with all before it, sets the key."""
+def line_of(content: str, path: tuple[str | int, ...]) -> int | None:
+    """Line of a TOML text on which the key at ``path`` is set: the first that, with all before it, sets the key.
+
+    A number in the path is a place in a list, from 0.
+    """
     lines = content.split("\n")
     line = bisect_left(range(len(lines)), True, key=lambda last: _sets(lines, last, path))
     return line + 1 if line < len(lines) else None
 
 
-def _sets(lines: list[str], last: int, path: tuple[str, ...]) -> bool:
+def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
     """Whether the text up to line ``last``, and on to the end of a value that spans lines, sets the key at ``path``."""
     for end in range(last + 1, min(len(lines), last + _LONGEST_VALUE) + 1):
         try:
@@ -121,7 +124,8 @@ def _sets(lines: list[str], last: int, path: tuple[str, ...]) -> bool:
         except ValueError:
             continue
         for key in path:
-            if not isinstance(value, dict) or key not in value:
+            there = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+            if key not in there:
                 return False
             value = value[key]
         return True

@@ -439,3 +439,18 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
     assert [row["reason"] for row in rows_of(tmp_path / "out")] == ["", "ring.toml: is no regular file"]
     with pytest.raises(InputError, match="is no regular file"):
         read_bytes(tmp_path / "in" / "ring.toml")
+
+
+def test_a_job_scheduler_ends_it_in_order(records, alone, tmp_path):
+    """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
+    words = [sys.executable, "-m", "pipelines.cli", "fleet", records, "--out", tmp_path, "--fast", "--workers", "0"]
+    with subprocess.Popen([*map(str, words), "--seed", "5"], stderr=subprocess.PIPE, text=True) as process:
+        first = process.stderr.readline()
+        process.terminate()
+        said = process.stderr.read().splitlines()
+    assert first.startswith("fleet: 1/")
+    assert process.returncode == 130
+    assert said[-1] == "damping: interrupted; nothing half-written is left behind"
+    done = rows_of(tmp_path)
+    assert done
+    assert done == rows_of(alone)[: len(done)]
