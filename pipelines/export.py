@@ -13,8 +13,8 @@ from pipelines.forms import LoadsForm, RankForm, loads_rows, ranking_rows
 from pipelines.store import refuse_inputs, refuse_twice, write_bytes, write_text
 from pipelines.tables import console
 from selection.errors import InputError
-from selection.records.imports.quantity import SYSTEMS
-from selection.records.imports.systems import convert_mode, convert_record, factors
+from selection.records.imports.quantity import SYSTEMS, unit
+from selection.records.imports.systems import convert_loads, convert_mode, convert_record, factors
 from selection.records.imports.uff_write import uff
 from selection.records.mode import Mode, Units, mode_to_toml, read_mode
 from selection.records.reading import read_record
@@ -47,14 +47,15 @@ def export(
     Args:
         source: a record (CSV) or a form (JSON, by its first character).
         out: ``.uff`` or ``.unv`` (records alone), ``.csv`` or ``.parquet``.
-        units: ``si`` or ``us``: convert the record (and the mode); None: as it is.
-        given: ``si`` or ``us``: the units the record is in, where no mode names them.
-        mode: mode whose ``[units]`` are those of the record.
+        units: ``si`` or ``us``: convert the record (and the mode) or the loads; None: as they are.
+        given: ``si`` or ``us``: the units the record or the loads are in, where no mode names them.
+        mode: mode whose ``[units]`` are those of the record or the loads.
         mode_out: where the converted mode goes.
         text: values of a universal file as text, not as bytes.
 
     Raises:
-        InputError: bad options, a file that cannot be read, or units that are not known.
+        InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things,
+            or of a ranking, which is not converted.
         AnalysisError: a record that a universal file cannot hold, or a mode that cannot be converted.
     """
     kind = out.suffix.lower()
@@ -65,9 +66,11 @@ def export(
     refuse_inputs("--mode-out", mode_out, *inputs)
     refuse_twice({"--out": out, "--mode-out": mode_out})
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
-        if kind in _UFF or units or mode_out:
+        if kind in _UFF:
             raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
-        _write_table(form_table(source, max_size), out)
+        if mode_out:
+            raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
+        _export_form(source, out, units, given, mode, max_size)
         return
     record = read_record(source, max_size=max_size)
     described = read_mode(mode) if mode else None
@@ -89,7 +92,47 @@ def _names(mode: Mode | None, given: str | None) -> Units:
         return mode.units if mode else Units()
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
-    return Units(*SYSTEMS[given], "s")
+    stated = Units(*SYSTEMS[given], "s")
+    if mode is not None:
+        _agree(mode, stated, given)
+    return stated
+
+
+def _agree(mode: Mode, stated: Units, given: str) -> None:
+    """InputError where the mode names other units than ``--from`` says."""
+    for what, text in vars(mode.units).items():
+        if not text:
+            continue
+        named, meant = unit(text, what=f"unit of {what}"), unit(getattr(stated, what))
+        if (named.powers, named.factor) != (meant.powers, meant.factor):
+            raise InputError(
+                f"the mode has {what} in {text} and --from {given} says {getattr(stated, what)}",
+                file=mode.source,
+                expected="one of them, or both alike",
+            )
+
+
+def _export_form(
+    source: Path, out: Path, units: str | None, given: str | None, mode: Path | None, max_size: int
+) -> None:
+    """A form as a table; loads in other units where they are asked for."""
+    form = _form(source, max_size)
+    table = _rows(form)
+    if units is None:
+        _write_table(table, out)
+        return
+    if isinstance(form, RankForm):
+        raise InputError(
+            "--units is for records and loads, and this is a ranking, with coefficients of many dimensions",
+            file=source,
+            expected="a ranking of the converted record",
+        )
+    names = _names(read_mode(mode) if mode else None, given)
+    _write_table(convert_loads(table, factors(names, units, source=str(mode or source))), out)
+    show = console()
+    show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}", highlight=False, markup=False)
+    if table["cautions"].any():
+        show.print("- numbers within cautions are text and kept as they are", highlight=False, markup=False)
 
 
 def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
@@ -144,13 +187,20 @@ def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
     Raises:
         InputError: the file is no such form; the first thing that is wrong is named.
     """
+    return _rows(_form(path, max_size))
+
+
+def _rows(form: RankForm | LoadsForm) -> pd.DataFrame:
+    return ranking_rows(form) if isinstance(form, RankForm) else loads_rows(form)
+
+
+def _form(path: Path, max_size: int) -> RankForm | LoadsForm:
     content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
     try:
-        form = _FORM.validate_json(content)
+        return _FORM.validate_json(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"][1:]) or "the form"
         raise InputError(
             f"{place}: {first['msg']}", file=path, expected="a form rank/1 or loads/1, as --json writes it"
         ) from None
-    return ranking_rows(form) if isinstance(form, RankForm) else loads_rows(form)

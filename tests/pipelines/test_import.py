@@ -261,6 +261,52 @@ def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     assert "'@far" in text
 
 
+def test_loads_in_other_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    member = {"name": "viscous", "weight": 1.0, "median": 2.0, "low": 1.0, "high": 3.0}
+    one = {"force": 10.0, "median": 2.0, "low": 1.0, "high": None, "linear": 2.5, "linear_overprediction_percent": 25.0}
+    source, mode = tmp_path / "loads.json", tmp_path / "m.toml"
+    content = {"format": "loads/1", "level": 0.9, "predictions": [one | {"cautions": ["far"], "by_model": [member]}]}
+    source.write_text(json.dumps(content))
+    export(source, tmp_path / "from.parquet", units="si", given="us")
+    said = capsys.readouterr().out
+    assert "force in N, length in m" in said
+    assert "cautions are text" in said
+    found = pd.read_parquet(tmp_path / "from.parquet")
+    np.testing.assert_allclose(found["force"], 10 * LBF, rtol=1e-15)
+    for name, values in {"median": [2, 2], "low": [1, 1], "high": [np.nan, 3], "linear": [2.5, np.nan]}.items():
+        np.testing.assert_allclose(found[name], np.array(values) * INCH, rtol=1e-15)
+    assert list(found["weight"])[1] == 1.0
+    assert found["linear_overprediction_percent"].iloc[0] == 25.0
+    mode.write_text(MODE.replace('"N"', '"lbf"').replace('"m"', '"in"'))
+    export(source, tmp_path / "mode.parquet", units="si", mode=mode)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "mode.parquet"), found)
+    with pytest.raises(InputError, match=r"the unit of force is not known; expected \[units\] of a mode, or --from"):
+        export(source, tmp_path / "x.csv", units="us")
+    with pytest.raises(InputError, match="--mode-out is for records"):
+        export(source, tmp_path / "x.csv", units="us", mode=mode, mode_out=tmp_path / "x.toml")
+
+
+def test_a_ranking_is_not_converted(ranking: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--units is for records and loads.*expected a ranking of"):
+        export(ranking, tmp_path / "x.csv", units="us", given="si")
+
+
+def test_units_said_twice_agree(tmp_path: Path) -> None:
+    record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
+    record.write_text("sweep,force,frequency,amplitude\na,10,2,0.5\n")
+    mode.write_text(MODE)
+    message = r"m\.toml: the mode has force in N and --from us says lbf; expected one of them"
+    with pytest.raises(InputError, match=message):
+        export(record, tmp_path / "x.csv", units="si", mode=mode, given="us")
+    mode.write_text(MODE.replace('"N"', '"lb"').replace('"m"', '"mm"'))
+    with pytest.raises(InputError, match="the mode has length in mm and --from us says in"):
+        export(record, tmp_path / "x.csv", units="si", mode=mode, given="us")
+    assert not (tmp_path / "x.csv").exists()
+    mode.write_text(MODE.replace('"N"', '"lb"').replace('"m"', '"in"'))  # another name of the same unit
+    export(record, tmp_path / "x.csv", units="si", mode=mode, given="us")
+    assert read_record(tmp_path / "x.csv").column("force")[0] == pytest.approx(10 * LBF, rel=1e-15)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

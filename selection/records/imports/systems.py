@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import pandas as pd
+
 from selection.errors import AnalysisError, InputError
 from selection.records.imports.quantity import SYSTEMS, unit
 from selection.records.mode import Mode, Units
@@ -73,6 +75,12 @@ def convert_record(record: Record, by: Factors) -> tuple[Record, list[str]]:
     kept = [name for name in table if name not in _COLUMNS and name not in _WITHOUT_UNIT]
     notes = [f"column {name} is kept as it is: its unit is not known" for name in kept]
     return Record(table, record.source), notes
+
+
+def convert_loads(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
+    """Predictions (a row for each design force and law) in the new system: force, and amplitudes."""
+    changed = {name: table[name] * by.of(0, 1) for name in ("median", "low", "high", "linear")}
+    return table.assign(force=table["force"] * by.of(1, 0), **changed)
 
 
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
