@@ -14,7 +14,7 @@ from distributed import Client
 from pipelines.extrapolate import check_forces
 from pipelines.fleet.dataset import DataSet
 from pipelines.fleet.inputs import MULTIPLES, Case, Result, Settings, Task, find_cases, tasks_of
-from pipelines.fleet.runners import DIED, INTERNAL, check_address, connected, distributed, serial
+from pipelines.fleet.runners import DIED, INTERNAL, PATIENCE, check_address, connected, distributed, serial
 from pipelines.manifest import sole_writer
 from pipelines.progress import Advance, progress
 from pipelines.store import write_text
@@ -161,6 +161,8 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
         said += f", dashboard {client.dashboard_link}"
         if find_spec("bokeh") is None:
             said += " (its pages need the extra: pip install damping-selection[dashboard])"
+    if not client.ncores():
+        said += f", no worker yet (waiting {PATIENCE:g} s for one)"
     done(said, 0)
 
 
