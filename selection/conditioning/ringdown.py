@@ -42,6 +42,8 @@ LEAST_FALL, MOST_FALL = 0.05, 0.4
 WORST_SLOPE = 0.3
 #: ... and ln A is so straight (its bend over half a window) that the window does not smear it.
 LARGEST_BEND = 0.15
+#: A loss of the start is said where the motion was so many times larger.
+LARGEST_LOSS = 1.1
 
 _FEWEST_SAMPLES = 8  # a period must have so many
 _PART = 1_000_000  # samples looked at together
@@ -146,7 +148,21 @@ def ring_down(
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
-    return _decay(kept, mass, noise, notes)
+    lost = _lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
+    return _decay(kept, mass, noise, [*lost, *notes])
+
+
+def _lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
+    """A note where the motion is larger before ``since``, when the window first fits, than its ``size`` there."""
+    peak = int(np.argmax(np.abs(x)))
+    largest = float(np.abs(x[peak]))
+    if not (t[peak] < since and largest > LARGEST_LOSS * size):
+        return []
+    of = window.omega_0**order  # to displacement
+    return [
+        f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
+        f"{largest / of:.4g} to {size / of:.4g}; fewer --periods (4 or more) lose less"
+    ]
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:

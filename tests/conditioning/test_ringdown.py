@@ -148,6 +148,20 @@ def test_a_viscous_decay_in_closed_form(zeta: float, order: int) -> None:
     np.testing.assert_allclose(found.damping_ratio, zeta, rtol=1e-2)
 
 
+@pytest.mark.parametrize("order", [0, 2])
+def test_a_start_that_the_window_loses_is_said(order: int) -> None:
+    """Half a window of 6 periods at 5 per cent: exp(-0.05 2 pi 3) = 0.39 is left, after 3 periods of 0.628 s."""
+    t, x = exponential(0.05, 60, order)
+    note = next(note for note in decay(t, x, order=order).notes if "lost to half the window" in note)
+    since, largest, left = (
+        float(word.rstrip(";")) for word in note.split() if word.rstrip(";").replace(".", "").isdigit()
+    )
+    assert since == pytest.approx(3 * 2 * np.pi / omega_n, rel=1e-2)
+    assert largest == pytest.approx(1.0, rel=1e-2)
+    assert left == pytest.approx(np.exp(-0.05 * omega_n * since), rel=5e-2)
+    assert not any("lost" in note for note in decay(*exponential(0.003, 60)).notes)  # 6 per cent
+
+
 def test_the_centre_need_not_be_exact() -> None:
     t, x = exponential(0.01, 60)
     for off in (0.95, 1.05):

@@ -76,7 +76,9 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
         import_file(lab, out, Stated())
     assert not out.exists()
     import_file(lab, out, Stated(), RingDown(mode, levels=6))
-    assert "decay 'release 2'" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "decay 'release 2'" in said
+    assert "'release 1': the start is lost to half the window: 0.3 s" in said
     record = read_record(out)
     assert record.sweeps[0] == "release 1 01"
     c = 2 * 2.0 * zeta * n
