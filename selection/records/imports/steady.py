@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -119,21 +119,43 @@ def _table(one: Series, label: str, level: float | None, stated: Stated, file: s
 def _usable(one: Series, stated: Stated, label: str, file: str, summary: Summary) -> BoolArray:
     """Rows that are steady states within the band."""
     f = one.abscissa
-    keep = np.isfinite(f) & (f > 0.0) & np.isfinite(one.response) & (np.abs(one.response) > 0.0)
-    if one.force is not None:
-        keep &= np.isfinite(one.force) & (np.abs(one.force) > 0.0)
-    for values in one.extra.values():
-        keep &= np.isfinite(values)
+    reasons = _left_out(one)
+    keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
     lost = int(np.count_nonzero(~keep))
+    counts = _counted(reasons)
     if lost:
-        summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} at 0 Hz or without force or response left out")
+        summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
     if stated.band is not None:
         low, high = stated.band
         summary.add("band", f"{low:g} to {high:g} Hz", "stated")
         keep &= (f >= low) & (f <= high)
     if not keep.any():
-        raise InputError(f"no row of {label!r} is a steady state in the band", file=file, expected="at least one")
+        within = "" if stated.band is None else f" within {stated.band[0]:g} to {stated.band[1]:g} Hz"
+        why = f": of {len(f)}, {counts}" if lost else ""
+        raise InputError(f"no row of {label!r} is a steady state{within}{why}", file=file, expected="at least one")
     return keep
+
+
+def _left_out(one: Series) -> dict[str, BoolArray]:
+    """Rows that are no steady states, by the first reason that holds of each."""
+    columns = {"response": one.response, **({} if one.force is None else {"force": one.force}), **one.extra}
+    f = one.abscissa
+    reasons: dict[str, BoolArray] = {"at 0 Hz": f == 0.0, "without a frequency > 0": ~(np.isfinite(f) & (f > 0.0))}
+    for name, values in columns.items():
+        reasons[f"with no finite {name}"] = ~np.isfinite(values)
+    for name in ("response", "force"):
+        if name in columns:
+            reasons[f"with a {name} of 0"] = columns[name] == 0.0
+    seen = np.zeros(len(one.abscissa), dtype=np.bool_)
+    for reason, rows in reasons.items():
+        reasons[reason] = rows & ~seen
+        seen |= rows
+    return reasons
+
+
+def _counted(reasons: Mapping[str, BoolArray]) -> str:
+    counts = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
+    return ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
 
 
 def _force(

@@ -203,6 +203,28 @@ def test_negative_parts_of_a_force_are_no_amplitudes(truth, tmp_path, imported):
         imported(path, scaling="peak", **SI)
 
 
+def test_rows_left_out_are_counted_by_reason(tmp_path, imported):
+    path = tmp_path / "a.csv"
+    rows = ["1,1,1", "0,1,1", "-1,1,1", "2,nan,1", "3,,1", "inf,1,1", "4,1,NA", "5,0,1", "6,1,0", "nan,nan,nan"]
+    stated = {"response": "displacement", "consistent": True}
+    path.write_text("\n".join(["frequency,amplitude,force", *rows]) + "\n")
+    counts = (
+        "1 at 0 Hz, 3 without a frequency > 0, 2 with no finite response, 1 with no finite force, "
+        "1 with a response of 0, 1 with a force of 0"
+    )
+    found = imported(path, **stated)
+    assert len(found.record) == 1
+    assert f"9 rows of 'a' left out: {counts}" in found.summary.notes
+    path.write_text("\n".join(["frequency,amplitude,force", *rows[1:]]) + "\n")
+    with pytest.raises(InputError) as caught:
+        imported(path, **stated)
+    assert caught.value.message == f"no row of 'a' is a steady state: of 9, {counts}"
+    path.write_text("frequency,amplitude,force\n1,1,1\n2,nan,1\n")
+    with pytest.raises(InputError) as caught:
+        imported(path, band=(5.0, 6.0), **stated)
+    assert caught.value.message == "no row of 'a' is a steady state within 5 to 6 Hz: of 2, 1 with no finite response"
+
+
 def test_standard_uncertainties_and_energies_are_converted(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     w = 2 * np.pi * truth.f
