@@ -74,7 +74,8 @@ def read_columns(
     places = _places(names, mapped, known, file, rows.line)
     if not places:
         expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
-        raise InputError("no column has the name of a role", file=file, line=rows.line, expected=expected)
+        message = f"no column has the name of a role{_other_delimiter(names)}"
+        raise InputError(message, file=file, line=rows.line, expected=expected)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
     for row in rows:
@@ -170,8 +171,16 @@ def _places(
         exact = [i for i in matches if names[i] == name.strip()]
         if len(exact or matches) != 1:
             alike = nearest(name, names, likeness=0.5)
-            hint = f" (is {shortened(alike)!r} meant?)" if alike and not matches else ""
+            meant = f" (is {shortened(alike)!r} meant?)" if alike else ""
+            hint = "" if matches else _other_delimiter(names) or meant
             message = f"{'several columns are' if matches else 'no column'} {shortened(name)!r}{hint}"
             raise InputError(message, file=file, line=line, expected=f"one of {shortened(', '.join(names), 100)}")
         places[role] = (exact or matches)[0]
     return places
+
+
+def _other_delimiter(names: list[str]) -> str:
+    """A hint where the header is one cell that holds the mark of another delimiter."""
+    marks = ((name, DELIMITERS[name]) for name in ("semicolon", "tab", "comma"))
+    other = next((name for name, mark in marks if len(names) == 1 and mark in names[0]), None)
+    return f" (is --delimiter {other} meant?)" if other else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import stat
 from collections.abc import Mapping
@@ -22,6 +23,7 @@ from selection.records.text import DEFAULT_MAX_SIZE, read_bytes, shortened
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 #: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
 _OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
     "x": ("x", "real", "re"),
@@ -110,6 +112,12 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     else:
         found = "csv"
     if stated.format == "auto":
+        if found == "csv" and _is_binary(start):
+            raise InputError(
+                "neither UFF, MAT 5 to 7.3, HDF5 nor text",
+                file=path,
+                expected="a file of one of these (save a MAT file of version 4 again with -v7)",
+            )
         summary.add("format", _TITLES[found], "found in the file")
         return found
     if stated.format == "mat" and found not in ("mat5", "mat73"):
@@ -119,6 +127,12 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     kind = found if stated.format == "mat" else stated.format
     summary.add("format", _TITLES[kind], "stated")
     return kind
+
+
+def _is_binary(start: bytes) -> bool:
+    """Whether these are no lines of text, of whatever encoding: one byte in twenty is a control character."""
+    controls = len(start) - len(start.translate(None, _CONTROLS))
+    return not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
 
 
 _TITLES = {

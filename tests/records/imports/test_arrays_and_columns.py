@@ -312,6 +312,39 @@ def test_bad_columns_are_named(tmp_path, imported, content, columns, message):
 
 
 @pytest.mark.parametrize(
+    ("mark", "stated", "hint"),
+    [(";", "comma", "semicolon"), ("\t", "comma", "tab"), (",", "tab", "comma"), ("; ", "tab", "semicolon")],
+)
+def test_another_delimiter_is_hinted_at(tmp_path, imported, mark, stated, hint):
+    path = tmp_path / "a.csv"
+    path.write_text(mark.join(["frequency", "amplitude", "force"]) + "\n" + mark.join("123") + "\n")
+    said = rf"\(is --delimiter {hint} meant\?\); expected"
+    with pytest.raises(InputError, match="no column has the name of a role " + said):
+        imported(path, delimiter=stated)
+    with pytest.raises(InputError, match="no column 'frequency' " + said):
+        imported(path, columns={"frequency": "frequency"}, delimiter=stated)
+    path.write_text("one\n1\n")
+    with pytest.raises(InputError, match="no column has the name of a role; expected"):
+        imported(path)
+
+
+def test_what_is_of_no_format(tmp_path, imported):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"frequency": np.arange(5.0), "amplitude": np.arange(5.0)}, format="4")
+    version_4 = path.read_bytes()
+    for content in (version_4, np.random.default_rng(1).bytes(3000), b"PK\x03\x04" + bytes(100)):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5 nor text; expected .*-v7"):
+            imported(path)
+    path.write_text("frequency,amplitude\n1,2\n", encoding="utf-16")
+    with pytest.raises(InputError, match="looks like UTF-16"):
+        imported(path)
+    path.write_bytes("frequency,amplitude µ\n1,2\n".encode("latin-1"))
+    with pytest.raises(InputError, match="line 1: byte 0xb5"):
+        imported(path)
+
+
+@pytest.mark.parametrize(
     ("stated", "message"),
     [
         ({"format": "uf"}, r"--format 'uf' is unknown \(is 'uff' meant\?\)"),
