@@ -66,10 +66,7 @@ def export(
     refuse_inputs("--mode-out", mode_out, *inputs)
     refuse_twice({"--out": out, "--mode-out": mode_out})
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
-        if kind in _UFF:
-            raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
-        if mode_out:
-            raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
+        _only_of_records(source, out, mode_out)
         _export_form(source, out, units, given, mode, max_size)
         return
     record = read_record(source, max_size=max_size)
@@ -110,6 +107,14 @@ def _agree(mode: Mode, stated: Units, given: str) -> None:
                 file=mode.source,
                 expected="one of them, or both alike",
             )
+
+
+def _only_of_records(source: Path, out: Path, mode_out: Path | None) -> None:
+    """InputError for what is asked of a form and only a record has."""
+    if out.suffix.lower() in _UFF:
+        raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
+    if mode_out:
+        raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
 
 
 def _export_form(

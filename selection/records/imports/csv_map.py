@@ -73,9 +73,7 @@ def read_columns(
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
     places = _places(names, mapped, known, file, rows.line)
     if not places:
-        expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
-        message = f"no column has the name of a role{_other_delimiter(names)}"
-        raise InputError(message, file=file, line=rows.line, expected=expected)
+        raise _no_role(names, file, rows.line)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
     for row in rows:
@@ -177,6 +175,12 @@ def _places(
             raise InputError(message, file=file, line=line, expected=f"one of {shortened(', '.join(names), 100)}")
         places[role] = (exact or matches)[0]
     return places
+
+
+def _no_role(names: list[str], file: str | Path, line: int) -> InputError:
+    expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
+    message = f"no column has the name of a role{_other_delimiter(names)}"
+    return InputError(message, file=file, line=line, expected=expected)
 
 
 def _other_delimiter(names: list[str]) -> str:
