@@ -97,7 +97,8 @@ class _Rows:
 
     def __init__(self, data: bytes, file: str | Path, delimiter: str) -> None:
         self.file, self.line = file, 0
-        self._stream = io.BytesIO(data.removeprefix(b"\xef\xbb\xbf"))
+        data = data.removeprefix(b"\xef\xbb\xbf")
+        self._stream = io.BytesIO(data if b"\n" in data else data.replace(b"\r", b"\n"))  # old Macintosh line ends
         self._reader = csv.reader(
             self._lines(), delimiter=DELIMITERS[delimiter], strict=True, skipinitialspace=delimiter == "space"
         )
@@ -139,7 +140,7 @@ def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -
         return float("nan")
     other, mark = (",", ".") if decimal == "point" else (".", ",")
     try:
-        if "_" not in text and other not in text:
+        if "_" not in text and other not in text and text.isascii():
             return float(text.replace(mark, "."))
     except ValueError:
         pass
@@ -162,6 +163,10 @@ def _places(
     if not mapped:
         lower = [name.lower() for name in bare]
         found = {role: [name for name in named if name in lower] for role, named in known.items()}
+        for first in (matches[0] for matches in found.values() if matches):
+            if lower.count(first) > 1:
+                expected = "one, or --column ROLE=NAME"
+                raise InputError(f"several columns are {shortened(first)!r}", file=file, line=line, expected=expected)
         return {role: lower.index(matches[0]) for role, matches in found.items() if matches}
     places: dict[str, int] = {}
     for role, name in mapped.items():

@@ -166,6 +166,19 @@ def test_decimal_commas(truth, tmp_path, imported):
         imported(path, decimal="comma", response="displacement", consistent=True)
 
 
+def test_line_ends_digits_and_twins(truth, tmp_path, imported):
+    """What ``rank`` says of a file, ``import`` says too."""
+    path, stated = tmp_path / "a.csv", {"response": "displacement", "consistent": True}
+    path.write_bytes(b"frequency,amplitude,force\r1,2,3\r1.5,4,5\r")
+    np.testing.assert_array_equal(imported(path, **stated).record.column("amplitude"), [2.0, 4.0])
+    path.write_text("frequency,amplitude,force\n\u0661,2,3\n")
+    with pytest.raises(InputError, match="is not a number"):
+        imported(path, **stated)
+    path.write_text("frequency,force,amplitude,force\n1,2,3,4\n")
+    with pytest.raises(InputError, match="line 1: several columns are 'force'; expected one, or --column"):
+        imported(path, **stated)
+
+
 def test_csv_without_phases(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     pd.DataFrame({"frequency": truth.f, "amplitude": truth.amplitude, "force": truth.F}).to_csv(path, index=False)
