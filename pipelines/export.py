@@ -61,6 +61,8 @@ def export(
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
         raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)
+    if text and kind not in _UFF:
+        raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
     inputs = [path for path in (source, mode) if path is not None]
     refuse_inputs("--out", out, *inputs)
     refuse_inputs("--mode-out", mode_out, *inputs)

@@ -121,6 +121,8 @@ def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) 
 
 def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, summary: Summary) -> Imported:
     """The record of free decays: each level a sweep of its own."""
+    if stated.forces:
+        raise InputError("--force beside --ring-down", file=file, expected="one of them: a free decay has no force")
     mode = read_mode(decay.mode)
     _same_system(mode, stated, decay.mode, summary)
     histories = time_histories(series, stated, file, summary)

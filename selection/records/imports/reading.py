@@ -47,13 +47,12 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     check(stated)
     summary = Summary()
     kind = _format(path, stated, summary)
+    _heeded(stated, kind, path)
     if kind in ("mat5", "mat73", "hdf5"):
         return _arrays(path, kind, stated, summary, max_size), summary
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, path, summary, stated.datasets, stated.labels), summary
-    if stated.datasets:
-        raise InputError("--dataset is for universal files", file=path)
     known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
     found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
@@ -89,6 +88,18 @@ def check(stated: Stated) -> None:
         raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
     if stated.consistent and stated.units:
         raise InputError("--consistent beside --unit", expected="one of them")
+
+
+def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
+    """InputError for a statement that nothing in a file of this kind would heed."""
+    layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
+    if kind == "uff":
+        unheeded = {"columns": "--column"} | layout
+    else:
+        unheeded = {"datasets": "--dataset"} | (layout if kind in ("mat5", "mat73", "hdf5") else {})
+    for name, option in unheeded.items():
+        if getattr(stated, name) != getattr(Stated(), name):
+            raise InputError(f"{option} means nothing in a file of format {kind}", file=path, expected=f"no {option}")
 
 
 def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
@@ -159,8 +170,6 @@ def _start(path: str | Path) -> bytes:
 
 
 def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
-    if stated.datasets:
-        raise InputError("--dataset is for universal files", file=path)
     names = dict(stated.columns) or {role: name for role, own in _OWN_NAMES.items() for name in own}
     wanted = list(names.values()) if stated.columns else [name for own in _OWN_NAMES.values() for name in own]
     found = read_arrays(path, kind, wanted, max_size)

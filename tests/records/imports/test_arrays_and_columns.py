@@ -166,6 +166,26 @@ def test_decimal_commas(truth, tmp_path, imported):
         imported(path, decimal="comma", response="displacement", consistent=True)
 
 
+def test_statements_that_nothing_heeds_are_refused(tmp_path, imported):
+    table, universal, array = tmp_path / "a.csv", tmp_path / "a.uff", tmp_path / "a.mat"
+    table.write_text("frequency,amplitude,force\n1,2,3\n")
+    universal.write_text("    -1\n    58\n")
+    scipy.io.savemat(array, {"frequency": [1.0], "amplitude": [2.0], "force": [3.0]})
+    cases = (
+        (table, {"datasets": (1,)}, "--dataset", "csv"),
+        (universal, {"columns": {"force": "F"}}, "--column", "uff"),
+    )
+    for path, given, option, kind in (
+        *cases,
+        (universal, {"skip": 2}, "--skip", "uff"),
+        (array, {"skip": 2}, "--skip", "mat5"),
+    ):
+        with pytest.raises(
+            InputError, match=f"{option} means nothing in a file of format {kind}; expected no {option}"
+        ):
+            imported(path, response="displacement", consistent=True, **given)
+
+
 def test_line_ends_digits_and_twins(truth, tmp_path, imported):
     """What ``rank`` says of a file, ``import`` says too."""
     path, stated = tmp_path / "a.csv", {"response": "displacement", "consistent": True}
