@@ -133,7 +133,9 @@ def test_a_ring_down(tmp_path, damping):
     assert "--ring-down --mode MODE.toml where they are free decays" in run.err
     assert "--mode MODE.toml with the frequency and mass" in damping(*words, "--ring-down").err
     assert "--levels without --ring-down" in damping(*words, "--levels", 5).err
-    run = damping(*words, "--ring-down", "--mode", tmp_path / "m.toml", "--levels", 5)
+    decays = (*words, "--ring-down", "--mode", tmp_path / "m.toml", "--levels", 5)
+    assert "--force beside --ring-down" in damping(*decays, "--force", 1).err
+    run = damping(*decays)
     assert run.code == 0, run.err
     record = read_record(tmp_path / "r.csv")
     assert len(record) <= 5
@@ -150,6 +152,7 @@ def test_there_and_back(tmp_path, damping, words):
     assert damping("export", out, "--out", tmp_path / name, "--from", "si", *options).code == 0
     assert damping("import", tmp_path / name, "--out", back).code == 0
     close(back, 3e-5)
+    assert "--text beside --out 'o.csv'" in damping("export", out, "--out", tmp_path / "o.csv", "--text").err
     assert damping("export", back, "--out", tmp_path / "us.csv", "--from", "si", "--units", "us").code == 0
     assert (
         damping("export", tmp_path / "us.csv", "--out", tmp_path / "si.csv", "--from", "us", "--units", "si").code == 0
