@@ -133,7 +133,8 @@ def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tm
 def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd):
     """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
     script = (
-        "import sys; from pathlib import Path; from pipelines.fleet import command; command.BATCH = 2\n"
+        "import sys; from pathlib import Path; from pipelines.fleet import command\n"
+        "command.BATCH, command.PERIOD = 2, 600.0\n"
         "records, out = map(Path, sys.argv[1:3])\n"
         f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
     )
