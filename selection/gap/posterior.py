@@ -14,10 +14,9 @@ from selection.arrays import FloatArray
 from selection.gap.fit import Fit
 from selection.gap.simulation import within_tolerance
 from selection.posterior.importance import importance
+from selection.posterior.likelihood import by_blocks
 from selection.posterior.sampling import Chains, Settings, Start, Target, run
 
-#: Points evaluated at once; of many rows fewer, so that they stay in a processor's cache.
-_BLOCK, _MOST, _NUMBERS = 512, 100_000, 60_000
 _SETTINGS = Settings(budget=4000)
 
 
@@ -52,10 +51,7 @@ def sample_effects(leading: Fit, seed: int) -> EffectPosterior:
 
 def log_density(leading: Fit, x: FloatArray) -> FloatArray:
     """ln of likelihood times N(x; 0, 1), the deviations of sweeps integrated out; x (points, variables)."""
-    rows = len(leading.weights)
-    step = _BLOCK if _BLOCK * rows <= _MOST else max(1, _NUMBERS // rows)
-    blocks = [_log_density(leading, x[start : start + step]) for start in range(0, len(x), step)]
-    return np.concatenate(blocks)
+    return by_blocks(partial(_log_density, leading), x, len(leading.weights))
 
 
 def parameters(leading: Fit, x: FloatArray) -> dict[str, FloatArray]:
