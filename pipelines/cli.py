@@ -239,7 +239,8 @@ def fleet(
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
-    if arguments is None:  # a program of its own: what a scheduler of jobs ends with SIGTERM ends as with Ctrl-C
+    if arguments is None and sys.argv[1:2] == ["fleet"]:
+        # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
