@@ -6,7 +6,7 @@ The model: resonances of Configuration II, first mode, by viscous + displacement
     C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
 
 g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of
-``selection.posterior``, written here once in plain Python, once for PyMC and once for NumPyro. Ours draw until they
+``damping.infer``, written here once in plain Python, once for PyMC and once for NumPyro. Ours draw until they
 are worth NUMBER; the others twice NUMBER draws a chain, and tell how many effective ones a second more would give.
 Effective size: the least bulk one (arviz) of x1, x2, x3; importance draws are worth (sum w)^2/sum w^2.
 """
@@ -80,9 +80,9 @@ def in_part(x: np.ndarray, used: float, how: str) -> Sampled:
 
 def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
-    from selection.posterior.evidence import evidence  # noqa: PLC0415 - as above
-    from selection.posterior.importance import more_draws  # noqa: PLC0415 - as above
-    from selection.posterior.likelihood import log_posterior  # noqa: PLC0415 - as above
+    from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
+    from damping.infer.importance import more_draws  # noqa: PLC0415 - as above
+    from damping.infer.law import log_posterior  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
@@ -93,8 +93,8 @@ def ours(wanted: int) -> Sampled:
 
 def chains(wanted: int) -> Sampled:
     """Chains of the library, run to its own criteria: ensembles of many walkers, moved all at once."""
-    from selection.posterior.evidence import evidence  # noqa: PLC0415 - as above
-    from selection.posterior.sampling import Settings, sample  # noqa: PLC0415 - as above
+    from damping.infer.chains import Settings, sample  # noqa: PLC0415 - as above
+    from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
@@ -106,8 +106,8 @@ def chains(wanted: int) -> Sampled:
 
 def target() -> Any:
     """Coordinates and observations of the library."""
-    from selection.posterior.law import Coordinates, Law  # noqa: PLC0415 - as above
-    from selection.posterior.observations import Observations  # noqa: PLC0415 - as above
+    from damping.infer.law import Coordinates, Law  # noqa: PLC0415 - as above
+    from damping.infer.observations import Observations  # noqa: PLC0415 - as above
 
     F, omega, A = map(np.array, (FORCE, OMEGA, AMPLITUDE))
     zero, number = np.zeros(len(F)), np.arange(len(F))

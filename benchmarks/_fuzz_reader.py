@@ -14,24 +14,29 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["selection.records", "selection.errors", "tomllib", "scipy.io.matlab"]):
-    from selection.records.imports import worker
-    from selection.records.imports.reading import read_file
-    from selection.records.imports.series import Stated
-    from selection.records.imports.steady import steady_record
-    from selection.records.mode import mode_to_toml, read_mode
-    from selection.records.reading import read_record, read_table
-    from selection.records.serialise import record_to_csv
+with atheris.instrument_imports(include=["damping.records", "damping.errors", "tomllib", "scipy.io.matlab"]):
+    from damping.formats import worker
+    from damping.formats.reading import read_file
+    from damping.formats.series import Stated
+    from damping.formats.steady import steady_record
+    from damping.records.mode import mode_to_toml, read_mode
+    from damping.records.reading import read_record, read_table
+    from damping.records.record import record_to_csv
 
 with atheris.instrument_imports(
-    include=["pipelines.settings", "pipelines.condition", "pipelines.export", "pipelines.manifest"]
+    include=[
+        "damping_pipelines.settings",
+        "damping_pipelines.condition",
+        "damping_pipelines.export",
+        "damping_pipelines.manifest",
+    ]
 ):
-    from pipelines.condition import read_description, read_raw
-    from pipelines.export import form_table
-    from pipelines.manifest import MANIFEST, open_folder
-    from pipelines.settings import default_study, read_settings
+    from damping_pipelines.condition import read_description, read_raw
+    from damping_pipelines.export import form_table
+    from damping_pipelines.manifest import MANIFEST, open_folder
+    from damping_pipelines.settings import default_study, read_settings
 
-from selection.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError
 
 _UNITS = {"response": "m/s^2/N", "force": "N"}
 _DESCRIPTION = read_description(default_study().with_name("condition.toml"))

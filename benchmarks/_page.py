@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from benchmarks._rows import Row, seconds
 from benchmarks.cost import Growth
-from selection.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
+from damping.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:

@@ -11,10 +11,11 @@ import os
 import sys
 from multiprocessing import get_context
 
-from pipelines import study
-from pipelines.cli import main
-from selection.compare import candidates
-from selection.report import build, figures
+from damping.ranking import candidates
+from damping.report import figures
+from damping.report import study as build
+from damping_pipelines import study
+from damping_pipelines.cli import main
 
 LAWS = ("viscous", "velocity-squared")
 

@@ -12,9 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks._rows import Row, timed
-from selection.regression.design import Design, design_of_arrays
-from selection.regression.fit import fit
-from selection.regression.subsets import Subsets, best_subsets
+from damping.regression.design import Design, design_of_arrays
+from damping.regression.fit import fit
+from damping.regression.subsets import Subsets, best_subsets
 
 TERMS, ROWS, GOAL_S, SAMPLE = 20, 200, 10.0, 2000
 #: Correlation of neighbouring columns; true coefficients, small ones among them.

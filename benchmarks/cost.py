@@ -13,13 +13,11 @@ import emcee
 import numpy as np
 
 from benchmarks._rows import middle, timed
-from selection.loads.calibration import CANDIDATES
-from selection.loads.plan import plan_loads
-from selection.loads.simulated import peaks, simulated_levels, structures
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.likelihood import log_posterior
-from selection.regression.design import design_of_arrays
-from selection.regression.subsets import all_subsets
+from damping.extrapolation.plan import plan_loads
+from damping.infer.law import Coordinates, Law, log_posterior
+from damping.regression.design import design_of_arrays
+from damping.regression.subsets import all_subsets
+from damping_validation.calibration import CANDIDATES, peaks, simulated_levels, structures
 
 LAW = Law(("viscous", "displacement-velocity"))
 REPEATS, LEAST_S = 3, 0.05

@@ -25,15 +25,15 @@ import pandas as pd
 import psutil
 from matplotlib.figure import Figure
 
-from pipelines.fleet import command
-from pipelines.fleet.analyse import analyse
-from pipelines.fleet.inputs import Result, Task
-from pipelines.fleet.rows import row_of
-from pipelines.fleet.runners import distributed
-from pipelines.store import write_text
-from selection.loads.simulated import OMEGA, simulated_levels, structures
-from selection.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
-from selection.records.serialise import record_to_csv
+from damping.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
+from damping.records.record import record_to_csv
+from damping_pipelines.fleet import command
+from damping_pipelines.fleet.analyse import analyse
+from damping_pipelines.fleet.dataset import row_of
+from damping_pipelines.fleet.inputs import Result, Task
+from damping_pipelines.fleet.runners import distributed
+from damping_pipelines.store import write_text
+from damping_validation.calibration import OMEGA, simulated_levels, structures
 
 OUT = Path(__file__).parents[1] / "results" / "benchmarks"
 RECORDS, LONG, MACHINERY = 20, 60, 500
@@ -140,7 +140,7 @@ def run(number: int, workers: int, alone: bool = False) -> Run:
     with tempfile.TemporaryDirectory() as folder:
         source, out, log = (Path(folder) / name for name in ("in", "out", "log"))
         write_records(source, number)
-        words = [sys.executable, "-m", "pipelines.cli", "fleet", str(source), "--out", str(out), "--fast"]
+        words = [sys.executable, "-m", "damping_pipelines.cli", "fleet", str(source), "--out", str(out), "--fast"]
         words += ["--workers", str(workers), "--dashboard", "off"]
         if alone:
             script = "import sys; from benchmarks.fleet import machinery; machinery(*sys.argv[1:])"

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from selection.records.report_tables import data_folder
+from damping_reed1970.tables import data_folder
 
 MEMORY_MB, SECONDS, LONGEST_INPUT = 300, 60, 8192
 _SATURN = data_folder() / "saturn-v"

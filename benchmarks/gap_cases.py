@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._rows import Row, Time, timed
-from pipelines.blind import make_cases
-from pipelines.gap import diagnose_case
+from damping_pipelines.gap import diagnose_case
+from damping_validation.blind import make_cases
 
 CASES, SEED, GOAL_S = 12, 7, 2.0
 

@@ -21,9 +21,9 @@ from pathlib import Path
 from time import monotonic, sleep
 from types import TracebackType
 
-from pipelines.manifest import MANIFEST, digest, open_folder, verify
-from selection.errors import InputError
-from selection.records.report_tables import data_folder
+from damping.errors import InputError
+from damping_pipelines.manifest import MANIFEST, digest, open_folder, verify
+from damping_reed1970.tables import data_folder
 
 SEEDS = (1, 2)
 SETTINGS = """title = "Short"

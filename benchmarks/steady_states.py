@@ -13,9 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks._rows import Row, Time, timed
-from selection.forces import DisplacementVelocity, Sum, Viscous
-from selection.forces.derived import equivalent_viscous
-from selection.response.ritz import SteadyState, steady_state
+from damping.forces import DisplacementVelocity, Sum, Viscous
+from damping.forces.powers import equivalent_viscous
+from damping.predict.steady import SteadyState, steady_state
 
 #: First mode of Configuration II, sweep C (Table 4.I), with the damping force of Eq 4.1.14.
 M, OMEGA_N = 50.78, 2 * pi * 1.66401

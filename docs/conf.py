@@ -10,8 +10,8 @@ import inspect
 import typer
 from sphinx.application import Sphinx
 
-from pipelines.cli import app as cli
-from selection.forces.catalogue import CATALOGUE, parameter_names
+from damping.forces import CATALOGUE, parameter_names
+from damping_pipelines.cli import app as cli
 
 project = "Damping models from vibration tests"
 author = "the authors of damping-selection"

@@ -17,13 +17,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipelines.store import write_text
-from selection.arrays import FloatArray
-from selection.forces import Force, from_damping
-from selection.records.mode import Mode, read_mode
-from selection.records.serialise import record_to_csv
-from selection.response.integrate import sweep_in_time
-from selection.units import RAD_S_PER_HZ
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.forces import Force, from_damping
+from damping.predict.integrate import sweep_in_time
+from damping.records.mode import Mode, read_mode
+from damping.records.record import record_to_csv
+from damping_pipelines.store import write_text
 
 FOLDER = Path(__file__).parent
 #: Relative scatter of amplitude from row to row and from level to level, and scatter of phase, rad.

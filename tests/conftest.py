@@ -9,25 +9,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
+import damping_pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines.source_tables import source_tables
-from selection.compare.ranking import Ranking, rank_laws
-from selection.posterior.law import Law
-from selection.posterior.observations import Observations, observe
-from selection.records.reading import read_record
-from selection.records.report_tables import data_folder
-from selection.reproduction.chapter_3_study import Chapter3, chapter_3_results
-from selection.reproduction.force_laws import printed_laws
-from selection.reproduction.studies import Studies, studies
+from damping.infer.law import Law
+from damping.infer.observations import Observations, observe
+from damping.ranking import Ranking, rank_laws
+from damping.records.reading import read_record
+from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
+from damping_reed1970.chapter_6 import printed_laws
+from damping_reed1970.reproduce import Studies, studies
+from damping_reed1970.study import source_tables
+from damping_reed1970.tables import data_folder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-assert pipelines.__doc__  # imported for its effect
+assert damping_pipelines.__doc__  # imported for its effect
 #: Names under which systems install the browser.
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 

@@ -7,14 +7,14 @@ import json
 import numpy as np
 import pytest
 
-import selection
-from pipelines import extrapolate as extrapolate_command
-from pipelines import rank as rank_command
-from pipelines.cli import main
-from selection import api, extrapolate, rank, read_mode, read_record
-from selection.compare import ranking as compare_ranking
-from selection.posterior.law import Law
-from selection.records.report_tables import data_folder
+import damping
+from damping import api, extrapolate, rank, read_mode, read_record
+from damping import ranking as compare_ranking
+from damping.infer.law import Law
+from damping_pipelines import rank as extrapolate_command
+from damping_pipelines import rank as rank_command
+from damping_pipelines.cli import main
+from damping_reed1970.tables import data_folder
 
 SATURN = data_folder() / "saturn-v"
 RECORD, MODE = SATURN / "records" / "config-2-mode-1.csv", SATURN / "modes" / "config-2-mode-1.toml"
@@ -59,4 +59,4 @@ def test_extrapolate_is_the_command(capsys):
 
 def test_other_names_are_unknown():
     with pytest.raises(AttributeError, match="no attribute 'guess'"):
-        _ = selection.guess
+        _ = damping.guess

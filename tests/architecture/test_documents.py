@@ -24,7 +24,7 @@ def test_module_table_is_the_code():
 
 
 def test_commands_of_the_tour_exist():
-    from pipelines.cli import app
+    from damping_pipelines.cli import app
 
     names = {command.name or command.callback.__name__ for command in app.registered_commands}
     readme = (ROOT / "README.md").read_text()

@@ -32,7 +32,7 @@ def test_files_and_names_exist(name: str) -> None:
 
 
 def test_commands_exist() -> None:
-    from pipelines.cli import app
+    from damping_pipelines.cli import app
 
     names = {command.name or command.callback.__name__ for command in app.registered_commands if command.callback}
     used = set(re.findall(r"`damping ([a-z]+)", TEXT))
@@ -70,4 +70,4 @@ def test_every_figure_has_a_drawing() -> None:
     listed = [number for row in FIGURES for number in row[0].split(", ")]
     expected = ["2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"]
     assert listed == expected
-    assert all("`selection/plots/" in row[2] for row in FIGURES)
+    assert all("`selection/damping/plots/" in row[2] for row in FIGURES)

@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from selection.compare.candidates import candidate_laws, polynomial_laws
-from selection.compare.fit import fit
-from selection.compare.held_out import MOST_FOLDS, fitted_force, held_out_errors, percent_errors
-from selection.compare.ranking import rank_laws
-from selection.errors import AnalysisError
-from selection.forces.catalogue import CATALOGUE, make
-from selection.loads.simulated import simulated_levels, structures
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.mode import find_mode
+from damping.errors import AnalysisError
+from damping.forces import CATALOGUE, make
+from damping.infer.evidence import evidence, find_mode
+from damping.infer.law import Coordinates, Law
+from damping.ranking import rank_laws
+from damping.ranking.candidates import (
+    MOST_FOLDS,
+    candidate_laws,
+    fit,
+    fitted_force,
+    held_out_errors,
+    percent_errors,
+    polynomial_laws,
+)
+from damping_validation.calibration import simulated_levels, structures
 
 OMEGA = 12.0
 LEVELS = np.geomspace(0.4, 2.0, 8)

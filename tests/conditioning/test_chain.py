@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from selection.conditioning.chain import Step, condition
-from selection.conditioning.description import Description
-from selection.conditioning.principal import PrincipalPlanes, energy_loss, plane_motion
-from selection.errors import AnalysisError
-from selection.records.report_tables import data_folder, load_table
-from selection.reproduction.chapter_3_study import conditioned_table, saturn_steps
+from damping.errors import AnalysisError
+from damping.signals.chain import Step, condition
+from damping.signals.description import Description
+from damping.signals.modal import PrincipalPlanes, energy_loss, plane_motion
+from damping_reed1970.chapter_3.study import conditioned_table, saturn_steps
+from damping_reed1970.tables import data_folder, load_table
 
 HZ = 2.0 * np.pi
 F = np.linspace(900.0, 960.0, 9)

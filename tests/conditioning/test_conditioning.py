@@ -11,36 +11,36 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from selection.conditioning.displacement import displacement, yaw_displacement
-from selection.conditioning.modal import (
+from damping.signals.modal import (
     NodeMode,
+    PrincipalPlanes,
+    branch,
+    damping_roots,
+    displacement,
+    energy_loss,
     identify_r2_over_i,
+    input_energy,
+    mean_coefficient,
     modal_amplitude,
     modal_phase,
+    nearest_root,
     node_correction,
+    plane_motion,
+    principal_forces,
+    yaw_displacement,
 )
-from selection.conditioning.planar import (
+from damping_reed1970.chapter_3 import (
+    PLANES,
     PlanarOscillator,
     amplitude,
     phase,
     pitch_amplitude_and_phase,
     pitch_response,
+    table_3_iv_roots,
     vehicle_stiffness,
     yaw_response,
 )
-from selection.conditioning.principal import (
-    PrincipalPlanes,
-    branch,
-    damping_roots,
-    energy_loss,
-    input_energy,
-    mean_coefficient,
-    nearest_root,
-    plane_motion,
-    principal_forces,
-)
-from selection.records.report_tables import load_errata, load_table
-from selection.reproduction.chapter_3 import PLANES, table_3_iv_roots
+from damping_reed1970.tables import load_errata, load_table
 
 OMEGA = np.linspace(11.0, 12.0, 41)
 OSCILLATOR = PlanarOscillator(M=21.0, C=2.3, omega_p=11.40, omega_y=11.50, theta=radians(28))

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import approx_fprime
 
-from selection.conditioning import planar_fit
-from selection.conditioning.planar_fit import PARAMETERS, Phasors, PlanarFit, PlanarModel, fit_planar
-from selection.errors import AnalysisError, InputError
-from selection.reproduction.chapter_3_planar import phasors
+from damping.errors import AnalysisError, InputError
+from damping_reed1970.chapter_3 import planar_fit
+from damping_reed1970.chapter_3.planar_fit import PARAMETERS, Phasors, PlanarFit, PlanarModel, fit_planar
+from damping_reed1970.chapter_3.planar_fits import phasors
 
 OMEGA = np.linspace(11.1, 11.7, 25)
 F = np.linspace(37.0, 40.0, 25)

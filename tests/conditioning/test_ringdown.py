@@ -11,11 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from selection.compare.candidates import candidate_laws
-from selection.compare.ranking import rank_laws
-from selection.conditioning.ringdown import Decay, ring_down
-from selection.errors import AnalysisError, InputError
-from selection.forces import (
+from damping.errors import AnalysisError, InputError
+from damping.forces import (
     CATALOGUE,
     Coulomb,
     CubicStiffness,
@@ -30,9 +27,12 @@ from selection.forces import (
     VelocitySquared,
     Viscous,
 )
-from selection.posterior.observations import observe
-from selection.records.record import Record
-from selection.response.laws import joints_of, law
+from damping.infer.observations import observe
+from damping.predict.integration import joints_of, law
+from damping.ranking import rank_laws
+from damping.ranking.candidates import candidate_laws
+from damping.records.record import Record
+from damping.signals.ringdown import Decay, ring_down
 
 M, omega_n = 2.0, 10.0
 K, HERTZ = M * omega_n**2, omega_n / (2 * np.pi)

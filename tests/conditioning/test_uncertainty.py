@@ -10,15 +10,15 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from selection.conditioning import uncertainty
-from selection.conditioning.chain import condition
-from selection.conditioning.description import Description
-from selection.conditioning.principal import PrincipalPlanes, plane_motion
-from selection.conditioning.uncertainty import with_uncertainties
-from selection.errors import AnalysisError
-from selection.records.keys import read_toml
-from selection.records.reading import read_table
-from selection.records.report_tables import data_folder
+from damping.errors import AnalysisError
+from damping.records.keys import read_toml
+from damping.records.reading import read_table
+from damping.signals import uncertainty
+from damping.signals.chain import condition
+from damping.signals.description import Description
+from damping.signals.modal import PrincipalPlanes, plane_motion
+from damping.signals.uncertainty import with_uncertainties
+from damping_reed1970.tables import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
 OTHERS: dict[str, Any] = {

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from selection.forces import (
+from damping.forces import (
     CATALOGUE,
     Coulomb,
     CubicStiffness,
@@ -30,8 +30,8 @@ from selection.forces import (
     Viscous,
     case_five,
 )
-from selection.forces.derived import energy_per_cycle
-from selection.forces.hysteresis import loop
+from damping.forces.powers import energy_per_cycle
+from damping_reed1970.chapter_2 import loop
 
 SINGLE = {
     "viscous": Viscous(1.768),

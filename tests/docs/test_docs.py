@@ -19,11 +19,12 @@ import pandas as pd
 import pytest
 import typer
 
-from pipelines import extrapolate, rank, study
-from pipelines.cli import app, main
-from selection.compare import ranking
-from selection.forces.catalogue import CATALOGUE
-from selection.posterior.law import Law
+from damping import ranking
+from damping.forces import CATALOGUE
+from damping.infer.law import Law
+from damping_pipelines import rank, study
+from damping_pipelines import rank as extrapolate
+from damping_pipelines.cli import app, main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -13,15 +13,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines import study
-from pipelines.cli import app, main
-from selection.compare.ranking import rank_laws
-from selection.forces import from_damping
-from selection.posterior.law import Law
-from selection.posterior.observations import observe
-from selection.records.mode import read_mode
-from selection.records.reading import read_record
-from selection.response.ritz import resonant_amplitude
+from damping.forces import from_damping
+from damping.infer.law import Law
+from damping.infer.observations import observe
+from damping.predict.steady import resonant_amplitude
+from damping.ranking import rank_laws
+from damping.records.mode import read_mode
+from damping.records.reading import read_record
+from damping_pipelines import study
+from damping_pipelines.cli import app, main
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

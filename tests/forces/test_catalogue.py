@@ -5,18 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.errors import InputError
-from selection.forces import (
-    CATALOGUE,
-    EnergyTerm,
-    Slip,
-    Sum,
-    VelocityPower,
-    Viscous,
-    from_damping,
-    make,
-    parameter_names,
-)
+from damping.errors import InputError
+from damping.forces import CATALOGUE, EnergyTerm, Slip, Sum, VelocityPower, Viscous, from_damping, make, parameter_names
 
 NAMES = [
     "viscous",

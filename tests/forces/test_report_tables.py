@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.errors import AnalysisError
-from selection.forces import (
+from damping.errors import AnalysisError
+from damping.forces import (
     Coulomb,
     Displacement,
     DisplacementVelocity,
@@ -19,7 +19,7 @@ from selection.forces import (
     Viscous,
     case_five,
 )
-from selection.forces.derived import (
+from damping.forces.powers import (
     B,
     beta,
     coefficient_from_energy,

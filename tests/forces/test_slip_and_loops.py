@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from selection.forces import Slip, VelocitySquared, Viscous
-from selection.forces.derived import energy_per_cycle
-from selection.forces.hysteresis import loop
-from selection.forces.slip_equivalent import (
+from damping.forces import Slip, VelocitySquared, Viscous
+from damping.forces.powers import energy_per_cycle
+from damping_reed1970.chapter_2 import (
     corrected_coefficient,
     equivalence_error,
     exact_energy,
+    loop,
     printed_coefficient,
     printed_energy,
 )

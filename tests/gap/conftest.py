@@ -6,23 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
+import damping_pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines.generator.bench import Bench
-from pipelines.generator.effects import applied
-from pipelines.generator.kind import Effect
-from pipelines.generator.refit import Cells
-from pipelines.generator.structure import Rows, Structure, plain_rows
-from pipelines.generator.truth import true_record
-from selection.gap.diagnose import Diagnosis, diagnose
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.records.mode import Mode, Repeatability, Tolerance
-from selection.records.record import Record
+from damping.gap.diagnose import Diagnosis, diagnose
+from damping.gap.effects import CATALOGUE
+from damping.records.mode import Mode, Repeatability, Tolerance
+from damping.records.record import Record
+from damping_validation.generator.forces import Effect
+from damping_validation.generator.plan import Bench
+from damping_validation.generator.refit import Cells, applied
+from damping_validation.generator.steady import true_record
+from damping_validation.generator.structure import Rows, Structure, plain_rows
 
-assert pipelines.__doc__  # imported for its effect
+assert damping_pipelines.__doc__  # imported for its effect
 
 OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
 VISCOUS = 2 * XI * MASS * OMEGA

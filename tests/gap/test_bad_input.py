@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.errors import AnalysisError
-from selection.gap.cautions import guess_unit
-from selection.gap.diagnose import MOST_ROWS, diagnose
-from selection.gap.problem import setting
-from selection.records.record import Record
+from damping.errors import AnalysisError
+from damping.gap.diagnose import MOST_ROWS, diagnose
+from damping.gap.problem import guess_unit, setting
+from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
 

@@ -10,8 +10,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pipelines.cli import main
-from selection.records.mode import mode_to_toml, read_mode
+from damping.records.mode import mode_to_toml, read_mode
+from damping_pipelines.cli import main
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
 KEYS = {

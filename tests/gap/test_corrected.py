@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.cli import main
-from selection.gap.corrected import corrected_mode, effect_values, refitted_values
-from selection.gap.diagnose import diagnose
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.records.mode import mode_to_toml, read_mode
-from selection.records.reading import read_record
+from damping.gap.corrected import corrected_mode, effect_values, refitted_values
+from damping.gap.diagnose import diagnose
+from damping.gap.effects import CATALOGUE
+from damping.records.mode import mode_to_toml, read_mode
+from damping.records.reading import read_record
+from damping_pipelines.cli import main
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 #: One effect of each kind, springs beside damping forces.

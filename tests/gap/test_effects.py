@@ -7,20 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.generator.bench import force_unit
-from pipelines.generator.draw import draw
-from pipelines.generator.files import data_text, model_text
-from pipelines.generator.noise import columns
-from selection.gap.corrected import effect_values
-from selection.gap.effects import catalogue
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.problem import setting
-from selection.gap.search import Search
-from selection.gap.steady import fitted_terms, steady
-from selection.gap.terms import predict
-from selection.records.mode import read_mode
-from selection.records.reading import read_record
-from selection.records.schema import EFFECT_NAMES
+from damping.gap import effects as catalogue
+from damping.gap.corrected import effect_values
+from damping.gap.effects import CATALOGUE
+from damping.gap.problem import setting
+from damping.gap.search import Search
+from damping.gap.steady import fitted_terms, steady
+from damping.gap.terms import predict
+from damping.records.keys import EFFECT_NAMES
+from damping.records.mode import read_mode
+from damping.records.reading import read_record
+from damping_validation.generator import draw
+from damping_validation.generator.noise import columns, data_text, model_text
+from damping_validation.generator.plan import force_unit
 
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
 #: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the

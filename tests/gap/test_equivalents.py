@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.gap.alike import INDISTINCT, distance
-from selection.gap.diagnose import COVER
+from damping.gap.diagnose import COVER
+from damping.gap.unnamed import INDISTINCT, distance
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 

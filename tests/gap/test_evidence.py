@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.fit import Fit, fit, log_likelihood
-from selection.gap.model import Scatter
-from selection.gap.posterior import sample_effects
-from selection.gap.problem import setting
-from selection.gap.search import Search
-from selection.gap.unknowns import Unknowns, evidences, settled, unknowns
+from damping.gap.corrected import sample_effects
+from damping.gap.effects import CATALOGUE
+from damping.gap.fit import Fit, Unknowns, evidences, fit, log_likelihood, settled, unknowns
+from damping.gap.model import Scatter
+from damping.gap.problem import setting
+from damping.gap.search import Search
 
 
 @dataclass(frozen=True)

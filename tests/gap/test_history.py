@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.gap.corrected import corrected_mode, effect_values
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.history import configuration_1, configuration_2
+from damping.gap.corrected import corrected_mode, effect_values
+from damping.gap.effects import CATALOGUE
+from damping_reed1970.records import configuration_1_gap as configuration_1
+from damping_reed1970.records import configuration_2_gap as configuration_2
 
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.cli import main
-from selection.records.mode import mode_to_toml
+from damping.records.mode import mode_to_toml
+from damping_pipelines.cli import main
 
 
 @pytest.mark.parametrize(("option", "target"), [("--model-out", 0), ("--report", 1), ("--json", 1)])

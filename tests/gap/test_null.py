@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.gap.diagnose import searched, shortest, weighed
-from selection.gap.directed import directed_tests, unexplained
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.problem import setting
+from damping.gap.diagnose import searched, shortest, weighed
+from damping.gap.directed import directed_tests, unexplained
+from damping.gap.effects import CATALOGUE
+from damping.gap.problem import setting
 
 GAIN, JITTER = 0.01, 3e-4
 SEEDS = range(6)

@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selection.gap.cells import footprint_cells, residual_cells
-from selection.gap.diagnose import searched
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.held_out import held_out
-from selection.gap.local import local_estimates, trend
-from selection.gap.problem import setting
-from selection.gap.size import gap, shrinkage, whitened
+from damping.gap.diagnose import searched
+from damping.gap.effects import CATALOGUE
+from damping.gap.problem import setting
+from damping.gap.size import gap, held_out, shrinkage, whitened
+from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from selection.gap.diagnose import diagnose
-from selection.gap.effects.catalogue import CATALOGUE
-from selection.gap.size import nominal_residuals
+from damping.gap.diagnose import diagnose
+from damping.gap.effects import CATALOGUE
+from damping.gap.size import nominal_residuals
 
 
 def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipelines.generator.structure import Rows, Structure, plain_rows
+from damping_validation.generator.structure import Rows, Structure, plain_rows
 
 OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
 VISCOUS = 2 * XI * MASS * OMEGA

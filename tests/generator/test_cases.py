@@ -8,14 +8,19 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from pipelines.generator.case import draw_case
-from pipelines.generator.draw import draw
-from pipelines.generator.effects import KINDS, LIBRARY, OUTSIDE, applied
-from pipelines.generator.refit import gap
-from pipelines.generator.steady import doubling
-from pipelines.generator.strata import BLIND_CASES, BLIND_SEED, DEVELOPMENT_SEED, NULLS, PAIRS, strata
-from pipelines.generator.structure import chosen_rows
-from pipelines.generator.truth import guesses
+from damping_validation.generator import (
+    BLIND_CASES,
+    BLIND_SEED,
+    DEVELOPMENT_SEED,
+    NULLS,
+    PAIRS,
+    draw,
+    draw_case,
+    strata,
+)
+from damping_validation.generator.refit import KINDS, LIBRARY, OUTSIDE, applied, gap
+from damping_validation.generator.steady import doubling, guesses
+from damping_validation.generator.structure import chosen_rows
 
 
 @pytest.mark.parametrize("name", KINDS)

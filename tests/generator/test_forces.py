@@ -7,10 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipelines.generator.averages import averages
-from pipelines.generator.joints import Joint
-from pipelines.generator.laws import Law
-from pipelines.generator.structure import Structure
+from damping_validation.generator.refit import averages
+from damping_validation.generator.structure import Joint, Law, Structure
 
 A = np.array([0.3, 1.0, 2.5])
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-import pipelines
-import selection
+import damping
+import damping_validation
 
-PIPELINES = Path(pipelines.__file__).parent
-GENERATOR = PIPELINES / "generator"
-SELECTION = Path(selection.__file__).parent
+PIPELINES = Path(damping_validation.__file__).parents[1]
+GENERATOR = PIPELINES / "damping_validation" / "generator"
+SELECTION = Path(damping.__file__).parent
 
 
 def imports(module: Path) -> set[str]:
@@ -33,7 +33,7 @@ def test_the_generator_imports_only_itself_numpy_and_scipy(module):
     foreign = {
         name
         for name in imports(module)
-        if not name.startswith("pipelines.generator.")
+        if not name.startswith("damping_validation.generator.")
         and name.split(".")[0] not in {"numpy", "scipy", *sys.stdlib_module_names}
     }
     assert not foreign
@@ -44,6 +44,7 @@ def test_only_the_blind_stage_imports_the_generator():
         module.relative_to(PIPELINES.parent).as_posix()
         for folder in (PIPELINES, SELECTION)
         for module in folder.rglob("*.py")
-        if GENERATOR not in module.parents and any(name.startswith("pipelines.generator") for name in imports(module))
+        if GENERATOR not in module.parents
+        and any(name.startswith("damping_validation.generator") for name in imports(module))
     }
-    assert users <= {"pipelines/blind.py", "pipelines/cli.py"}
+    assert users <= {"pipelines/damping_validation/blind.py", "pipelines/damping_pipelines/cli.py"}

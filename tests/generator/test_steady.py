@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipelines.generator.joints import Joint
-from pipelines.generator.laws import Law
-from pipelines.generator.motion import STEPS, Motion, State
-from pipelines.generator.steady import steady, steady_state
-from pipelines.generator.structure import Rows, Side, Structure, plain_rows
-from pipelines.generator.truth import guesses, true_record
+from damping_validation.generator.motion import STEPS, Motion, State
+from damping_validation.generator.steady import guesses, steady, steady_state, true_record
+from damping_validation.generator.structure import Joint, Law, Rows, Side, Structure, plain_rows
 
 from .conftest import A_TOP, MASS, OMEGA, VISCOUS, XI
 

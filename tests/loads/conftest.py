@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.forces.contract import Force
-from selection.records.record import Record
-from selection.response.ritz import resonant_amplitude
+from damping.forces.contract import Force
+from damping.predict.steady import resonant_amplitude
+from damping.records.record import Record
 
 M, OMEGA_N = 0.5, 10.0
 

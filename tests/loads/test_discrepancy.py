@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import lognorm, norm
 
-from selection.compare.weights import HeldOut
-from selection.loads.discrepancy import (
-    KAPPA,
-    KAPPA_LOG_SD,
-    KAPPA_MEDIAN,
-    distance,
-    draw,
-    log_density,
-    posterior,
-    prior,
-)
+from damping.extrapolation.near import KAPPA, KAPPA_LOG_SD, KAPPA_MEDIAN, distance, draw, log_density, posterior, prior
+from damping.ranking.weights import HeldOut
 
 
 def prediction(error, d, level=2, below=2, scatter=0.01):

@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipelines.cli import main
-from selection.forces import CubicStiffness, Sum
-from selection.loads import members
-from selection.loads.leave_out import members_of
-from selection.loads.near import near_resonance
-from selection.loads.plan import plan_loads
-from selection.loads.prediction import predict
-from selection.loads.simulated import structures
-from selection.posterior.sampling import Settings
-from selection.records.report_tables import data_folder
-from selection.records.serialise import record_to_csv
-from selection.response.integrate import steady_state_in_time
-from selection.response.ritz import phase_resonance
+from damping import extrapolation as members
+from damping.extrapolation import members_of
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.plan import plan_loads
+from damping.extrapolation.prediction import predict
+from damping.forces import CubicStiffness, Sum
+from damping.infer.chains import Settings
+from damping.predict.integrate import steady_state_in_time
+from damping.predict.steady import phase_resonance
+from damping.records.record import record_to_csv
+from damping_pipelines.cli import main
+from damping_reed1970.tables import data_folder
+from damping_validation.calibration import structures
 
 STRUCTURES = {s.name: s for s in structures()}
 M, OMEGA_N = 0.3, 10.0

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.errors import AnalysisError
-from selection.forces import CubicStiffness, Sum
-from selection.loads.near import NEAR, at_resonance, near_resonance, without_offset
-from selection.loads.simulated import structures
-from selection.posterior.observations import MOST_ROWS, MOST_SWEEPS, observe
-from selection.records.record import Record
+from damping.errors import AnalysisError
+from damping.extrapolation.near import NEAR, at_resonance, near_resonance, without_offset
+from damping.forces import CubicStiffness, Sum
+from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
+from damping.records.record import Record
+from damping_validation.calibration import structures
 
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")
@@ -58,8 +58,8 @@ def test_recorded_energies_are_not_touched(swept):
 
 
 def test_peaks_alone_stay_as_they_are(saturn):
-    from selection.records.reading import read_record
-    from selection.records.report_tables import data_folder
+    from damping.records.reading import read_record
+    from damping_reed1970.tables import data_folder
 
     record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv")
     data = near_resonance(record)

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from selection.errors import AnalysisError
-from selection.loads.calibration import CANDIDATES
-from selection.loads.leave_out import leave_higher_levels_out, members_of
-from selection.loads.near import near_resonance
-from selection.loads.plan import plan_loads
-from selection.loads.prediction import predict
-from selection.loads.simulated import simulated_levels, structures
-from selection.posterior.law import Law
+from damping.errors import AnalysisError
+from damping.extrapolation import leave_higher_levels_out, members_of
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.plan import plan_loads
+from damping.extrapolation.prediction import predict
+from damping.infer.law import Law
+from damping_validation.calibration import CANDIDATES, simulated_levels, structures
 
 STRUCTURES = {s.name: s for s in structures()}
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selection.loads.discrepancy import KAPPA
-from selection.loads.prediction import PARTS, Member, amplitude_draws, linear_amplitude, predict
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
+from damping.extrapolation.near import KAPPA
+from damping.extrapolation.prediction import PARTS, Member, amplitude_draws, linear_amplitude, predict
+from damping.infer.evidence import evidence
+from damping.infer.law import Coordinates, Law
 
 
 def member(components, data, weight=1.0):
@@ -27,7 +27,7 @@ def test_amplitude_of_a_power_law_is_the_closed_form(saturn):
     m = member(("velocity-power",), data)
     p = m.coordinates.parameters(m.draws)["velocity-power exponent"][:, None]
     alpha = m.coordinates.parameters(m.draws)["velocity-power"][:, None]
-    from selection.forces.gammas import beta
+    from damping.forces.powers import beta
 
     force = np.array([[30.0, 90.0]])
     expected = (beta(p) * force / alpha) ** (1.0 / p) / data.tested_omega[2]  # Eq. 4.3.25 with its root mended

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from selection.loads.trend import BISTABLE, CHANGES, bistability, trend
+from damping.extrapolation.near import BISTABLE, CHANGES, bistability, trend
 
 
 def test_a_power_law_has_one_exponent(peaks):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from selection.compare.weights import ENOUGH, held_out, level_numbers, pseudo_bma
-from selection.errors import AnalysisError
-from selection.loads.simulated import simulated_levels, structures
-from selection.posterior.law import Law
+from damping.errors import AnalysisError
+from damping.infer.law import Law
+from damping.ranking.weights import ENOUGH, held_out, level_numbers, pseudo_bma
+from damping_validation.calibration import simulated_levels, structures
 
 
 def test_levels_are_forces_and_repeats_share_one():

@@ -52,12 +52,10 @@ def test_the_data_are_in_it_byte_by_byte(unpacked):
 
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
-    code = (
-        "from pipelines.settings import default_study, read_settings; d = default_study(); read_settings(d); print(d)"
-    )
+    code = "from damping_pipelines.settings import default_study, read_settings; d = default_study(); read_settings(d); print(d)"
     assert Path(run(unpacked, code, tmp_path)) == unpacked / "selection" / "_data" / "saturn-v" / "study.toml"
     code = """
-from selection.report.page import Footer, Section, page
+from damping.report.page import Footer, Section, page
 print(len(page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
 """
     assert int(run(unpacked, code, tmp_path)) > 10_000
@@ -73,4 +71,4 @@ def test_the_command_runs_outside_the_clone(unpacked, tmp_path):
         "--terms",
         "A_in^2*omega_rad_s",
     ]
-    assert "A_in^2*omega_rad_s" in run(unpacked, f"from pipelines.cli import main; main({words!r})", tmp_path)
+    assert "A_in^2*omega_rad_s" in run(unpacked, f"from damping_pipelines.cli import main; main({words!r})", tmp_path)

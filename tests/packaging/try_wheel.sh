@@ -33,13 +33,13 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	mkdir "$work/try$version"
 	cp -r "$clone/tests" "$clone/data" "$clone/pyproject.toml" "$work/try$version"
 	cd "$work/try$version"
-	"$bin/python" -c 'import selection, sys; assert selection.__file__.startswith(sys.prefix), selection.__file__'
+	"$bin/python" -c 'import damping, sys; assert damping.__file__.startswith(sys.prefix), damping.__file__'
 	"$bin/python" -m pytest -p no:cacheprovider -m "not sampling" tests/forces tests/contract tests/records/test_reading.py \
 		tests/records/test_mode.py tests/records/test_report_tables.py tests/regression tests/posterior/test_likelihood.py
 	rm -r data tests
 	"$bin/damping" --help >/dev/null
-	"$bin/python" -c 'from pipelines.settings import default_study; print(default_study())'
-	data="$("$bin/python" -c 'from selection.records.report_tables import data_folder; print(data_folder() / "saturn-v")')"
+	"$bin/python" -c 'from damping_pipelines.settings import default_study; print(default_study())'
+	data="$("$bin/python" -c 'from damping_reed1970.tables import data_folder; print(data_folder() / "saturn-v")')"
 	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json >/dev/null 2>&1
 	cd "$clone"
 	tried=$((tried + 1))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.cli import main
-from selection.records.report_tables import data_folder
+from damping_pipelines.cli import main
+from damping_reed1970.tables import data_folder
 
 
 @dataclass(frozen=True)

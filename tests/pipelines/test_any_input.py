@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipelines.cli import main
-from selection.records.report_tables import data_folder
+from damping_pipelines.cli import main
+from damping_reed1970.tables import data_folder
 
 DATA = data_folder() / "saturn-v"
 #: Pieces that readers stumble over.

@@ -11,11 +11,11 @@ from types import ModuleType
 import pandas as pd
 import pytest
 
-from pipelines.blind import DIAGNOSIS_SEED, blind, make_cases
-from pipelines.generator.strata import DEVELOPMENT_SEED
-from selection.errors import InputError
-from selection.records.mode import read_mode
-from selection.records.reading import read_record
+from damping.errors import InputError
+from damping.records.mode import read_mode
+from damping.records.reading import read_record
+from damping_validation.blind import DIAGNOSIS_SEED, blind, make_cases
+from damping_validation.generator import DEVELOPMENT_SEED
 
 KINDS = ("null:scatter", "phase-lag", "velocity-squared")
 #: Three cases that are quickly drawn: a null one, one of an effect in the library, one of an effect outside it.
@@ -74,9 +74,9 @@ def diagnosis(monkeypatch) -> list[dict[str, object]]:
             (out / f"{case.name}.json").write_text(json.dumps({"format": "gap/1", **nothing, **rest}))
         return 0
 
-    module = ModuleType("pipelines.gap")
+    module = ModuleType("damping_pipelines.gap")
     module.diagnose_folder = diagnose_folder  # type: ignore[attr-defined]  # a stand-in module
-    monkeypatch.setitem(sys.modules, "pipelines.gap", module)
+    monkeypatch.setitem(sys.modules, "damping_pipelines.gap", module)
     return calls
 
 

@@ -79,7 +79,7 @@ def test_help_names_every_command(damping):
 def test_help_loads_nothing_heavy():
     """What makes --help instant, without a clock: no numerical package is imported for it."""
     script = (
-        "import sys; from pipelines.cli import main\n"
+        "import sys; from damping_pipelines.cli import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
         "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'pydantic'}\n"

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipelines.manifest import MANIFEST, digest, publish
+from damping_pipelines.manifest import MANIFEST, digest, publish
 
 HOSTILE = "<script>alert(1)</script>"
 POSTERIORS = (

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from pipelines.condition import condition
-from pipelines.rank import load
-from selection.conditioning import description as schema
-from selection.errors import AnalysisError, InputError
-from selection.records.keys import read_toml
-from selection.records.reading import read_record, read_table
+from damping.errors import AnalysisError, InputError
+from damping.records.keys import read_toml
+from damping.records.reading import read_record, read_table
+from damping.signals import description as schema
+from damping_pipelines.condition import condition
+from damping_pipelines.rank import load
 
 SIZE = 10**8
 PRINCIPAL = """

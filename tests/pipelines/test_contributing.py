@@ -12,16 +12,16 @@ import pandas as pd
 import pytest
 from scipy.integrate import quad
 
-from selection.compare.candidates import candidate_laws
-from selection.compare.ranking import rank_laws
-from selection.forces import from_damping
-from selection.forces.catalogue import CATALOGUE as FORCES
-from selection.forces.derived import energy_per_cycle
-from selection.gap.diagnose import diagnose
-from selection.gap.effects.catalogue import CATALOGUE as EFFECTS
-from selection.posterior.law import Law
-from selection.records.mode import Mode, Repeatability, Tolerance, read_mode
-from selection.records.record import Record
+from damping.forces import CATALOGUE as FORCES
+from damping.forces import from_damping
+from damping.forces.powers import energy_per_cycle
+from damping.gap.diagnose import diagnose
+from damping.gap.effects import CATALOGUE as EFFECTS
+from damping.infer.law import Law
+from damping.ranking import rank_laws
+from damping.ranking.candidates import candidate_laws
+from damping.records.mode import Mode, Repeatability, Tolerance, read_mode
+from damping.records.record import Record
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text()
@@ -50,7 +50,7 @@ def test_commands_and_files_of_the_page_exist():
 @pytest.fixture
 def velocity_cubed(monkeypatch):
     """The force of the page, with the lines that the page says."""
-    path = next(path for path in FILES if path.startswith("selection/forces"))
+    path = next(path for path in FILES if path.startswith("selection/damping/forces"))
     force = module(path, monkeypatch).VelocityCubed
     assert f'"{force.name}": VelocityCubed,' in TEXT
     monkeypatch.setitem(FORCES, force.name, force)
@@ -85,7 +85,7 @@ def test_the_force_is_a_candidate_and_wins_on_its_own_data(velocity_cubed, peaks
 
 
 def test_the_effect_is_found_in_its_own_data(monkeypatch):
-    path = next(path for path in FILES if path.startswith("selection/gap"))
+    path = next(path for path in FILES if path.startswith("selection/damping/gap"))
     effect = module(path, monkeypatch).FORCE_TILT
     assert f'"{effect.name}",\n' in TEXT
     M, omega_n, xi, slope, noise = 10.0, 20.0, 0.01, 4.0, 0.005

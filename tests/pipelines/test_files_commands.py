@@ -14,7 +14,7 @@ import pytest
 import pyuff
 import scipy.io
 
-from selection.records.reading import read_record
+from damping.records.reading import read_record
 
 F = 3.0
 f = np.linspace(9.0, 11.0, 41)

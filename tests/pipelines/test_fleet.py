@@ -19,19 +19,18 @@ import pandas as pd
 import pyarrow.dataset
 import pytest
 
-from pipelines.fleet import command, runners
-from pipelines.fleet.analyse import analyse, failed
-from pipelines.fleet.command import fleet
-from pipelines.fleet.dataset import DataSet
-from pipelines.fleet.inputs import Result, Settings, find_cases, seed_of, tasks_of
-from pipelines.fleet.rows import row_of
-from pipelines.manifest import sole_writer
-from pipelines.store import write_bytes
-from selection.errors import AnalysisError, InputError
-from selection.loads.simulated import OMEGA, simulated_levels, structures
-from selection.posterior.law import Law
-from selection.records.text import read_bytes
-from selection.report.fleet_page import outliers
+from damping.errors import AnalysisError, InputError
+from damping.infer.law import Law
+from damping.records.text import read_bytes
+from damping_pipelines.fleet import command, runners
+from damping_pipelines.fleet.analyse import analyse, failed
+from damping_pipelines.fleet.command import fleet
+from damping_pipelines.fleet.dataset import DataSet, row_of
+from damping_pipelines.fleet.inputs import Result, Settings, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.page import outliers
+from damping_pipelines.manifest import sole_writer
+from damping_pipelines.store import write_bytes
+from damping_validation.calibration import OMEGA, simulated_levels, structures
 
 RECORDS, SIZE = 6, 10_000_000
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
@@ -84,7 +83,7 @@ def alone(records, tmp_path_factory) -> Path:
 def one_law(monkeypatch):
     """One candidate in this process: where the laws do not matter."""
     for name in ("candidate_laws", "load_candidates"):
-        monkeypatch.setattr(f"pipelines.fleet.analyse.{name}", lambda data: [Law(("viscous",))])
+        monkeypatch.setattr(f"damping_pipelines.fleet.analyse.{name}", lambda data: [Law(("viscous",))])
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +132,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tm
 def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd):
     """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
     script = (
-        "import sys; from pathlib import Path; from pipelines.fleet import command\n"
+        "import sys; from pathlib import Path; from damping_pipelines.fleet import command\n"
         "command.BATCH, command.PERIOD = 2, 600.0\n"
         "records, out = map(Path, sys.argv[1:3])\n"
         f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
@@ -444,7 +443,18 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
 
 def test_a_job_scheduler_ends_it_in_order(records, alone, tmp_path):
     """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
-    words = [sys.executable, "-m", "pipelines.cli", "fleet", records, "--out", tmp_path, "--fast", "--workers", "0"]
+    words = [
+        sys.executable,
+        "-m",
+        "damping_pipelines.cli",
+        "fleet",
+        records,
+        "--out",
+        tmp_path,
+        "--fast",
+        "--workers",
+        "0",
+    ]
     with subprocess.Popen([*map(str, words), "--seed", "5"], stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
         process.terminate()

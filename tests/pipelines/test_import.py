@@ -13,19 +13,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from pipelines.export import export, form_table, to_png
-from pipelines.import_ import RingDown, band, import_file, pairs, scales
-from pipelines.rank import load, rank_form, rank_record
-from pipelines.store import write_json
-from selection.compare.candidates import candidate_laws
-from selection.compare.ranking import rank_laws
-from selection.errors import AnalysisError, InputError
-from selection.forces import from_damping
-from selection.records.imports.series import Stated
-from selection.records.imports.systems import Factors, convert_mode
-from selection.records.mode import Mode, read_mode
-from selection.records.reading import read_record, read_table
-from selection.records.report_tables import data_folder
+from damping.errors import AnalysisError, InputError
+from damping.forces import from_damping
+from damping.formats.quantity import Factors, convert_mode
+from damping.formats.series import Stated
+from damping.ranking import rank_laws
+from damping.ranking.candidates import candidate_laws
+from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record, read_table
+from damping_pipelines.export import export, form_table, to_png
+from damping_pipelines.import_ import RingDown, band, import_file, pairs, scales
+from damping_pipelines.rank import load, rank_form, rank_record
+from damping_pipelines.store import write_json
+from damping_reed1970.tables import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
 LBF, INCH = 4.4482216152605, 0.0254  # by definition

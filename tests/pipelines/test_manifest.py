@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import kills
-from pipelines.manifest import MANIFEST, digest, open_folder, publish, sole_writer, verify
-from selection.errors import InputError
+from damping.errors import InputError
+from damping_pipelines.manifest import MANIFEST, digest, open_folder, publish, sole_writer, verify
 
 OLD = {"a.csv": b"old a", "figures/b.svg": b"old b", "only-old.csv": b"x"}
 NEW = {"a.csv": b"new a", "figures/b.svg": b"new b", "figures/only-new.svg": b"y"}
@@ -159,8 +159,8 @@ def limited(body: str, folder: Path, size: int | None = None) -> subprocess.Comp
 def test_a_full_disk_leaves_the_earlier_results(tmp_path):
     put(tmp_path, OLD)
     body = (
-        "from pipelines.manifest import publish\n"
-        "from selection.errors import InputError\n"
+        "from damping_pipelines.manifest import publish\n"
+        "from damping.errors import InputError\n"
         "files = {'a.csv': b'new a', 'report.html': b'x' * 9000}\n"
         "try: publish(out, files, seed=2, versions={}, inputs={})\n"
         "except InputError as error: print(error)\n"
@@ -176,8 +176,8 @@ def test_a_chain_on_a_full_disk(tmp_path):
     """The chain of the block before stays and nothing half-written lies beside it."""
     body = (
         "import emcee, numpy as np\n"
-        "from pipelines.checkpoint import load_chain, save_chain\n"
-        "from selection.errors import InputError\n"
+        "from damping_pipelines.manifest import load_chain, save_chain\n"
+        "from damping.errors import InputError\n"
         "sampler = emcee.EnsembleSampler(8, 2, lambda x: -x @ x)\n"
         "sampler.run_mcmc(np.random.default_rng(0).normal(size=(8, 2)), 3)\n"
         "save_chain(out / 'a.h5', sampler.backend)\n"
@@ -196,7 +196,7 @@ def test_a_study_on_a_full_disk(tmp_path):
     settings = kills.Studies(tmp_path).settings
     out = tmp_path / "out"
     put(out, OLD)
-    body = f"from pipelines.cli import main\nmain(['study', {str(settings)!r}, '--out', str(out)])"
+    body = f"from damping_pipelines.cli import main\nmain(['study', {str(settings)!r}, '--out', str(out)])"
     done = limited(body, out, size=5)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -56,7 +56,7 @@ def test_memory(tmp_path: Path, name: str) -> None:
     given, said = tmp_path / "in", tmp_path / "said"
     given.write_bytes(make())
     places = {"IN": str(given), "OUT": str(tmp_path / "out.csv")}
-    command = [sys.executable, "-m", "pipelines.cli", *(places.get(word, word) for word in words)]
+    command = [sys.executable, "-m", "damping_pipelines.cli", *(places.get(word, word) for word in words)]
     # a small process between the two: what one that is forked had of its parent counts as its own
     script = (
         "import os, sys\n"

@@ -7,19 +7,18 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipelines.pictures import pictures
-from pipelines.study import read_inputs
-from pipelines.study_output import study_files
-from selection.compare.ranking import rank_laws
-from selection.posterior.law import Law
-from selection.records.report_tables import data_folder
-from selection.report.results import RecordResult, StudyResult
+from damping.infer.law import Law
+from damping.ranking import rank_laws
+from damping.report.results import RecordResult, StudyResult
+from damping_pipelines.study import read_inputs
+from damping_pipelines.study_output import pictures, study_files
+from damping_reed1970.tables import data_folder
 
 
 @pytest.fixture(scope="module")
 def study() -> StudyResult:
     """Three resonances ranked, nothing sampled."""
-    from pipelines.settings import default_study, read_settings
+    from damping_pipelines.settings import default_study, read_settings
 
     settings = read_settings(default_study())
     one = next(

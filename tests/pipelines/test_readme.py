@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from selection import api
-from selection.posterior.law import Law
+from damping import api
+from damping.infer.law import Law
 
 ROOT = Path(__file__).parents[2]
 PYTHON = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)

@@ -7,15 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines.rank import rank_form
-from pipelines.settings import default_study, read_settings
-from pipelines.source_tables import source_tables
-from pipelines.store import plain
-from pipelines.study import Task, hashes, read_inputs, sample_law
-from selection.compare.ranking import rank_laws
-from selection.reproduction.chapter_3_planar import fit_table, planar_fits
-from selection.reproduction.reproduce import reproduce
-from selection.reproduction.studies import studies
+from damping.ranking import rank_laws
+from damping_pipelines.rank import rank_form
+from damping_pipelines.settings import default_study, read_settings
+from damping_pipelines.store import plain
+from damping_pipelines.study import Task, hashes, read_inputs, sample_law
+from damping_reed1970.chapter_3.planar_fits import fit_table, planar_fits
+from damping_reed1970.reproduce import reproduce, studies
+from damping_reed1970.study import source_tables
 
 #: Tables of ``Studies.tables`` by chapter.
 CHAPTERS = {
@@ -161,7 +160,7 @@ def test_planar_fits_of_chapter_iii(summary):
 
 
 def test_reproduction_covers_every_printed_result(summary):
-    from selection.records.report_tables import load_printed_results
+    from damping_reed1970.tables import load_printed_results
 
     assert [row["id"] for row in summary["reproduction"]] == list(load_printed_results()["id"])
     for row in summary["reproduction"]:

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipelines.scorer import Figure, Goal, calibration_error, read_sealed, score
-from pipelines.scorer_output import confusion, goal_text, to_markdown, write_scores
-from pipelines.verdicts import Verdict, footprint_overlap, read_verdicts, verdict
-from selection.errors import InputError
+from damping.errors import InputError
+from damping_validation.scorer import Figure, Goal, calibration_error, read_sealed, score
+from damping_validation.scorer_output import confusion, goal_text, to_markdown, write_scores
+from damping_validation.verdicts import Verdict, footprint_overlap, read_verdicts, verdict
 
 FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from pipelines.settings import default_study, read_settings
-from pipelines.study import read_inputs
-from selection.errors import InputError
+from damping.errors import InputError
+from damping_pipelines.settings import default_study, read_settings
+from damping_pipelines.study import read_inputs
 
 GOOD = """title = "t"
 seed = 3

@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 
-from pipelines.store import plain, refuse_inputs, refuse_twice, to_json, write_bytes, write_json, write_text
-from selection.errors import InputError
+from damping.errors import InputError
+from damping_pipelines.store import plain, refuse_inputs, refuse_twice, to_json, write_bytes, write_json, write_text
 
 
 def test_replaces_whole(tmp_path):

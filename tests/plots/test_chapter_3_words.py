@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.plots import chapter_3_words as words
-from selection.plots.words import counted, points_text
-from selection.reproduction.chapter_3_branches import branch_table
-from selection.reproduction.chapter_3_posterior import Band
-from selection.reproduction.chapter_3_study import effect_table, measured_table, saturn_steps
+from damping.report.words import counted, points_text
+from damping_reed1970.chapter_3 import words as words
+from damping_reed1970.chapter_3.implications import branch_table
+from damping_reed1970.chapter_3.planar_fits import Band
+from damping_reed1970.chapter_3.study import effect_table, measured_table, saturn_steps
 
 OMEGA = np.linspace(11.17, 11.61, 177)
 

@@ -10,11 +10,13 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from selection.plots import chapter_2, chapter_4, chapter_5
-from selection.plots.chapter_figures import ChapterFigure, chapter_figures
-from selection.plots.style import to_svg
-from selection.reproduction.circularity import ROUTES
-from selection.reproduction.studies import Studies
+from damping.plots.style import to_svg
+from damping_reed1970.chapter_2 import figures as chapter_2
+from damping_reed1970.chapter_4 import figures as chapter_4
+from damping_reed1970.chapter_5 import figures as chapter_5
+from damping_reed1970.chapter_5.circularity import ROUTES
+from damping_reed1970.figures import ChapterFigure, chapter_figures
+from damping_reed1970.reproduce import Studies
 
 COUNTERPARTS = {"2.4", "2.5", *(f"4.{k}" for k in range(1, 11)), "5.1"}
 

@@ -10,18 +10,11 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from selection.plots.convergence import convergence
-from selection.plots.corner import corner
-from selection.plots.design_loads import design_loads
-from selection.plots.energy_surface import energy_surface
-from selection.plots.fits import fits
-from selection.plots.force_amplitude import ForceAmplitude, force_amplitude
-from selection.plots.percent_deviations import percent_deviations
-from selection.plots.predictive_check import predictive_check
-from selection.plots.prior_posterior import prior_posterior, prior_posterior_summary
-from selection.plots.ranking import ranking
-from selection.plots.reproduction import group_of, percent_differences, reproduction
-from selection.plots.style import to_svg
+from damping.plots.design_loads import ForceAmplitude, design_loads, force_amplitude
+from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
+from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
+from damping.plots.style import to_svg
+from damping_reed1970.figures import group_of, percent_differences, reproduction
 
 HOSTILE = "<b>$x</b>&\"'"
 LAWS = ("viscous", "viscous + velocity-squared", "coulomb + A^4")

@@ -13,11 +13,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-import pipelines
-import selection
-from selection.forces.catalogue import CATALOGUE
-from selection.plots.deviations import MANY, deviations_figure
-from selection.plots.style import identifier, law_style, short, styled, three, to_svg, weight_text
+import damping
+import damping_pipelines
+import damping_reed1970
+import damping_validation
+from damping.forces import CATALOGUE
+from damping.plots.fits import MANY, deviations_figure
+from damping.plots.style import identifier, law_style, short, styled, three, to_svg, weight_text
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "</text><script>alert('x')</script> & \"$\\frac{1}$\" \x07 漢"
@@ -148,7 +150,7 @@ def _lab(linear: np.ndarray) -> np.ndarray:
 
 def test_nothing_imports_pyplot() -> None:
     """pyplot holds global state: figures here are made as objects."""
-    for package in (selection, pipelines):
+    for package in (damping, damping_pipelines, damping_reed1970, damping_validation):
         for path in Path(package.__file__).parent.rglob("*.py"):
             imported = {
                 name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) for name in _imported(node)

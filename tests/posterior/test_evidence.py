@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from selection.errors import AnalysisError
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.likelihood import log_posterior
-from selection.posterior.mode import find_mode
+from damping.errors import AnalysisError
+from damping.infer.evidence import evidence, find_mode
+from damping.infer.law import Coordinates, Law, log_posterior
 
 
 @pytest.mark.parametrize("name", ["viscous", "velocity-squared", "displacement-velocity"])
@@ -32,7 +30,7 @@ def test_two_forces_against_prior_sampling(saturn):
     c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
     found = evidence(c, data)
     x = np.random.default_rng(0).standard_normal((400_000, c.dimension))
-    from selection.posterior.likelihood import log_likelihood
+    from damping.infer.law import log_likelihood
 
     likelihood = np.exp(log_likelihood(x, c, data))
     error = likelihood.std() / likelihood.mean() / np.sqrt(len(x))

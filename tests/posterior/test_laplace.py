@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from selection.loads.simulated import simulated_levels, structures
-from selection.posterior.evidence import evidence
-from selection.posterior.laplace import laplace
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.likelihood import log_posterior
-from selection.posterior.mode import find_mode
+from damping.infer.evidence import evidence, find_mode, laplace
+from damping.infer.law import Coordinates, Law, log_posterior
+from damping_validation.calibration import simulated_levels, structures
 
 SMOOTH = [
     Law(("viscous",)),

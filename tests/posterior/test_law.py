@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta, kstest, lognorm, uniform
 
-from selection.posterior.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN, Coordinates, Law
+from damping.infer.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN, Coordinates, Law
 
 DRAWS = 20_000
 #: Kolmogorov-Smirnov p-value below which a prior is called wrong: one false alarm in ten thousand runs; the seed is

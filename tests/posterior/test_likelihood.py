@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.likelihood import (
+from damping.infer.law import (
     MOST,
     REACH,
+    Coordinates,
+    Law,
     by_blocks,
     log_likelihood,
     log_posterior,
@@ -62,7 +63,7 @@ def test_against_a_dense_multivariate_normal(peaks):
 def test_residual_at_resonance_is_the_relative_amplitude_error(peaks):
     # C = (8/3 pi) c (A omega)^2: a 1 % amplitude error reads 1 % to first order, the next term being 1 % of that
     A, omega, c = np.array([1.0, 1.4]), 10.0, 0.13
-    from selection.forces.catalogue import make
+    from damping.forces import make
 
     n, h, _ = residuals(
         make("velocity-squared", coefficient=c), peaks(1.01 * A, 8.0 / (3.0 * np.pi) * c * (A * omega) ** 2, omega)
@@ -72,7 +73,7 @@ def test_residual_at_resonance_is_the_relative_amplitude_error(peaks):
 
 
 def test_residual_far_from_resonance_is_the_phase_error(peaks):
-    from selection.forces.catalogue import make
+    from damping.forces import make
 
     A, omega, c, F, slip = np.array([1.0]), 10.0, 0.05, 100.0, 1e-3
     phase = np.arcsin(c * omega / F) + slip  # tan(phi) = .005: the rest is stiffness
@@ -84,7 +85,7 @@ def test_residual_far_from_resonance_is_the_phase_error(peaks):
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_residual_grows_without_bound_both_ways(factor, peaks):
-    from selection.forces.catalogue import make
+    from damping.forces import make
 
     A = np.array([1.0, 2.0])
     n, _, _ = residuals(make("viscous", coefficient=2.0 * factor), peaks(A, 2.0 * A * 10.0, 10.0))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks import _contender
-from selection.errors import AnalysisError
-from selection.posterior.importance import importance, more_draws
-from selection.posterior.likelihood import log_posterior
+from damping.errors import AnalysisError
+from damping.infer.importance import importance, more_draws
+from damping.infer.law import log_posterior
 
 
 def normal(x: np.ndarray) -> np.ndarray:

@@ -10,18 +10,18 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import kstest, multivariate_normal, norm
 
-from selection.conditioning.planar_fit import Phasors, PlanarModel, fit_planar
-from selection.errors import InputError
-from selection.posterior.importance import importance
-from selection.posterior.likelihood import log_prior
-from selection.posterior.planar import (
+from damping.errors import InputError
+from damping.infer.chains import Settings
+from damping.infer.importance import importance
+from damping.infer.law import log_prior
+from damping_reed1970.chapter_3.planar_fit import Phasors, PlanarModel, fit_planar
+from damping_reed1970.chapter_3.planar_posterior import (
     PlanarPrior,
     log_likelihood,
     log_posterior,
     planar_evidence,
     planar_posterior,
 )
-from selection.posterior.sampling import Settings
 
 OMEGA = np.linspace(11.1, 11.7, 25)
 F = np.full(25, 38.5)

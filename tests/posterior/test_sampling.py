@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipelines.checkpoint import checkpoint_in, load_chain
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.sampling import Settings, sample
+from damping.infer.chains import Settings, sample
+from damping.infer.evidence import evidence
+from damping.infer.law import Coordinates, Law
+from damping_pipelines.manifest import checkpoint_in, load_chain
 
 pytestmark = pytest.mark.sampling
 
@@ -81,7 +81,7 @@ def test_interrupted_run_goes_on_to_the_same_digits(problem, tmp_path):
         if saved == 6:  # in the middle of the second block
             raise InterruptError
 
-    from selection.posterior.sampling import Checkpoint
+    from damping.infer.chains import Checkpoint
 
     with pytest.raises(InterruptError):
         sample(c, data, start, nothing, 3, settings, Checkpoint(checkpoint.load, save_then_stop))

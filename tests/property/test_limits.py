@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.forces import (
+from damping.forces import (
     Displacement,
     DisplacementVelocity,
     DisplacementVelocityPower,
@@ -17,7 +17,7 @@ from selection.forces import (
     VelocitySquared,
     Viscous,
 )
-from selection.response.ritz import resonant_amplitude, steady_state
+from damping.predict.steady import resonant_amplitude, steady_state
 
 M, OMEGA_N = 50.78, 10.455  # first mode of Configuration II (Table 4.V)
 

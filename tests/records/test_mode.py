@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import InputError
-from selection.forces.catalogue import CATALOGUE, parameter_names
-from selection.records.keys import MAX_TOML_SIZE
-from selection.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
-from selection.records.schema import EFFECT_NAMES
+from damping.errors import InputError
+from damping.forces import CATALOGUE, parameter_names
+from damping.records.keys import EFFECT_NAMES, MAX_TOML_SIZE
+from damping.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
 
 MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
 FORCES = ", ".join(CATALOGUE)

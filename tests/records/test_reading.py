@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import InputError
-from selection.records.reading import DEFAULT_MAX_SIZE, read_record, read_table
-from selection.records.record import Record
+from damping.errors import InputError
+from damping.records.reading import DEFAULT_MAX_SIZE, read_record, read_table
+from damping.records.record import Record
 
 HEAD = "sweep,force,frequency,amplitude,phase\n"
 ROW = "A,1,10,0.5,1.5\n"

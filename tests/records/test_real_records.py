@@ -5,10 +5,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from selection.records.mode import mode_to_toml, read_mode
-from selection.records.reading import read_record
-from selection.records.resonance import resonances
-from selection.records.serialise import record_to_csv
+from damping.records.mode import mode_to_toml, read_mode
+from damping.records.reading import read_record
+from damping.records.record import record_to_csv
+from damping.records.resonance import resonances
 
 NAMES = ("brake-reuss-beam", "eth-beam", "sloshing-tank")
 

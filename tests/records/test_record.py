@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.errors import InputError
-from selection.records.record import Record
+from damping.errors import InputError
+from damping.records.record import Record
 
 TABLE = pd.DataFrame(
     {

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.errors import InputError
-from selection.records import report_tables
-from selection.records.mode import read_mode
-from selection.records.reading import read_record
-from selection.records.report_records import RECORD_NAMES, mode_text, record_text, report_record
-from selection.records.report_tables import (
+from damping.errors import InputError
+from damping.records.mode import read_mode
+from damping.records.reading import read_record
+from damping_reed1970 import tables as report_tables
+from damping_reed1970.records import RECORD_NAMES, mode_text, record_text, report_record
+from damping_reed1970.tables import (
     TABLE_NAMES,
     data_folder,
     load_corrections,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import InputError
-from selection.records.record import Record
-from selection.records.resonance import energy_per_cycle, phase_offset, resonance, resonances
+from damping.errors import InputError
+from damping.records.record import Record
+from damping.records.resonance import energy_per_cycle, phase_offset, resonance, resonances
 
 M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz

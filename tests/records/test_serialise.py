@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.records.reading import read_record, read_table
-from selection.records.record import Record
-from selection.records.serialise import record_to_csv
+from damping.records.reading import read_record, read_table
+from damping.records.record import Record, record_to_csv
 
 
 def test_numbers_text_and_what_a_spreadsheet_would_execute():

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipelines.regress import regress
-from selection.regression.basis import LARGEST_CONDITION
-from selection.regression.columns import Columns
-from selection.regression.design import design_of
-from selection.regression.fit import fit
-from selection.regression.terms import parse_terms
+from damping.regression.decomposition import LARGEST_CONDITION
+from damping.regression.design import Columns, design_of
+from damping.regression.fit import fit
+from damping.regression.terms import parse_terms
+from damping_pipelines.regress import regress
 
 FOLDER = Path(__file__).parents[1] / "reference" / "strd"
 CERTIFIED: dict[str, dict[str, Any]] = json.loads((FOLDER / "certified.json").read_text())["sets"]

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.errors import AnalysisError
-from selection.records.reading import read_table
-from selection.records.report_tables import data_folder
-from selection.regression.columns import required_columns, take_columns
+from damping.errors import AnalysisError
+from damping.records.reading import read_table
+from damping.regression.design import required_columns, take_columns
+from damping_reed1970.tables import data_folder
 
 
 def table(**columns: object) -> pd.DataFrame:

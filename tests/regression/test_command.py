@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from pipelines.cli import main
-from selection.records.report_tables import data_folder, load_table
+from damping_pipelines.cli import main
+from damping_reed1970.tables import data_folder, load_table
 
 Run = Callable[..., tuple[int, str, str]]
 RECORDS = data_folder() / "saturn-v" / "records"

@@ -10,12 +10,11 @@ import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import AnalysisError
-from selection.regression.basis import decompose
-from selection.regression.design import Design, correlations, design_of_arrays, variables
-from selection.regression.deviations import breakdown, deviations_of, goodness_of_fit
-from selection.regression.fit import fit
-from selection.regression.one_term import one_term_fits
+from damping.errors import AnalysisError
+from damping.regression.decomposition import decompose
+from damping.regression.design import Design, correlations, design_of_arrays, variables
+from damping.regression.fit import fit, one_term_fits
+from damping.regression.program import breakdown, deviations_of, goodness_of_fit
 
 Build = Callable[..., Design]
 SEEDS = st.integers(0, 2**32 - 1)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from selection.errors import AnalysisError
-from selection.records.report_tables import load_table
-from selection.regression.power_law import fit_power_law
+from damping.errors import AnalysisError
+from damping.regression.power_law import fit_power_law
+from damping_reed1970.tables import load_table
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_second_mode_with_and_without_the_misprint(tables):
 @pytest.mark.parametrize("form", ["velocity-power", "displacement-velocity-power"])
 @pytest.mark.parametrize("p", [0.5, 1.0, 2.0])
 def test_exact_data_give_the_law_back(form, p):
-    from selection.forces.catalogue import make
+    from damping.forces import make
 
     A, omega = np.array([0.3, 0.7, 1.1, 2.0]), np.array([9.0, 9.5, 10.0, 10.2])
     F = np.asarray(make(form, coefficient=0.8, exponent=p).quadrature(A, 10.0))

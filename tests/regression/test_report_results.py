@@ -7,13 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from selection.records.report_tables import load_table
-from selection.regression.design import Design
-from selection.regression.deviations import deviations_of
-from selection.regression.fit import fit
-from selection.regression.nonnegative import fit_nonnegative
-from selection.regression.one_term import one_term_fits
-from selection.regression.stepwise import stepwise
+from damping.regression.design import Design
+from damping.regression.fit import fit, one_term_fits
+from damping.regression.program import deviations_of
+from damping.regression.selecting import fit_nonnegative
+from damping.regression.stepwise import stepwise
+from damping_reed1970.tables import load_table
 
 Build = Callable[..., Design]
 

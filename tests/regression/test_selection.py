@@ -10,14 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from selection.errors import AnalysisError, InputError
-from selection.regression.criteria import NAMES
-from selection.regression.design import Design, design_of_arrays
-from selection.regression.fit import fit
-from selection.regression.nonnegative import fit_nonnegative
-from selection.regression.selecting import METHODS, Choice, select
-from selection.regression.stepwise import DIRECTIONS, Selection, stepwise
-from selection.regression.subsets import all_subsets, best_subsets
+from damping.errors import AnalysisError, InputError
+from damping.regression.design import Design, design_of_arrays
+from damping.regression.fit import NAMES, fit
+from damping.regression.selecting import METHODS, Choice, fit_nonnegative, select
+from damping.regression.stepwise import DIRECTIONS, Selection, stepwise
+from damping.regression.subsets import all_subsets, best_subsets
 
 Build = Callable[..., Design]
 SEEDS = st.integers(0, 2**32 - 1)

@@ -11,12 +11,11 @@ import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import AnalysisError, InputError
-from selection.regression import subsets as subsets_module
-from selection.regression.criteria import NAMES
-from selection.regression.design import Design, design_of_arrays
-from selection.regression.fit import fit
-from selection.regression.subsets import all_subsets, best_subsets
+from damping.errors import AnalysisError, InputError
+from damping.regression import subsets as subsets_module
+from damping.regression.design import Design, design_of_arrays
+from damping.regression.fit import NAMES, fit
+from damping.regression.subsets import all_subsets, best_subsets
 
 Build = Callable[..., Design]
 SEEDS = st.integers(0, 2**32 - 1)

@@ -9,9 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selection.errors import AnalysisError, InputError
-from selection.regression.extended import deviations, multiply, times_matrix, whole_power
-from selection.regression.terms import Term, columns_of, parse_term, parse_terms
+from damping.errors import AnalysisError, InputError
+from damping.regression.terms import (
+    Term,
+    columns_of,
+    deviations,
+    multiply,
+    parse_term,
+    parse_terms,
+    times_matrix,
+    whole_power,
+)
 
 few = settings(max_examples=30, deadline=None)  # a busy machine is no failure
 

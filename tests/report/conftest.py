@@ -8,18 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.compare.ranking import rank_laws
-from selection.loads.prediction import Member, amplitude_draws, predict
-from selection.posterior.checks import leave_one_out, predictive_check
-from selection.posterior.law import Law
-from selection.posterior.observations import Observations, observe
-from selection.posterior.sampling import Settings, sample
-from selection.records.mode import Mode, read_mode
-from selection.records.reading import read_record
-from selection.records.record import Record
-from selection.records.report_tables import data_folder
-from selection.regression.power_law import fit_power_law
-from selection.report.results import LawPosterior, RecordResult, StudyResult
+from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.infer.chains import Settings, sample
+from damping.infer.checks import leave_one_out, predictive_check
+from damping.infer.law import Law
+from damping.infer.observations import Observations, observe
+from damping.ranking import rank_laws
+from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record
+from damping.records.record import Record
+from damping.regression.power_law import fit_power_law
+from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_reed1970.tables import data_folder
 
 LAWS = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)), Law(("viscous",)), Law(("coulomb",)))
 FORCES = np.array([45.0, 90.0])

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selection.report.build import Rendered, render
-from selection.report.results import StudyResult
-from selection.report.words import between, number, signed
+from damping.report.results import StudyResult
+from damping.report.study import Rendered, render
+from damping.report.words import between, number, signed
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))
@@ -137,7 +137,7 @@ def value(text: str) -> float:
 def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     import pandas as pd
 
-    from selection.report.page import Footer, Section, Table, page
+    from damping.report.page import Footer, Section, Table, page
 
     path = tmp_path / "page.html"
     path.write_text(page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))

@@ -10,23 +10,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.gap.history import historic_gaps
-from selection.records.report_tables import load_errata
-from selection.report.build import Rendered, render
-from selection.report.chapters import chapter_parts
-from selection.report.chapters.chapter_2 import AMPLITUDES, energies_at
-from selection.report.chapters.chapter_5 import regression_rows
-from selection.report.chapters.common import agreement_text, chapter_of, of_chapter
-from selection.report.chapters.errata import counts, evidence
-from selection.report.chapters.levels import spreads
-from selection.report.chapters.proofs import in_symbols
-from selection.report.page import Block, FigureBlock, Fold, List, Table, Text
-from selection.report.part import Part
-from selection.report.results import ChapterResults, StudyResult
-from selection.report.words import number
-from selection.reproduction.chapter_3_study import Chapter3
-from selection.reproduction.lumped_masses import lumped_masses
-from selection.reproduction.studies import Studies
+from damping.report.page import Block, FigureBlock, Fold, List, Part, Table, Text
+from damping.report.results import ChapterResults, StudyResult
+from damping.report.study import Rendered, render
+from damping.report.words import number
+from damping_reed1970.chapter_2.masses import lumped_masses
+from damping_reed1970.chapter_2.page import AMPLITUDES, energies_at
+from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_4.page import spreads
+from damping_reed1970.chapter_5.page import regression_rows
+from damping_reed1970.common import agreement_text, chapter_of, in_symbols, of_chapter
+from damping_reed1970.errata import counts, evidence
+from damping_reed1970.records import historic_gaps
+from damping_reed1970.reproduce import Studies
+from damping_reed1970.sections import chapter_parts
+from damping_reed1970.tables import load_errata
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
@@ -49,7 +47,7 @@ def rendered(study: StudyResult, results: ChapterResults, parts: list[Part]) -> 
     """The page with the chapters, which are drawn once."""
     bare = replace(study.records[0], posteriors=(), bands=None, design=None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selection.report.build.chapter_parts", lambda chapters, svgs: parts)
+        patch.setattr("damping.report.study.chapter_parts", lambda chapters, svgs: parts)
         return render(replace(study, records=(bare,), tables=results.tables, chapters=results))
 
 

@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selection.plots.style import to_svg
-from selection.report.build import Part, Rendered, render
-from selection.report.figures import record_figures
-from selection.report.page import Fold, Footer, Heading, List, Section, Table, Text, page, written
-from selection.report.results import StudyResult
-from selection.report.words import force_text, number, signed
+from damping.plots.style import to_svg
+from damping.report.figures import record_figures
+from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, page, written
+from damping.report.results import StudyResult
+from damping.report.study import Part, Rendered, render
+from damping.report.words import force_text, number, signed
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

@@ -9,17 +9,25 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from selection.posterior.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN
-from selection.records.mode import Units
-from selection.report.build import render
-from selection.report.draws import PRIOR_DRAWS, prior_draws
-from selection.report.figures import leading, record_figures, shown_laws
-from selection.report.labels import energy_unit, parameter_label, parameter_unit
-from selection.report.results import RecordResult, StudyResult
-from selection.report.study_figures import power_line
-from selection.report.tables import record_tables
-from selection.report.words import between, count, joined, number, percent, share, signed
-from selection.reproduction.force_laws import UNITS
+from damping.infer.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN
+from damping.records.mode import Units
+from damping.report.figures import leading, record_figures, shown_laws
+from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
+from damping.report.study import power_line, render
+from damping.report.tables import record_tables
+from damping.report.words import (
+    between,
+    count,
+    energy_unit,
+    joined,
+    number,
+    parameter_label,
+    parameter_unit,
+    percent,
+    share,
+    signed,
+)
+from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")
 

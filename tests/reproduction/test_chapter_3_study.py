@@ -7,14 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
-from selection.conditioning.planar import yaw_response
-from selection.conditioning.principal import energy_loss
-from selection.plots.chapter_3_figures import chapter_3_figures
-from selection.records.report_tables import load_errata
-from selection.reproduction.chapter_3 import PLANES
-from selection.reproduction.chapter_3_branches import branch_table, mean_table
-from selection.reproduction.chapter_3_planar import energy_split, fit_table, phasors, planar_fits, yaw_table
-from selection.reproduction.chapter_3_study import Chapter3
+from damping.signals.modal import energy_loss
+from damping_reed1970.chapter_3 import PLANES, yaw_response
+from damping_reed1970.chapter_3.implications import branch_table, mean_table
+from damping_reed1970.chapter_3.planar_fits import energy_split, fit_table, phasors, planar_fits, yaw_table
+from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_3.words import chapter_3_figures
+from damping_reed1970.tables import load_errata
 
 pytestmark = pytest.mark.xdist_group("chapters")
 

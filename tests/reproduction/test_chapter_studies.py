@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from selection.forces.derived import energy_per_cycle
-from selection.forces.slip import Slip
-from selection.forces.slip_equivalent import printed_energy
-from selection.reproduction.amplitude_frequency import PRINTED, RATIOS, amplitude_frequency, section_4_2_points
-from selection.reproduction.chapter_4 import SWEEP_C, resonances
-from selection.reproduction.hysteresis_loops import REFERENCE, equal_amplitudes, hysteresis_loops, slip_equivalent
-from selection.reproduction.linear_coefficients import coefficient_lines
-from selection.reproduction.power_laws import chance_of_exponent, force_amplitude_lines
-from selection.response.ritz import steady_state
+from damping.forces.joints import Slip
+from damping.forces.powers import energy_per_cycle
+from damping.predict.steady import steady_state
+from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes, hysteresis_loops, printed_energy, slip_equivalent
+from damping_reed1970.chapter_4 import SWEEP_C, resonances
+from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, RATIOS, amplitude_frequency, section_4_2_points
+from damping_reed1970.chapter_4.coefficients import coefficient_lines
+from damping_reed1970.chapter_4.power_laws import chance_of_exponent, force_amplitude_lines
 
 CURVES = amplitude_frequency()
 

@@ -7,15 +7,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from selection.compare.level_methods import Case, level_methods, masses, spread_against_alpha
-from selection.errors import AnalysisError
-from selection.forces.catalogue import case_five, make
-from selection.forces.contract import Force
-from selection.posterior.observations import Observations, observe
-from selection.records.reading import read_record
-from selection.records.report_tables import data_folder, load_table
-from selection.reproduction.chapter_4 import table_4_iv, table_4_v
-from selection.units import RAD_S_PER_HZ
+from damping.arrays import RAD_S_PER_HZ
+from damping.errors import AnalysisError
+from damping.forces import case_five, make
+from damping.forces.contract import Force
+from damping.infer.observations import Observations, observe
+from damping.records.reading import read_record
+from damping_reed1970.chapter_4 import table_4_iv, table_4_v
+from damping_reed1970.chapter_4.levels import Case, level_methods, masses, spread_against_alpha
+from damping_reed1970.tables import data_folder, load_table
 
 Peaks = Callable[..., Observations]
 CASES = {"xi_1": "I", "xi_2": "II", "xi_3": "III", "xi_4": "IV", "xi_5_alpha_1": "V, alpha = 1"}

@@ -9,15 +9,14 @@ import pytest
 from scipy import stats
 from scipy.optimize import least_squares, nnls
 
-from selection.conditioning.planar import PlanarOscillator, pitch_response
-from selection.conditioning.principal import damping_roots, plane_motion
-from selection.forces import VelocitySquared
-from selection.records.report_tables import load_table
-from selection.regression.design import design_of_arrays
-from selection.regression.stepwise import stepwise
-from selection.regression.subsets import all_subsets, best_subsets
-from selection.reproduction.chapter_3 import PLANES
-from selection.reproduction.circularity import (
+from damping.forces import VelocitySquared
+from damping.predict.steady import steady_state
+from damping.regression.design import design_of_arrays
+from damping.regression.stepwise import stepwise
+from damping.regression.subsets import all_subsets, best_subsets
+from damping.signals.modal import damping_roots, plane_motion
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_5.circularity import (
     ASSUMED,
     FITTED,
     LOW_ROOT,
@@ -28,11 +27,17 @@ from selection.reproduction.circularity import (
     velocity_squared_motion,
     xi_as_the_report,
 )
-from selection.reproduction.energy_surface import energy_surface
-from selection.reproduction.false_terms import POSITIONS, design, false_terms, known_law
-from selection.reproduction.many_fits import fits_in_blocks, subset_fits
-from selection.reproduction.nine_terms import INPUTS, NINE_TERMS, nine_term_design, nine_terms
-from selection.response.ritz import steady_state
+from damping_reed1970.chapter_5.false_terms import (
+    POSITIONS,
+    design,
+    false_terms,
+    fits_in_blocks,
+    known_law,
+    subset_fits,
+)
+from damping_reed1970.chapter_5.nine_terms import INPUTS, NINE_TERMS, nine_term_design, nine_terms
+from damping_reed1970.chapter_5.regressions import energy_surface
+from damping_reed1970.tables import load_table
 
 FIVE, NINE = POSITIONS
 

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from selection.compare.ranking import Ranking
-from selection.forces.catalogue import make
-from selection.forces.contract import Sum
-from selection.forces.derived import energy_per_cycle
-from selection.records.report_tables import load_recovered_inputs, load_table
+from damping.forces import make
+from damping.forces.contract import Sum
+from damping.forces.powers import energy_per_cycle
+from damping.ranking import Ranking
+from damping_reed1970.tables import load_recovered_inputs, load_table
 
 TABLES = {
     "reproduction", "errata", "regressions", "regression_deviations", "linear_coefficients", "power_laws",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.forces import Coulomb, CubicStiffness, DisplacementVelocity, Slip, Sum, Viscous
-from selection.response.branches import branches, is_stable, sweep
-from selection.response.ritz import required_force, steady_state
+from damping.forces import Coulomb, CubicStiffness, DisplacementVelocity, Slip, Sum, Viscous
+from damping.predict.branches import branches, is_stable, sweep
+from damping.predict.steady import required_force, steady_state
 
 M, omega_n = 2.0, 10.0
 DUFFING = Sum((Viscous(0.5), CubicStiffness(5.0)))

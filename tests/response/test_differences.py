@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.forces import Displacement, DisplacementVelocity, Force, VelocitySquared, Viscous, case_five
-from selection.response.differences import (
+from damping.forces import Displacement, DisplacementVelocity, Force, VelocitySquared, Viscous, case_five
+from damping.predict.steady import resonant_amplitude, steady_state
+from damping_reed1970.chapter_4.amplitude_frequency import (
     damped_distance,
     horizontal_difference,
     measured_difference,
@@ -14,7 +15,6 @@ from selection.response.differences import (
     undamped_distance,
     vertical_difference,
 )
-from selection.response.ritz import resonant_amplitude, steady_state
 
 M, F, omega_n, A_m = 50.7838, 28.98, 2 * np.pi * 1.66401, 1.567
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from selection.errors import AnalysisError
-from selection.forces import (
+from damping.errors import AnalysisError
+from damping.forces import (
     CATALOGUE,
     Coulomb,
     CubicStiffness,
@@ -25,9 +25,9 @@ from selection.forces import (
     VelocitySquared,
     Viscous,
 )
-from selection.response.branches import branches, sweep
-from selection.response.integrate import TimeState, steady_state_in_time, sweep_in_time
-from selection.response.motion import Oscillator, State, advance, at_rest
+from damping.predict.branches import branches, sweep
+from damping.predict.integrate import TimeState, steady_state_in_time, sweep_in_time
+from damping.predict.integration import Oscillator, State, advance, at_rest
 
 M, omega_n, F = 2.0, 10.0, 5.0
 K = M * omega_n**2

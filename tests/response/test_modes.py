@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selection.errors import AnalysisError, InputError
-from selection.response.modes import (
+from damping.errors import AnalysisError, InputError
+from damping_reed1970.chapter_2.masses import (
     Damper,
     damping_matrix,
     modal_damping,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from selection.forces import (
+from damping.forces import (
     Coulomb,
     CubicStiffness,
     Displacement,
@@ -20,8 +20,8 @@ from selection.forces import (
     VelocitySquared,
     Viscous,
 )
-from selection.forces.derived import damping_term
-from selection.response.ritz import (
+from damping.forces.powers import damping_term
+from damping.predict.steady import (
     backbone,
     complex_stiffness,
     phase_lag,
@@ -101,7 +101,7 @@ def test_resonant_amplitude_solves_C_equals_F(force: Force) -> None:
 
 def test_power_laws_in_closed_form() -> None:
     """A = (1/omega) (beta F/alpha)^(1/p) (Eq 4.3.25, erratum E4325)."""
-    from selection.forces.derived import beta
+    from damping.forces.powers import beta
 
     p, alpha, F = 1.859, 0.1917, np.array([19.37, 90.0])
     expected = (beta(p) * F / alpha) ** (1 / p) / omega_n

@@ -8,14 +8,14 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from pipelines.cli import main
-from pipelines.sweep import simulated_force, sweep
-from selection.errors import AnalysisError, InputError
-from selection.forces import CubicStiffness, Sum, Viscous
-from selection.records.mode import Mode, mode_to_toml, read_mode
-from selection.records.reading import read_record
-from selection.response.branches import sweep as averaged_sweep
-from selection.response.ritz import steady_state
+from damping.errors import AnalysisError, InputError
+from damping.forces import CubicStiffness, Sum, Viscous
+from damping.predict.branches import sweep as averaged_sweep
+from damping.predict.steady import steady_state
+from damping.records.mode import Mode, mode_to_toml, read_mode
+from damping.records.reading import read_record
+from damping_pipelines.cli import main
+from damping_pipelines.sweep import simulated_force, sweep
 
 MODEL = """
 [mode]
@@ -48,7 +48,7 @@ def test_record_holds_the_steady_states(model: Path, tmp_path: Path) -> None:
     assert list(table.columns) == ["sweep", "force", "frequency", "amplitude", "phase"]
     assert table["sweep"].tolist() == ["A"] * 15 + ["B"] * 15
     np.testing.assert_allclose(table["frequency"][:15], np.linspace(1.63, 1.70, 15), rtol=1e-15)
-    from selection.forces import DisplacementVelocity
+    from damping.forces import DisplacementVelocity
 
     force = Sum((Viscous(1.1), DisplacementVelocity(0.6)))
     omega, omega_n = 2 * np.pi * table["frequency"].to_numpy(), 2 * np.pi * 1.664

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from selection.loads.calibration import (
+from damping.extrapolation.plan import plan_loads
+from damping.extrapolation.prediction import Member, predict
+from damping.infer.evidence import evidence
+from damping.infer.law import Coordinates, Law
+from damping_validation.calibration import (
     CANDIDATES,
     LEVEL,
     RANKED,
@@ -15,12 +19,9 @@ from selection.loads.calibration import (
     ecdf_band,
     is_uniform,
     rank_trial,
+    simulated_levels,
+    structures,
 )
-from selection.loads.plan import plan_loads
-from selection.loads.prediction import Member, predict
-from selection.loads.simulated import simulated_levels, structures
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
 
 #: One group: the trials that every test looks at are made once.
 pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]

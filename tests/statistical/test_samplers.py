@@ -9,11 +9,10 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import kurtosis, norm
 
-from selection.posterior.evidence import evidence
-from selection.posterior.law import Coordinates, Law
-from selection.posterior.likelihood import log_likelihood, log_posterior, log_prior
-from selection.posterior.proposal import Proposal
-from selection.posterior.sampling import Start, Target, run, sample
+from damping.infer.chains import Start, Target, run, sample
+from damping.infer.evidence import evidence
+from damping.infer.importance import Proposal
+from damping.infer.law import Coordinates, Law, log_likelihood, log_posterior, log_prior
 
 pytestmark = pytest.mark.sampling
 

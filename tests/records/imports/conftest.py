@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 import pyuff
 
-from selection.records.imports.reading import read_file
-from selection.records.imports.series import Stated
-from selection.records.imports.steady import steady_record
-from selection.records.imports.summary import Imported
+from damping.formats.reading import read_file
+from damping.formats.series import Imported, Stated
+from damping.formats.steady import steady_record
 
 
 @dataclass(frozen=True)

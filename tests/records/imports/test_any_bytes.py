@@ -12,10 +12,10 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from selection.errors import InputError
-from selection.records.imports.reading import read_file
-from selection.records.imports.series import Stated
-from selection.records.imports.steady import steady_record
+from damping.errors import InputError
+from damping.formats.reading import read_file
+from damping.formats.series import Stated
+from damping.formats.steady import steady_record
 
 HEADER = (
     "    -1\n{kind}\nt\nNONE\nNONE\nNONE\nNONE\n"

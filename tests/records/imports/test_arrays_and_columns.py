@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 import scipy.io
 
-from selection.errors import InputError
-from selection.records.imports.arrays import read_arrays
-from selection.records.imports.reading import read_file
-from selection.records.imports.series import Stated
+from damping.errors import InputError
+from damping.formats.arrays import read_arrays
+from damping.formats.reading import read_file
+from damping.formats.series import Stated
 
 SI = {"units": {"response": "m/N", "force": "N"}, "response": "receptance"}
 #: Roundings of a few operations in double precision.

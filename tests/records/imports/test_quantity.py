@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selection.errors import InputError
-from selection.records.imports.quantity import Unit, unit
+from damping.errors import InputError
+from damping.formats.quantity import Unit, unit
 
 INCH, LBF, G = 0.0254, 4.4482216152605, 9.80665  # by definition, m, N, m/s^2
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from selection.errors import InputError
+from damping.errors import InputError
 
 ORDERS = {"receptance": (0, 8, "m"), "mobility": (1, 11, "m/s"), "accelerance": (2, 12, "m/s^2")}
 

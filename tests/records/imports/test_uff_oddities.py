@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selection.errors import InputError
-from selection.records.imports.reading import read_file
-from selection.records.imports.series import Series, Stated
+from damping.errors import InputError
+from damping.formats.reading import read_file
+from damping.formats.series import Series, Stated
 
 Read = Callable[..., Series]
 

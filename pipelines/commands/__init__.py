@@ -1,1 +1,0 @@
-"""Commands that ``pipelines/cli.py`` registers: files people bring and take away, and folders of results."""

@@ -1,0 +1,276 @@
+"""The command line ``damping``: options in, one stage function called, exit codes out (0 done, 1 cannot, 2 bad input).
+
+Heavy packages are imported by the command that needs them, so that ``damping --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.exceptions import TyperException
+
+from damping.errors import AnalysisError, InputError
+from damping_pipelines import cli_files as files
+from damping_pipelines import cli_files as results
+from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
+
+app = typer.Typer(
+    name="damping",
+    help="From a vibration test: the damping law, how sure we are of it, and the resonance at the design load.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@app.command()
+def study(
+    settings: Annotated[
+        Path | None, typer.Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
+    png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
+) -> None:
+    """Rank, sample, extrapolate and report: the whole study."""
+    from damping_pipelines.study import run_study
+
+    run_study(settings, out, seed, png=png)
+
+
+@app.command()
+def regress(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
+    response: Annotated[str, typer.Option("--response", metavar="COL", help="The dependent column.")],
+    terms: Annotated[list[str], typer.Option("--terms", metavar='"T1, T2"', help="Terms; repeat for several curves.")],
+    select: Annotated[str, typer.Option("--select", help="none, backward, forward, stepwise or best.")] = "none",
+    criterion: Annotated[str, typer.Option("--criterion", help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
+    nonnegative: Annotated[bool, typer.Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
+    t_stop: Annotated[float | None, typer.Option("--t-stop", help="Drop while the least |T| is below.")] = None,
+    plots: Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw the deviations here.")] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """The SHARE multivariate regression program on any table (report, section 5.2)."""
+    from damping_pipelines.regress import regress as run
+
+    run(data, response, terms, select, criterion, nonnegative, t_stop, json_out, plots, max_size)
+
+
+@app.command()
+def rank(
+    record: RecordArgument,
+    mode: ModeOption,
+    json_out: Json = None,
+    seed: Seed = DEFAULT_SEED,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """List every candidate damping law, best first."""
+    from damping_pipelines.rank import rank as run
+
+    run(record, mode, json_out, seed, max_size)
+
+
+@app.command()
+def extrapolate(
+    record: RecordArgument,
+    mode: ModeOption,
+    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Design force; repeat for several.")],
+    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    json_out: Json = None,
+    seed: Seed = DEFAULT_SEED,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Resonant amplitude at forces beyond the test, with bands."""
+    from damping_pipelines.rank import extrapolate as run
+
+    run(record, mode, force, level, json_out, seed, max_size)
+
+
+@app.command()
+def sweep(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
+    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Force level; repeat for several.")],
+    frequency: Annotated[str, typer.Option("--frequency", metavar="LO:HI:N", help="Frequencies, Hz.")],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    direction: Annotated[str, typer.Option("--direction", help="up or down.")] = "up",
+    method: Annotated[str, typer.Option("--method", help="ritz (averaged) or time (integrated).")] = "ritz",
+) -> None:
+    """Steady-state sweeps of a model, as a record."""
+    from damping_pipelines.sweep import sweep as run
+
+    run(model, force, frequency, out, direction, method)
+
+
+@app.command()
+def condition(
+    raw: Annotated[Path, typer.Argument(metavar="RAW.csv", help="Accelerometer table.")],
+    config: Annotated[
+        Path, typer.Option("--config", metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    steps: Annotated[
+        Path | None, typer.Option("--steps", metavar="DIR", help="One table a step, with what it took.")
+    ] = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Accelerometer table to modal record (report, chapter III)."""
+    from damping_pipelines.condition import condition as run
+
+    run(raw, config, out, steps, max_size)
+
+
+@app.command()
+def gap(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
+    record: Annotated[Path | None, typer.Argument(metavar="RECORD.csv", help="The measured record.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
+    model_out: Annotated[
+        Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
+    ] = None,
+    json_out: Json = None,
+    posterior: Annotated[
+        bool | None,
+        typer.Option("--posterior/--no-posterior", help="Sample the leading explanation (default: one record)."),
+    ] = None,
+    seed: Seed = DEFAULT_SEED,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes for a folder of cases.")] = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Diagnose the gap between a simulation and a test."""
+    from damping_pipelines.gap import gap as run
+
+    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs)
+
+
+@app.command()
+def blind(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
+    cases: Annotated[int, typer.Option("--cases", help="Number of cases.")] = 1500,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+) -> None:
+    """Check the diagnosis on generated data whose effect is withheld."""
+    from damping_validation.blind import blind as run
+    from damping_validation.generator import BLIND_SEED
+
+    run(out, cases, BLIND_SEED if seed is None else seed, jobs)
+
+
+app.command("import")(files.import_)
+app.command("export")(files.export)
+app.command("compare")(results.compare)
+app.command("verify")(results.verify)
+
+
+@app.command()
+def bands(
+    records: Annotated[Path, typer.Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
+    seed: Seed = DEFAULT_SEED,
+) -> None:
+    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
+    from damping_validation.bands import bands_page as run
+
+    run(records, out, seed)
+
+
+@app.command()
+def calibrate(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
+    seed: Seed = DEFAULT_SEED,
+    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+) -> None:
+    """Check on known structures that bands and posteriors hold what they say."""
+    from damping_validation.calibrate import calibrate as run
+
+    run(out, quick, seed, jobs)
+
+
+@app.command()
+def fleet(
+    records: Annotated[
+        Path, typer.Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go; what is there is not redone.")],
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
+    ] = None,
+    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes of the local cluster; 0: none, one by one.")
+    ] = None,
+    force: Annotated[
+        list[float] | None,
+        typer.Option("--force", metavar="F", help="Design force; without it 1.5 and 2 times the largest tested."),
+    ] = None,
+    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    seed: Seed = DEFAULT_SEED,
+    dashboard: Annotated[
+        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
+    ] = "127.0.0.1:8787",
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
+    ] = False,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Rank, extrapolate and diagnose many records on Dask."""
+    from damping_pipelines.fleet.command import fleet as run
+
+    run(
+        records,
+        out,
+        scheduler=scheduler,
+        fast=fast,
+        workers=workers,
+        forces=tuple(force or ()),
+        level=level,
+        seed=seed,
+        dashboard=None if dashboard == "off" else dashboard,
+        replace=replace,
+        max_size=max_size,
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
+    if arguments is None and sys.argv[1:2] == ["fleet"]:
+        # what has come is written and the cluster ended in order; other commands end at once, with their processes
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
+        if code == 130:  # typer turns an interrupt into this code, without a word
+            raise typer.Abort
+    except InputError as error:
+        code = _fail(str(error), 2)
+    except AnalysisError as error:
+        code = _fail(str(error), 1)
+    except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
+        code = _fail(" ".join(error.format_message().split()), 2)
+    except (typer.Abort, KeyboardInterrupt):
+        code = _fail("interrupted; nothing half-written is left behind", 130)
+    except BrokenPipeError:
+        code = 0
+    except MemoryError:
+        code = _fail("not enough memory for this input", 1)
+    except Exception as error:  # a mistake of ours: the promise is one line, never a traceback
+        if os.environ.get("DAMPING_TRACEBACK"):
+            raise
+        line = f"{type(error).__name__}: {error}".splitlines()[0]
+        code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"damping: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""Commands on files that people bring and take away and on folders of results; options that commands share.
+
+``damping import`` and ``damping export``: options to stages. What each option means is said by ``--help``.
+
+``damping compare`` and ``damping verify``: folders that studies wrote.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from damping.errors import InputError
+
+MAX_SIZE = 200_000_000
+DEFAULT_SEED = 1970
+
+Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is sampled.")]
+MaxSize = Annotated[int, typer.Option("--max-size", help="Largest input file accepted, bytes.")]
+RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
+ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
+
+
+_File = Annotated[Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, CSV or readings of a lock-in.")]
+_Units = typer.Option("--units", metavar="si|us", help="Convert to N and m, or lbf and in.")
+
+
+def import_(
+    file: _File,
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    file_format: Annotated[
+        str, typer.Option("--format", help="auto, uff, mat, hdf5, csv or lock-in; auto looks into the file.")
+    ] = "auto",
+    column: Annotated[
+        list[str] | None, typer.Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeat.")
+    ] = None,
+    response: Annotated[
+        str | None,
+        typer.Option("--response", help="receptance, mobility, accelerance, displacement, velocity or acceleration."),
+    ] = None,
+    scaling: Annotated[str | None, typer.Option("--scaling", help="Amplitudes are peak, rms or peak-to-peak.")] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy or mass; repeat."),
+    ] = None,
+    consistent: Annotated[
+        bool, typer.Option("--consistent", help="All values are of one system of units: take them as they are.")
+    ] = False,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option("--scale", metavar="WHAT=X", help="Factor (sensitivity) of force or response; repeat."),
+    ] = None,
+    to: Annotated[
+        str, typer.Option("--to", metavar="si|us", help="Units of the record: N and m, or lbf and in.")
+    ] = "si",
+    force: Annotated[
+        list[float] | None, typer.Option("--force", metavar="F", help="Force amplitude: one, or one for each sweep.")
+    ] = None,
+    label: Annotated[list[str] | None, typer.Option("--label", metavar="L", help="Label of each sweep.")] = None,
+    dataset: Annotated[
+        list[int] | None, typer.Option("--dataset", metavar="N", help="Data set 58 to take, from 1; repeat.")
+    ] = None,
+    band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Frequencies to take, Hz.")] = None,
+    reverse: Annotated[bool, typer.Option("--reverse", help="The sensor is mounted against the force.")] = False,
+    delimiter: Annotated[str, typer.Option("--delimiter", help="comma, semicolon, tab or space.")] = "comma",
+    decimal: Annotated[str, typer.Option("--decimal", help="Mark in numbers: point or comma.")] = "point",
+    skip: Annotated[int, typer.Option("--skip", min=0, help="Lines before the header of a CSV file.")] = 0,
+    ring_down: Annotated[
+        bool, typer.Option("--ring-down", help="Time histories are free decays of the mode of --mode.")
+    ] = False,
+    mode: Annotated[
+        Path | None, typer.Option("--mode", metavar="MODE.toml", help="Mode of the free decays: frequency, mass.")
+    ] = None,
+    periods: Annotated[float | None, typer.Option("--periods", help="Window of a decay, periods.")] = None,
+    levels: Annotated[int | None, typer.Option("--levels", help="Most levels taken of a decay.")] = None,
+    start: Annotated[float | None, typer.Option("--start", help="Where the decay starts, s.")] = None,
+    end: Annotated[float | None, typer.Option("--end", help="Where it ends, s.")] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """A laboratory's file to a record; shows what was understood."""
+    from damping.formats.series import Stated
+    from damping_pipelines.import_ import RingDown, import_file, pairs, scales
+    from damping_pipelines.import_ import band as of_band
+
+    stated = Stated(
+        format=file_format,
+        columns=pairs("--column", column or ()),
+        response=response,
+        scaling=scaling,
+        units=pairs("--unit", unit or ()),
+        consistent=consistent,
+        scale=scales(scale or ()),
+        system=to,
+        forces=tuple(force or ()),
+        labels=tuple(label or ()),
+        datasets=tuple(dataset or ()),
+        band=of_band(band),
+        reverse=reverse,
+        delimiter=delimiter,
+        skip=skip,
+        decimal=decimal,
+    )
+    options = {"periods": periods, "levels": levels, "start": start, "end": end}
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    if not ring_down and (mode is not None or given):
+        name = "mode" if mode is not None else next(iter(given))
+        raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
+    if ring_down and mode is None:
+        raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
+    decay = RingDown(mode, **given) if mode is not None else None
+    import_file(file, out, stated, decay, json_out, max_size)
+
+
+def export(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="Record (CSV), or a ranking or loads form (JSON).")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Its ending says the format: .uff, .unv, .csv or .parquet.")
+    ],
+    units: Annotated[str | None, _Units] = None,
+    given: Annotated[
+        str | None, typer.Option("--from", metavar="si|us", help="Units the record is in, where no mode names them.")
+    ] = None,
+    mode: Annotated[
+        Path | None, typer.Option("--mode", metavar="MODE.toml", help="Mode that names the units of the record.")
+    ] = None,
+    mode_out: Annotated[
+        Path | None, typer.Option("--mode-out", metavar="FILE.toml", help="Write the converted mode here.")
+    ] = None,
+    text: Annotated[bool, typer.Option("--text", help="Values of a universal file as text, not bytes.")] = False,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Records, rankings and loads to other formats and units."""
+    from damping_pipelines.export import export as run
+
+    run(source, out, units=units, given=given, mode=mode, mode_out=mode_out, text=text, max_size=max_size)
+
+
+_Folders = Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders that damping study wrote.")]
+
+
+def compare(
+    folders: _Folders,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="The page written.")],
+) -> None:
+    """Set studies side by side: rankings, predictions, posteriors."""
+    from damping_pipelines.compare import compare as run
+
+    run(folders, out)
+
+
+def verify(folders: _Folders) -> None:
+    """Check that every file of a folder is of one finished run."""
+    from damping_pipelines.compare import check
+
+    check(folders)

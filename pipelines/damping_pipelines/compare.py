@@ -1,0 +1,166 @@
+"""``damping compare``: studies side by side on one page. Each is read by its manifest, so that none is of two runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pandas as pd
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from damping.errors import InputError
+from damping.records.text import shortened, unguarded
+from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, comparison_page
+from damping_pipelines.forms import LoadsForm, RankForm
+from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
+from damping_pipelines.store import refuse_inputs, write_text
+from damping_pipelines.study import versions
+
+_RANKING = ["law", "rank", "weight", "held_out_error", "average_absolute_percent"]
+_LOADS = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
+_POSTERIORS = ["law", "parameter", "unit", "low", "median", "high"]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class _Units(_Table):
+    force: str = ""
+    length: str = ""
+
+
+class _Record(_Table):
+    name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+    title: str = ""
+    units: _Units = _Units()
+    rank: RankForm
+    loads: LoadsForm | None = None
+
+
+class _Summary(_Table):
+    format: Literal["study/1"]
+    title: str
+    seed: int
+    level: float
+    records: list[_Record]
+
+
+_Number = Annotated[float | None, BeforeValidator(lambda text: None if text == "" else text)]
+_Text = Annotated[str, BeforeValidator(lambda text: unguarded(str(text)))]
+
+
+class _Posterior(_Table):
+    """A row of ``NAME-posteriors.csv``."""
+
+    law: _Text
+    parameter: _Text
+    unit: _Text = ""
+    low: _Number
+    median: _Number
+    high: _Number
+
+
+def compare(folders: Sequence[Path], out: Path) -> None:
+    """Write the page that sets the studies in ``folders`` side by side.
+
+    Raises:
+        InputError: fewer than two folders, one that is no finished study, or whose files are of two runs; an ``out``
+            that is a file of one of the studies.
+    """
+    if not 2 <= len(folders) <= MOST_STUDIES:
+        raise InputError(f"{len(folders)} folders", expected=f"two to {MOST_STUDIES} folders of studies")
+    names = _names(folders)
+    opened = [open_folder(folder) for folder in folders]
+    for one in opened:
+        refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
+    studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
+    write_text(out, comparison_page(studies, versions()))
+    print(f"{out} written")
+
+
+def check(folders: Sequence[Path]) -> None:
+    """Print that each folder is of one finished run, file by file. InputError for the first that is not."""
+    for folder in folders:
+        manifest = verify(folder).manifest
+        print(f"{folder}: {len(manifest.outputs)} files of one run, seed {manifest.seed}")
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """What each folder is called on the page: its own name, after those above it where two have one name."""
+    resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
+    if len(set(resolved)) < len(resolved):
+        raise InputError("a folder is given twice", expected="different folders")
+    return [_shortest(path, resolved) for path in resolved]
+
+
+def _shortest(path: Path, among: Sequence[Path]) -> str:
+    """The least end of a path that no other one has."""
+    ends = [path.parts[-n:] for n in range(1, len(path.parts) + 1)]
+    alone = next((end for end in ends if sum(other.parts[-len(end) :] == end for other in among) == 1), path.parts)
+    return shortened("/".join(alone), 60)
+
+
+def _study(folder: Folder, name: str) -> StudySummary:
+    content = folder.read("summary.json")
+    summary: _Summary = _checked(_Summary, content, folder.path / "summary.json")
+    return StudySummary(
+        name=name,
+        title=summary.title,
+        seed=summary.seed,
+        level=summary.level,
+        inputs=folder.manifest.inputs,
+        versions=folder.manifest.versions,
+        records={record.name: _record(record, folder) for record in summary.records},
+        digest=digest(content),
+    )
+
+
+def _record(record: _Record, folder: Folder) -> RecordSummary:
+    ranking = [model.model_dump() | {"law": model.name} for model in record.rank.models]
+    loads = [one.model_dump() for one in record.loads.predictions] if record.loads else []
+    return RecordSummary(
+        title=record.title,
+        units=(record.units.force, record.units.length),
+        ranking=_frame(ranking, _RANKING),
+        loads=_frame(loads, _LOADS),
+        posteriors=_frame(_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
+    )
+
+
+def _posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
+    """Rows of a table of posteriors; none where the study has no such file."""
+    if name not in folder.manifest.outputs:
+        return []
+    path = folder.path / name
+    try:
+        rows = list(csv.DictReader(io.StringIO(folder.read(name).decode()), strict=True))
+        return [_Posterior.model_validate(row).model_dump() for row in rows]
+    except ValidationError as error:
+        raise _wrong(error, path) from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"not CSV: {error}", file=path) from None
+
+
+def _checked(form: type[_Summary], content: bytes, path: Path) -> _Summary:
+    try:
+        return form.model_validate_json(content)
+    except ValidationError as error:
+        raise _wrong(error, path) from None
+
+
+def _wrong(error: ValidationError, path: Path) -> InputError:
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    return InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a file that a study wrote")
+
+
+def _frame(rows: list[dict[str, Any]], columns: list[str]) -> pd.DataFrame:
+    """Columns of text and of numbers, missing ones NaN."""
+    table = pd.DataFrame(rows, columns=columns)
+    text = {"law", "parameter", "unit"}
+    return table.astype({name: "str" if name in text else "float64" for name in columns})

@@ -1,0 +1,181 @@
+"""One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from damping.errors import DampingError, InputError
+from damping.extrapolation import LEAST_WEIGHT, members_of, sample_members
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.plan import Plan, load_candidates, plan_loads
+from damping.extrapolation.prediction import Loads, predict
+from damping.gap.diagnose import Diagnosis, diagnose
+from damping.infer.evidence import Estimate, evidence, laplace, remembered
+from damping.infer.observations import Observations, observe
+from damping.ranking import Ranking, rank_laws
+from damping.ranking.candidates import candidate_laws
+from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record
+from damping.records.record import Record
+from damping.report.gap_page import gap_page
+from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
+from damping_pipelines.fleet.inputs import MULTIPLES, Result, Task, printable
+from damping_pipelines.fleet.record_page import FleetRecord, failed_page, record_page
+
+#: Stem of the model file while it is read; a mode without a name gets that of the record instead.
+_UNNAMED = "mode-without-a-name"
+#: Forces over which bands are drawn.
+_GRID = 40
+Found = TypeVar("Found")
+
+
+def analyse(task: Task) -> Result:
+    """Rank, extrapolate and, where there is a model, diagnose; a stage that cannot be done gives its reason.
+
+    Equal tasks give equal results, wherever and in whatever company they run.
+    """
+    if task.problem:
+        return failed(task, task.problem)
+    try:
+        record, mode = _read(task)
+        data = observe(record)
+    except DampingError as error:
+        return failed(task, printable(str(error)))
+    return _Analysis(task, record, mode, data).result()
+
+
+def failed(task: Task, reason: str) -> Result:
+    """The row and the page of a record that failed."""
+    row = row_of(task) | {"reason": reason}
+    settings = task.settings
+    page = failed_page(task.name, reason, settings.method, task.seed, settings.versions, _inputs(task))
+    return Result(row, {row["report"]: page})
+
+
+def _inputs(task: Task) -> dict[str, str]:
+    names = ("data.csv", "model.toml") if task.is_model else (f"{task.name}.csv", f"{task.name}.toml")
+    return dict(zip(names, task.digests, strict=True))
+
+
+def _read(task: Task) -> tuple[Record, Mode]:
+    """Record and mode; messages name the files as the user knows them."""
+    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), _inputs(task), strict=True))
+    with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
+        paths = [Path(folder, name) for name in names]
+        for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
+            with path.open("wb") as stream:
+                stream.write(content or b"")
+        try:
+            record, mode = read_record(paths[0]), read_mode(paths[1])
+        except InputError as error:
+            known = names[Path(error.file).name] if error.file else None
+            raise InputError(
+                error.message, file=known, line=error.line, column=error.column, expected=error.expected
+            ) from error
+    first, second = names.values()
+    name = task.name if mode.name == _UNNAMED else mode.name
+    return replace(record, source=first), replace(mode, source=second, name=name)
+
+
+class _Analysis:
+    """The stages of one record; each is tried whatever became of the others."""
+
+    def __init__(self, task: Task, record: Record, mode: Mode, data: Observations) -> None:
+        self.task, self.record, self.mode, self.data = task, record, mode, data
+        self.estimate: Estimate = remembered(laplace if task.settings.fast else evidence)
+        self.reasons: list[str] = []
+
+    def result(self) -> Result:
+        """Everything, as a row and pages."""
+        task = self.task
+        row = row_of(task) | {
+            "mode": self.mode.name,
+            "units_force": self.mode.units.force,
+            "units_length": self.mode.units.length,
+            "rows": len(self.record),
+            "levels": len(self.data.sweeps),
+            "largest_tested_force": self.data.tested_force.max(),
+        }
+        pages: dict[str, str] = {}
+        ranking = self._tried("rank", self._rank)
+        loads = self._tried("extrapolate", self._loads)
+        diagnosed = task.is_model or bool(self.mode.damping)
+        diagnosis = self._tried("gap", self._gap) if diagnosed else None
+        row |= ranking_columns(ranking) if ranking else {}
+        row |= loads_columns(loads.design, loads.plan) if loads else {}
+        if diagnosis:
+            row |= gap_columns(diagnosis)
+            pages[f"{report_stem(task)}-gap.html"] = gap_page(
+                diagnosis, None, task.seed, task.settings.versions, _inputs(task)
+            )
+        done = [part for part in (ranking, loads, diagnosis) if part is not None]
+        row["status"] = "failed" if not done else "partial" if self.reasons else "done"
+        row["reason"] = "; ".join(self.reasons)
+        pages[row["report"]] = record_page(self._page(ranking, loads, diagnosis))
+        return Result(row, pages)
+
+    def _tried(self, stage: str, work: Callable[[], Found]) -> Found | None:
+        try:
+            return work()
+        except DampingError as error:
+            self.reasons.append(f"{stage}: {printable(str(error))}")
+            return None
+
+    def _rank(self) -> Ranking:
+        fast = self.task.settings.fast
+        return rank_laws(
+            self.data, self.task.seed, candidate_laws(self.data), estimate=self.estimate, hold_out=not fast
+        )
+
+    def _gap(self) -> Diagnosis:
+        return diagnose(self.record, self.mode)
+
+    def _loads(self) -> _Predicted:
+        settings, seed = self.task.settings, self.task.seed
+        data = near_resonance(self.record)
+        largest = data.tested_force.max()
+        forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
+        plan = plan_loads(data, load_candidates(data), seed, mass=self.mode.mass, estimate=self.estimate)
+        members = members_of(plan, LEAST_WEIGHT) if settings.fast else sample_members(plan, forces, seed)
+        repeatability = self.mode.repeatability.amplitude or 0.0
+        design = predict(members, forces, data, settings.level, seed, plan, repeatability)
+        bands = None
+        if not settings.fast:
+            grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
+            bands = predict(members, grid, data, settings.level, seed, plan, repeatability)
+        return _Predicted(plan, design, bands)
+
+    def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
+        task = self.task
+        return FleetRecord(
+            name=task.name,
+            mode=self.mode,
+            record=self.record,
+            data=self.data,
+            method=task.settings.method,
+            ranking=ranking,
+            design=loads.design if loads else None,
+            bands=loads.bands if loads else None,
+            diagnosis=diagnosis,
+            gap_report=f"{Path(report_stem(task)).name}-gap.html",
+            reasons=tuple(self.reasons),
+            own_forces=not task.settings.forces,
+            seed=task.seed,
+            versions=task.settings.versions,
+            inputs=_inputs(task),
+        )
+
+
+@dataclass(frozen=True)
+class _Predicted:
+    """What extrapolation gave; ``bands`` over a grid of forces, None with ``--fast``."""
+
+    plan: Plan
+    design: Loads
+    bands: Loads | None

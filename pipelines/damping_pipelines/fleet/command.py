@@ -1,0 +1,223 @@
+"""The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+
+from distributed import Client
+
+from damping.errors import AnalysisError, InputError
+from damping_pipelines.fleet.dataset import DataSet
+from damping_pipelines.fleet.inputs import MULTIPLES, Case, Result, Settings, Task, find_cases, tasks_of
+from damping_pipelines.fleet.page import COLUMNS, fleet_page
+from damping_pipelines.fleet.runners import DIED, INTERNAL, PATIENCE, check_address, connected, distributed, serial
+from damping_pipelines.manifest import sole_writer
+from damping_pipelines.rank import check_forces
+from damping_pipelines.store import write_text
+from damping_pipelines.study import versions
+from damping_pipelines.terminal import Advance, console, progress
+
+#: Rows of a batch at most, and seconds after which one is written however few it has: what a lost power costs.
+BATCH, PERIOD = 32, 5.0
+
+
+def fleet(
+    records: Path,
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    fast: bool = False,
+    workers: int | None = None,
+    forces: tuple[float, ...] = (),
+    level: float = 0.9,
+    seed: int = 0,
+    dashboard: str | None = None,
+    replace: bool = False,
+    max_size: int,
+) -> None:
+    """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
+
+    Args:
+        scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
+            record after the other).
+        fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
+        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+        replace: drop what ``out`` holds of other records, settings or versions.
+
+    Raises:
+        InputError: bad usage or input, or results in ``out`` that would be lost.
+        AnalysisError: every record failed, or the workers are gone.
+    """
+    check_forces(list(forces), level)
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    check_address(dashboard)
+    settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
+    cases = find_cases(records)
+    with sole_writer(out):
+        _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
+
+
+def _fleet(
+    cases: list[Case],
+    out: Path,
+    settings: Settings,
+    scheduler: str | None,
+    workers: int | None,
+    dashboard: str | None,
+    *,
+    replace: bool,
+) -> None:
+    kept = DataSet(out / "records")
+    book = _Book(kept, out, _final(kept))
+    if not replace:
+        _refuse_loss(kept, tasks_of(cases, settings))
+    with progress("fleet", len(cases)) as done:
+        tasks = book.new(tasks_of(cases, settings), done)
+        first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
+        tasks = itertools.chain(first, tasks)
+        if not first or (scheduler is None and workers == 0):
+            book.keep(serial(tasks), done)
+        else:
+            with connected(scheduler, workers, dashboard) as client:
+                _greet(client, done, shown=scheduler is not None or dashboard is not None)
+                if scheduler is not None:
+                    _same_versions(client, settings)
+                book.keep(distributed(client, tasks), done)
+    _drop(out, book.wanted, kept)
+    _finish(out, kept, settings)
+
+
+@dataclass
+class _Book:
+    """What is there, what is wanted, and results not written yet."""
+
+    kept: DataSet
+    out: Path
+    there: set[str]
+    wanted: set[str] = field(default_factory=set)
+    results: list[Result] = field(default_factory=list)
+    written: float = field(default_factory=time.monotonic)
+
+    def new(self, tasks: Iterable[Task], done: Advance) -> Iterator[Task]:
+        """Tasks whose results are not there."""
+        known = 0
+        for task in tasks:
+            self.wanted.add(task.key)
+            if task.key in self.there:
+                known += 1
+                continue
+            if known:
+                done("done in an earlier run", known)
+                known = 0
+            yield task
+        if known:
+            done("done in an earlier run", known)
+
+    def keep(self, results: Iterator[Result], done: Callable[[str], None]) -> None:
+        """Write results in batches as they come; what has come is written even when the run is interrupted."""
+        try:
+            for result in results:
+                self.results.append(result)
+                row = result.row
+                done(row["name"] + (f" {row['status']}: {row['reason']}" if row["reason"] else ""))
+                if len(self.results) >= BATCH or time.monotonic() - self.written > PERIOD:
+                    self.flush()
+        finally:
+            self.flush()
+
+    def flush(self) -> None:
+        """Pages first, so that a row never lacks its page."""
+        for result in self.results:
+            for name, html in result.pages.items():
+                write_text(self.out / name, html)
+        self.kept.add([result.row for result in self.results])
+        self.results, self.written = [], time.monotonic()
+
+
+def _final(kept: DataSet) -> set[str]:
+    """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
+    table = kept.read(["reason"])
+    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL))
+    final = set(table.loc[~chance, "key"])
+    if chance.any():
+        kept.keep(final)
+    return final
+
+
+def _greet(client: Client, done: Advance, *, shown: bool) -> None:
+    """Say where the scheduler and its dashboard are."""
+    about = client.scheduler_info()
+    said = f"scheduler {about['address']}"
+    if shown and about["services"].get("dashboard"):
+        said += f", dashboard {client.dashboard_link}"
+        if find_spec("bokeh") is None:
+            said += " (its pages need the extra: pip install damping-selection[dashboard])"
+    if not client.ncores():
+        said += f", no worker yet (waiting {PATIENCE:g} s for one)"
+    done(said, 0)
+
+
+def _same_versions(client: Client, settings: Settings) -> None:
+    """Workers of a scheduler that was there before must compute with what this process has.
+
+    Raises:
+        InputError: one does not.
+    """
+    for address, found in client.run(versions).items():
+        for name, version in settings.versions.items():
+            if found.get(name) != version:
+                raise InputError(
+                    f"worker {address} has {name} {found.get(name)}",
+                    expected=f"{version}, as here: results depend on it",
+                )
+
+
+def _refuse_loss(kept: DataSet, tasks: Iterable[Task]) -> None:
+    """InputError where rows are there that this run does not want, though nothing says that their record changed."""
+    names, contents, keys = set(), set(), set()
+    for task in tasks:
+        names.add(task.name)
+        contents.add((task.name, *task.digests))
+        keys.add(task.key)
+    table = kept.read(["record_sha256", "model_sha256"])
+    other = table[~table["key"].isin(keys)]
+    of = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
+    lost = [content[0] for content in of if content[0] not in names or content in contents]
+    if lost:
+        raise InputError(
+            f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}",
+            file=kept.folder,
+            expected="another --out, or --replace to drop them",
+        )
+
+
+def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
+    """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
+    table = kept.read(["report"])
+    for report in table.loc[~table["key"].isin(wanted), "report"]:
+        stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
+        for name in (f"{stem}.html", f"{stem}-gap.html"):
+            (out / "reports" / name).unlink(missing_ok=True)
+    kept.keep(wanted)
+
+
+def _finish(out: Path, kept: DataSet, settings: Settings) -> None:
+    """The page of the fleet, and what to say at the end."""
+    table = kept.read(COLUMNS)
+    asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
+    write_text(out / "fleet.html", fleet_page(table, settings.method, asked, settings.seed, settings.versions))
+    counts = table["status"].value_counts()
+    said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
+    console().print(
+        f"{len(table)} records: {said}. {out / 'fleet.html'} and {kept.folder} written", highlight=False, markup=False
+    )
+    if not len(table.loc[table["status"] != "failed"]):
+        raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")

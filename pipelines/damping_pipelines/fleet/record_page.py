@@ -1,0 +1,224 @@
+"""The page of one record of a fleet: law, design loads and diagnosis in short, with what they rest on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from damping.extrapolation.prediction import Loads
+from damping.gap.diagnose import Diagnosis
+from damping.infer.observations import Observations
+from damping.plots.design_loads import design_loads
+from damping.plots.style import identifier, to_svg
+from damping.ranking import Ranking
+from damping.records.mode import Mode
+from damping.records.record import Record
+from damping.report import tables
+from damping.report.gap_page import doubts, following, place, reach, verdict
+from damping.report.page import (
+    Block,
+    Callout,
+    Facts,
+    FigureBlock,
+    Footer,
+    Link,
+    Links,
+    List,
+    Section,
+    Table,
+    Text,
+    page,
+)
+from damping.report.words import between, count, force_text, number, percent, quantity, share, signed
+
+
+@dataclass(frozen=True)
+class FleetRecord:
+    """What became of a record; a stage that was not asked for or failed is None.
+
+    Attributes:
+        method: how posteriors were had. bands: over a grid of forces, None where they were not wanted.
+        gap_report: address of the diagnosis' own page. reasons: of stages that failed.
+        own_forces: whether design forces are multiples of the record's own largest force.
+    """
+
+    name: str
+    mode: Mode
+    record: Record
+    data: Observations
+    method: str
+    ranking: Ranking | None
+    design: Loads | None
+    bands: Loads | None
+    diagnosis: Diagnosis | None
+    gap_report: str
+    reasons: tuple[str, ...]
+    own_forces: bool
+    seed: int
+    versions: Mapping[str, str]
+    inputs: Mapping[str, str]
+
+
+def record_page(one: FleetRecord) -> str:
+    """The page as HTML. Equal arguments give equal text."""
+    sections = [Section("answer", "The answer first", _answer(one))]
+    if one.ranking:
+        sections.append(Section("law", "Which law", _law(one.ranking)))
+    if one.design:
+        sections.append(Section("loads", "Design loads", _loads(one, one.design)))
+    if one.diagnosis:
+        sections.append(Section("gap", "The gap to the simulation", _gap(one.diagnosis, one.gap_report)))
+    sections.append(Section("basis", "What this rests on", _basis(one)))
+    return page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
+
+
+def failed_page(
+    name: str, reason: str, method: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+) -> str:
+    """The page of a record of which nothing could be done."""
+    blocks: list[Block] = [Callout("This record failed", [reason]), Text(f"Posteriors were to be had by {method}.")]
+    return page(name, [Section("answer", "No answer", blocks), _back()], Footer(seed, versions, inputs))
+
+
+def _back() -> Section:
+    return Section("fleet", "The fleet", [Links([Link("Summary of all records", "../fleet.html")])])
+
+
+def _answer(one: FleetRecord) -> list[Block]:
+    blocks: list[Block] = []
+    facts = []
+    if one.ranking:
+        best = max(one.ranking.candidates, key=lambda candidate: candidate.weight)
+        facts.append((best.name, f"law of largest weight ({share(best.weight)})"))
+    if one.design:
+        i, unit = int(one.design.force.argmax()), one.mode.units
+        average = one.design.average
+        facts.append(
+            (
+                quantity(average.median[i], unit.length),
+                f"resonant amplitude at {force_text(one.design.force[i], unit.force)}, "
+                f"{between(average.low[i], average.high[i])}",
+            )
+        )
+        facts.append((signed(one.design.overprediction[i]), "linear damping over that"))
+    if facts:
+        blocks.append(Facts(facts))
+    if one.diagnosis:
+        blocks.append(Text(verdict(one.diagnosis), lead=True))
+    if one.reasons:
+        blocks.append(Callout("What could not be done", one.reasons))
+    return blocks
+
+
+def _law(ranking: Ranking) -> list[Block]:
+    rows = [
+        {
+            "rank": c.rank,
+            "law": c.name,
+            "weight": c.weight,
+            "score": c.score,
+            "held_out_error": c.held_out_error,
+            "average_absolute_percent": c.average_absolute_percent,
+            "coefficients": "; ".join(f"{x.force} {x.shape}".strip() + f" {number(x.value)}" for x in c.coefficients),
+            "cautions": "; ".join(c.cautions),
+        }
+        for c in ranking.candidates
+    ]
+    headings = {
+        "score": "−2 ln Z",
+        "held_out_error": "held-out error (%)",
+        "average_absolute_percent": "mean |%|",
+    }
+    formats = {"weight": share, "held_out_error": percent, "average_absolute_percent": percent, "score": _one_decimal}
+    frame = pd.DataFrame(rows).astype({"rank": "Int64"})
+    if frame["held_out_error"].isna().all():  # not asked for, or one level
+        frame = frame.drop(columns="held_out_error")
+    caption = f"Every candidate, sorted by {ranking.criterion}. Coefficients are least squares, free to be negative."
+    return [Table(frame, caption, formats, headings)]
+
+
+def _one_decimal(value: float) -> str:
+    return f"{value:.1f}".replace("-", "−") if np.isfinite(value) else "–"
+
+
+def _loads(one: FleetRecord, design: Loads) -> list[Block]:
+    blocks: list[Block] = []
+    if one.own_forces:
+        blocks.append(
+            Text("No design force was asked for: these are multiples of the largest tested force of this record.")
+        )
+    if one.bands is not None and np.isfinite(design.average.median).any():
+        blocks.append(_figure(one, design, one.bands))
+    average = design.average
+    frame = pd.DataFrame(
+        {
+            "force": design.force,
+            "times tested": design.ratio,
+            "median": average.median,
+            "predictive": [between(a, b) for a, b in zip(average.low, average.high, strict=True)],
+            "linear": design.linear,
+            "over": design.overprediction,
+            "cautions": ["; ".join(said) for said in design.cautions],
+        }
+    )
+    headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
+    blocks.append(
+        Table(
+            frame,
+            f"Resonant amplitude at the design forces, averaged over models by weight; {one.mode.units}.",
+            {"force": lambda force: f"{force:.6g}", "over": signed},
+            headings,
+        )
+    )
+    weights = pd.DataFrame(
+        {"law": [b.name for b in design.by_model], "weight": [b.weight for b in design.by_model]}
+        | {
+            f"at {force_text(force, one.mode.units.force)}": [
+                f"{number(b.median[i])} ({between(b.low[i], b.high[i])})" for b in design.by_model
+            ]
+            for i, force in enumerate(design.force)
+        }
+    )
+    blocks.append(Table(weights, "Laws that take part, each with its own median and interval", {"weight": share}))
+    return blocks
+
+
+def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
+    data, units = one.data, one.mode.units
+    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
+    drawn = design_loads(
+        tables.loads_table(bands),
+        tables.loads_by_model_table(bands),
+        tested,
+        tables.loads_table(design),
+        bands.level,
+        units.force,
+        units.length,
+        bands.limit,
+    )
+    said = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
+    return FigureBlock(to_svg(drawn, identifier(one.name), f"{one.name}: design loads", said), said)
+
+
+def _gap(diagnosis: Diagnosis, gap_report: str) -> list[Block]:
+    said = [place(diagnosis), *doubts(diagnosis), reach(diagnosis)]
+    rows = [{"explanation": " + ".join(e.effects) or "no effect", "p": e.probability} for e in diagnosis.explanations]
+    return [
+        List([*said, following(diagnosis)]),
+        Table(pd.DataFrame(rows), "Explanations, most probable first", {"p": share}, {"p": "probability"}),
+        *([Callout("Cautions", diagnosis.cautions)] if diagnosis.cautions else []),
+        Links([Link("The whole diagnosis", gap_report)]),
+    ]
+
+
+def _basis(one: FleetRecord) -> list[Block]:
+    data = one.data
+    spoken = [
+        f"{count(len(one.record), 'row')} in {count(len(data.sweeps), 'sweep')}; {one.mode.units}.",
+        f"Tested from {number(data.tested_force.min())} to {number(data.tested_force.max())}.",
+        f"Posteriors by {one.method}" + (", without errors of levels held out." if one.bands is None else "."),
+    ]
+    return [List(spoken), Links([Link("Summary of all records", "../fleet.html")])]

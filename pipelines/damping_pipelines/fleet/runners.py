@@ -1,0 +1,191 @@
+"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import socket
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, Future, KilledWorker, LocalCluster, wait
+
+from damping.errors import AnalysisError, InputError
+from damping_pipelines.fleet.analyse import analyse, failed
+from damping_pipelines.fleet.inputs import Result, Task, printable
+
+#: Tasks under way for each thread of a worker: one at work and one on its way.
+PER_THREAD = 2
+#: Workers that may die under a task before it is set aside, to be tried once more with nothing beside it.
+DEATHS = 3
+#: Seconds without any worker after which a run gives up, what is done being kept.
+PATIENCE = 60.0
+#: Seconds between looks at the workers.
+_LOOK = 1.0
+#: Seconds to wait for a scheduler at an address.
+CONNECT = 10.0
+#: The scheduler has a page of its health even without a dashboard: on the loopback, at any free port.
+_ANY_PORT = "127.0.0.1:0"
+#: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
+_DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+#: How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
+DIED, INTERNAL = "workers died", "internal error"
+_GONE = "the scheduler went away; what is done is kept, run again to go on"
+
+
+Work = Callable[[Task], Result]
+
+
+def serial(tasks: Iterable[Task]) -> Iterator[Result]:
+    """One after the other, in this process."""
+    return map(analyse, tasks)
+
+
+@contextmanager
+def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
+    """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
+
+    Raises:
+        InputError: no scheduler answers at the address.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it, a row or a message says
+    settings = {
+        "distributed.scheduler.allowed-failures": DEATHS,
+        "distributed.scheduler.worker-saturation": 1.0,
+        # a worker keeps a profile of every second for an hour: 100 kB each where calls are nested as deeply as here
+        "distributed.worker.profile.enabled": False,
+    }
+    with dask.config.set(settings), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="(?s).*Port .* already in use")
+        warnings.filterwarnings("ignore", message="(?s).*Sending large graph")
+        if scheduler is not None:
+            with _client(scheduler) as client:
+                yield client
+            return
+        with (
+            LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address=dashboard or _ANY_PORT,
+                scheduler_kwargs={"dashboard": dashboard is not None},
+                silence_logs=logging.CRITICAL,
+                preload=[_DEAF],
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+def check_address(dashboard: str | None) -> None:
+    """InputError unless this is ``HOST:PORT`` of a host that is known, or None."""
+    if dashboard is None:
+        return
+    host, _, port = dashboard.rpartition(":")
+    try:
+        if not (port.isascii() and port.isdigit() and int(port) < 65536):
+            raise OSError("no port")
+        socket.getaddrinfo(host, int(port))
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"--dashboard {dashboard!r}", expected="HOST:PORT of this machine, or off") from error
+
+
+def _client(address: str) -> Client:
+    try:
+        return Client(address, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"--scheduler {address}: no scheduler answers ({reason})", expected="an address such as tcp://host:8786"
+        ) from error
+
+
+def distributed(client: Client, tasks: Iterable[Task], work: Work = analyse) -> Iterator[Result]:
+    """Results as they come, ``PER_THREAD`` tasks for each thread under way.
+
+    A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
+    once more at the end, one at a time, so that a record fails for what it does itself and not for its neighbours.
+
+    Raises:
+        AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
+    """
+    suspects: list[Task] = []
+    for task, outcome in _outcomes(client, tasks, work, "record"):
+        if isinstance(outcome, KilledWorker):
+            suspects.append(task)
+        else:
+            yield _result(task, outcome)
+    for suspect in suspects:
+        for task, outcome in _outcomes(client, [suspect], work, "suspect"):
+            yield _result(task, outcome)
+
+
+def _result(task: Task, outcome: Result | BaseException) -> Result:
+    """What a task gave; an error that is none of the record's own becomes its reason, too."""
+    if isinstance(outcome, Result):
+        return outcome
+    if isinstance(outcome, KilledWorker):
+        return failed(task, f"{DIED} under it again and again (out of memory, or a crash in native code)")
+    line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
+    return failed(task, f"{INTERNAL}, please report it ({printable(line)})")
+
+
+def _outcomes(
+    client: Client, tasks: Iterable[Task], work: Work, kind: str
+) -> Iterator[tuple[Task, Result | BaseException]]:
+    """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
+    waiting = iter(tasks)
+    running: dict[Future, Task] = {}
+    crew = _Crew(client)
+    while True:
+        for task in itertools.islice(waiting, max(0, PER_THREAD * crew.threads() - len(running))):
+            running[client.submit(work, task, key=f"{kind}-{task.key}", pure=False)] = task
+        if not running:
+            return
+        try:
+            finished = wait(list(running), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        for future in finished:
+            yield running.pop(future), _outcome(future)
+            future.release()
+
+
+def _outcome(future: Future) -> Result | BaseException:
+    """What a finished future holds."""
+    try:
+        error = future.exception()
+        return future.result() if error is None else error
+    except KilledWorker as error:  # its worker died before the result was fetched, and others after it
+        return error
+    except CancelledError as error:
+        raise AnalysisError(_GONE) from error
+
+
+class _Crew:
+    """How many threads there are, looked up once a second."""
+
+    def __init__(self, client: Client) -> None:
+        self._client, self._looked, self._seen, self._threads = client, -_LOOK, time.monotonic(), 0
+
+    def threads(self) -> int:
+        """Threads of all workers; at least 1, so that a task waits for workers that are on their way.
+
+        Raises:
+            AnalysisError: there was none for too long, or no scheduler.
+        """
+        now = time.monotonic()
+        if now - self._looked >= _LOOK:
+            try:
+                self._threads, self._looked = sum(self._client.ncores().values()), now
+            except (OSError, TimeoutError) as error:
+                raise AnalysisError(_GONE) from error
+        if self._threads:
+            self._seen = now
+        elif now - self._seen > PATIENCE:
+            raise AnalysisError(f"no worker for {PATIENCE:g} s; what is done is kept, run again to go on")
+        return max(1, self._threads)

@@ -1,0 +1,205 @@
+"""``damping import``: a laboratory's file to a record, with a table of what was understood."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from damping.errors import InputError
+from damping.formats.conversion import TimeHistory, time_histories
+from damping.formats.quantity import SYSTEMS, unit
+from damping.formats.reading import read_file
+from damping.formats.series import Imported, Series, Stated, Summary
+from damping.formats.steady import steady_record
+from damping.records.mode import Mode, Units, read_mode
+from damping.records.record import Record, record_to_csv
+from damping.records.text import DEFAULT_MAX_SIZE
+from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
+from damping_pipelines.terminal import console
+
+
+@dataclass(frozen=True)
+class RingDown:
+    """How free decays are taken: the mode (its mass and frequency), periods of the window, levels, part in s."""
+
+    mode: Path
+    periods: float = PERIODS
+    levels: int = LEVELS
+    start: float | None = None
+    end: float | None = None
+
+
+def import_file(
+    file: Path,
+    out: Path,
+    stated: Stated,
+    decay: RingDown | None = None,
+    json_out: str | None = None,
+    max_size: int = DEFAULT_MAX_SIZE,
+) -> None:
+    """Read a file, write its record and print what was understood (form ``import/1`` where asked).
+
+    ``decay`` is for time histories, which are free decays of one mode; without it the file holds steady states.
+
+    Raises:
+        InputError: a file that cannot be read, or something that neither the file nor the user says.
+        AnalysisError: no decay that can be used.
+    """
+    inputs = [file, *([decay.mode] if decay else [])]
+    refuse_inputs("--out", out, *inputs)
+    refuse_inputs("--json", json_out, *inputs)
+    refuse_twice({"--out": out, "--json": json_out})
+    series, summary = read_file(file, stated, max_size=max_size)
+    found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
+    write_text(out, record_to_csv(found.record))
+    if json_out is not None:
+        write_json(json_out, import_form(found, out))
+    if json_out != "-":
+        _print(found, out, console())
+
+
+def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
+    """``KEY=VALUE`` words of a repeated option. InputError for one without ``=`` or a key given twice."""
+    found: dict[str, str] = {}
+    for word in words:
+        key, mark, value = word.partition("=")
+        if not (mark and key.strip() and value.strip()):
+            raise InputError(f"{option} {word!r} is not understood", expected=f"{option} NAME=VALUE")
+        if key.strip() in found:
+            raise InputError(f"{option} {key.strip()} is given twice", expected="each once")
+        found[key.strip()] = value.strip()
+    return found
+
+
+def scales(words: Sequence[str]) -> dict[str, float]:
+    """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
+    found: dict[str, float] = {}
+    for key, text in pairs("--scale", words).items():
+        try:
+            found[key] = float(text)
+        except ValueError:
+            found[key] = math.nan
+        if not math.isfinite(found[key]) or found[key] == 0.0:
+            raise InputError(f"--scale {key}={text} is no factor", expected="a number other than 0")
+    return found
+
+
+def band(text: str | None) -> tuple[float, float] | None:
+    """LO:HI in Hz. InputError for what is not understood."""
+    if text is None:
+        return None
+    low, mark, high = text.partition(":")
+    try:
+        found = (float(low), float(high))
+    except ValueError:
+        raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz") from None
+    if not mark or not (math.isfinite(found[0]) and math.isfinite(found[1])):
+        raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz")
+    return found
+
+
+def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) -> Imported:
+    if any(one.is_time for one in series):
+        raise InputError(
+            "the file holds time histories",
+            file=file,
+            expected="--ring-down --mode MODE.toml where they are free decays",
+        )
+    return steady_record(series, stated, file, summary)
+
+
+def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, summary: Summary) -> Imported:
+    """The record of free decays: each level a sweep of its own."""
+    if stated.forces:
+        raise InputError("--force beside --ring-down", file=file, expected="one of them: a free decay has no force")
+    mode = read_mode(decay.mode)
+    _same_system(mode, stated, decay.mode, summary)
+    histories = time_histories(series, stated, file, summary)
+    summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
+    tables = [_levels(one, mode, decay, summary).table(one.label) for one in histories]
+    table = pd.concat(tables, ignore_index=True)
+    labels = [one.label for one in histories]
+    if len(set(labels)) < len(labels):
+        raise InputError("two time histories have one label", file=file, expected="--label of each, all different")
+    return Imported(Record(table, str(file)), summary)
+
+
+def _levels(history: TimeHistory, mode: Mode, decay: RingDown, summary: Summary) -> Decay:
+    found = ring_down(
+        history.t,
+        history.signal,
+        order=history.order,
+        mass=mode.mass,
+        frequency=mode.frequency,
+        periods=decay.periods,
+        levels=decay.levels,
+        start=decay.start,
+        end=decay.end,
+    )
+    summary.add(
+        f"decay {history.label!r}",
+        f"{len(found.time)} levels, amplitude {found.amplitude[0]:.4g} to {found.amplitude[-1]:.4g}, "
+        f"{found.frequency[0]:.5g} to {found.frequency[-1]:.5g} Hz, "
+        f"damping ratio {found.damping_ratio[0]:.3g} to {found.damping_ratio[-1]:.3g}",
+        "follows",
+    )
+    for note in found.notes:
+        summary.note(f"{history.label!r}: {note}")
+    return found
+
+
+def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> None:
+    """InputError where the mode names other units than the record will have: its mass would be of another size."""
+    if stated.consistent:
+        return
+    names = SYSTEMS[stated.system]
+    if mode.units == Units():
+        summary.note(f"the mode names no units: its mass is taken to be in {names[0]} s^2/{names[1]}")
+        return
+    for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
+        if text and unit(text) != unit(name) and unit(text).factor != unit(name).factor:
+            other = next(key for key in SYSTEMS if key != stated.system)
+            raise InputError(
+                f"the mode is in {text} and the record in {name}",
+                file=file,
+                expected=f"--to {other}, or a mode in {name}",
+            )
+
+
+def import_form(found: Imported, out: Path) -> dict[str, Any]:
+    """The form ``import/1``: what was understood, notes, and the sweeps of the record."""
+    return {
+        "format": "import/1",
+        "record": str(out),
+        "rows": len(found.record),
+        "sweeps": list(found.record.sweeps),
+        "understood": found.summary.table.to_dict(orient="records"),
+        "notes": found.summary.notes,
+    }
+
+
+def _print(found: Imported, out: Path, to: Console) -> None:
+    table = Table(title=f"{_printable(Path(found.record.source).name)}: what was understood", box=SIMPLE)
+    table.title_justify = "left"
+    for heading in ("what", "understood", "whence"):
+        table.add_column(heading, overflow="fold")
+    for row in found.summary.rows:
+        table.add_row(*(_printable(cell) for cell in row))
+    to.print(table)
+    for note in found.summary.notes:
+        to.print(f"- {_printable(note)}", highlight=False, markup=False)
+    to.print(f"{len(found.record)} rows written to {out}", highlight=False, markup=False)
+
+
+def _printable(text: str) -> str:
+    """Text of a file for a terminal: no control characters; the console takes no markup."""
+    return "".join(c if c.isprintable() else "?" for c in text)

@@ -1,0 +1,244 @@
+"""Folders of results that one run wrote: staged, moved into place, and sealed by a manifest of hashes written last.
+
+A file is moved into place whole. Between the first move and the last the manifest in the folder, if any, fits no more,
+so a reader that checks it never takes files of two runs for one: it says which file is of another run.
+
+Chains kept between blocks in emcee's HDF format, so that an interrupted run goes on where it was.
+
+emcee's own backend writes at every step; here a file of the same layout is written after every block, whole or not at
+all, and a run that goes on gives the same digits as one that was never interrupted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
+
+import emcee
+import h5py
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from damping.errors import InputError
+from damping.infer.chains import Checkpoint
+from damping.records.text import read_bytes
+from damping_pipelines.store import make_folder, to_json, write_bytes
+
+#: Name of the manifest in its folder.
+MANIFEST = "manifest.json"
+_STAGED = ".staged"
+_MAX_SIZE = 10_000_000
+_MOST_FILE = 1_000_000_000
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class Manifest(BaseModel):
+    """``inputs`` and ``outputs``: SHA-256 by name; outputs relative to the folder, inputs to the settings."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    format: Literal["manifest/1"] = "manifest/1"
+    seed: int
+    versions: dict[str, str]
+    inputs: dict[str, Digest]
+    outputs: dict[str, Digest]
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder whose manifest was read; ``read`` gives contents that are those of the run."""
+
+    path: Path
+    manifest: Manifest
+
+    def read(self, name: str) -> bytes:
+        """Contents of an output. InputError where it is missing or of another run."""
+        if name not in self.manifest.outputs:
+            raise InputError(f"no {name} in the manifest", file=self.path / MANIFEST, expected="a folder of this kind")
+        path = self.path / name
+        if path.is_symlink():
+            raise InputError("is a link", file=path, expected="the file that the run wrote")
+        content = read_bytes(path, _MOST_FILE)
+        if digest(content) != self.manifest.outputs[name]:
+            raise InputError("is not of the run of the manifest", file=path, expected=_AGAIN)
+        return content
+
+
+_AGAIN = "files of one run; run the study again, it goes on where it was"
+
+
+def digest(content: bytes) -> str:
+    """SHA-256 in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def publish(
+    folder: Path, files: Mapping[str, bytes], *, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+) -> None:
+    """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
+
+    Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
+    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last.
+
+    Raises:
+        InputError: a file cannot be written; the earlier results are as they were.
+    """
+    outputs = {name: digest(content) for name, content in files.items()}
+    manifest = Manifest(seed=seed, versions=dict(versions), inputs=dict(inputs), outputs=outputs)
+    staged = folder / _STAGED
+    try:
+        for name, content in files.items():
+            write_bytes(staged / name, content)
+        write_bytes(staged / MANIFEST, to_json(manifest.model_dump()).encode())
+        for name in files:
+            make_folder((folder / name).parent)
+    except BaseException:
+        shutil.rmtree(staged, ignore_errors=True)
+        raise
+    old = _outputs_of_before(folder)
+    for name in files:
+        os.replace(staged / name, folder / name)
+    for name in old - set(files):
+        (folder / name).unlink(missing_ok=True)
+    os.replace(staged / MANIFEST, folder / MANIFEST)
+    shutil.rmtree(staged, ignore_errors=True)
+
+
+def _outputs_of_before(folder: Path) -> set[str]:
+    """Files that the manifest in the folder names; none where there is no readable one."""
+    with suppress(InputError):
+        return set(open_folder(folder).manifest.outputs)
+    return set()
+
+
+def open_folder(folder: Path) -> Folder:
+    """A folder of results by its manifest, whose files are checked when they are read.
+
+    Raises:
+        InputError: no manifest, not one of ours, or one that names files outside the folder.
+    """
+    path = folder / MANIFEST
+    if not folder.is_dir():
+        raise InputError("no such folder" if not folder.exists() else "is no folder", file=folder)
+    if not path.is_file():
+        raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a study that was finished")
+    try:
+        manifest = Manifest.model_validate_json(read_bytes(path, _MAX_SIZE))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a manifest/1") from None
+    for name in manifest.outputs:
+        parts = PurePosixPath(name)
+        if parts.is_absolute() or ".." in parts.parts or "\\" in name or "\0" in name or not parts.parts:
+            raise InputError(f"{name!r} is outside the folder", file=path, expected="names relative to it")
+        if any((folder / parent).is_symlink() for parent in parts.parents):
+            raise InputError(f"{name!r} is behind a link", file=path, expected="files in the folder itself")
+    return Folder(folder, manifest)
+
+
+def verify(folder: Path) -> Folder:
+    """The folder with every one of its files checked. InputError for the first that is missing or of another run."""
+    found = open_folder(folder)
+    for name in found.manifest.outputs:
+        found.read(name)
+    return found
+
+
+@contextmanager
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
+
+    The lock ends with the process, however that ends. What a killed run had staged is removed.
+
+    Raises:
+        InputError: the folder cannot be written, or another run holds it.
+    """
+    make_folder(folder)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        _lock(handle, folder)
+        shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        try:
+            write_bytes(folder / _STAGED / "probe", b"can be written")
+        finally:
+            shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _lock(handle: int, folder: Path) -> None:
+    try:
+        import fcntl  # noqa: PLC0415 - there is none on Windows
+    except ImportError:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError("another run is writing here", file=folder, expected="another --out, or to wait") from None
+    except OSError:  # a file system without locks
+        return
+
+
+def checkpoint_in(folder: Path, key: str) -> Checkpoint:
+    """A checkpoint of the run ``key`` (a digest of everything its chains depend on) under ``folder``."""
+    make_folder(folder)
+
+    def path(ensemble: int) -> Path:
+        return folder / f"{key}-{ensemble}.h5"
+
+    return Checkpoint(
+        load=lambda ensemble: load_chain(path(ensemble)),
+        save=lambda ensemble, backend: save_chain(path(ensemble), backend),
+    )
+
+
+def load_chain(path: Path) -> emcee.backends.Backend | None:
+    """The chain in a file as an in-memory backend that can grow, or None where there is no (readable) file."""
+    if not path.exists():
+        return None
+    try:
+        stored = emcee.backends.HDFBackend(str(path), read_only=True)
+        chain, log_prob = stored.get_chain(), stored.get_log_prob()
+        accepted, random_state = stored.accepted, stored.random_state
+    except (OSError, KeyError, AttributeError):  # not a chain: sample again
+        return None
+    backend = emcee.backends.Backend()
+    backend.reset(chain.shape[1], chain.shape[2])
+    backend.chain, backend.log_prob, backend.iteration = chain, log_prob, len(chain)
+    backend.accepted, backend.random_state = accepted, random_state
+    return backend
+
+
+def save_chain(path: Path, backend: emcee.backends.Backend) -> None:
+    """Write the steps of an in-memory backend as a file that emcee's HDF backend reads.
+
+    Raises:
+        InputError: it cannot be written; the chain of the block before stays.
+    """
+    walkers, dimensions = backend.shape
+    memory = io.BytesIO()
+    with h5py.File(memory, "w") as file:
+        group = file.create_group(emcee.backends.HDFBackend("").name)
+        group["chain"] = backend.chain[: backend.iteration]
+        group["log_prob"] = backend.log_prob[: backend.iteration]
+        group["accepted"] = np.asarray(backend.accepted, dtype=float)
+        group.attrs.update(
+            version=emcee.__version__,
+            nwalkers=walkers,
+            ndim=dimensions,
+            has_blobs=False,
+            iteration=backend.iteration,
+        )
+        for i, part in enumerate(backend.random_state):
+            group.attrs[f"random_state_{i}"] = part
+    write_bytes(path, memory.getvalue())

@@ -1,0 +1,138 @@
+"""The only writer: every output is written whole or not at all.
+
+A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
+sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from damping.errors import InputError
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write ``content`` to ``path`` atomically (:func:`write_chunks`)."""
+    write_chunks(path, (content,))
+
+
+def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
+    """Write ``chunks`` one after the other to ``path``, atomically; the folder is made when it is missing.
+
+    Raises:
+        InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
+    """
+    make_folder(path.parent)
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.writelines(chunks)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None:
+    """InputError where the file that ``option`` names is one of the inputs, by whatever path; before any work."""
+    if target is None or target == "-":
+        return
+    if os.path.realpath(target) in {
+        os.path.realpath(path) for path in inputs
+    }:  # Path.resolve fails on a link to itself
+        raise InputError(
+            f"{option} is one of the inputs, which are never written over", file=target, expected="another file"
+        )
+
+
+def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
+    """InputError where two outputs of one command, by option, are one file: the later would replace the earlier."""
+    seen: dict[str, str] = {}
+    for option, target in targets.items():
+        if target is None or target == "-":
+            continue
+        other = seen.setdefault(os.path.realpath(target), option)
+        if other != option:
+            raise InputError(f"{option} is the file of {other}", file=target, expected="another file for each output")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it where they are missing. InputError if that cannot be done."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: Path, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or error
+    return InputError(f"cannot be written ({reason})", file=path, expected="a writable place with free space")
+
+
+def _umask() -> int:
+    """The process's file mode mask (there is no call that reads it without setting it)."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(target: Path | str, value: Any) -> None:
+    """Write ``value`` as JSON to a file, or to standard output when ``target`` is ``-``; NaN becomes ``null``."""
+    write_plain(target, plain(value))
+
+
+def write_plain(target: Path | str, value: Any) -> None:
+    """:func:`write_json` of data that are :func:`plain` already, without a copy of them."""
+    chunks = _json_chunks(value)
+    if str(target) == "-":
+        sys.stdout.writelines(chunks)
+    else:
+        write_chunks(Path(target), (chunk.encode("utf-8") for chunk in chunks))
+
+
+def to_json(value: Any) -> str:
+    """JSON text of plain data, numpy numbers and arrays included; a value that does not exist is ``null``."""
+    return "".join(_json_chunks(plain(value)))
+
+
+def _json_chunks(value: Any) -> Iterator[str]:
+    """The text of plain data piece by piece: as a whole it can be many times the data."""
+    yield from json.JSONEncoder(indent=2, ensure_ascii=False, allow_nan=False).iterencode(value)
+    yield "\n"
+
+
+def plain(value: Any) -> Any:
+    """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value

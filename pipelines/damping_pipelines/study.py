@@ -1,0 +1,284 @@
+"""``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import shutil
+from collections.abc import Iterable
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from os import cpu_count
+from pathlib import Path
+
+import numpy as np
+
+from damping import __version__
+from damping.errors import AnalysisError
+from damping.extrapolation import LEAST_WEIGHT, sample_candidate
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.infer.checks import leave_one_out, predictive_check
+from damping.infer.law import Law
+from damping.infer.observations import Observations, observe
+from damping.ranking import Candidate, Ranking, rank_laws
+from damping.ranking.candidates import candidate_laws
+from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record
+from damping.records.record import Record
+from damping.regression.power_law import PowerLaw, fit_power_law
+from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines.manifest import checkpoint_in, sole_writer
+from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
+from damping_pipelines.study_output import write_study
+from damping_pipelines.terminal import Advance, end_with_parent, progress
+from damping_reed1970.study import finish_chapters, start_chapters
+
+#: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
+GRID = 60
+PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
+
+
+@dataclass(frozen=True)
+class Input:
+    """A record of the study, read and checked."""
+
+    settings: RecordSettings
+    record: Record
+    mode: Mode
+    data: Observations
+
+
+@dataclass(frozen=True)
+class Task:
+    """One law to sample on one record, in a process of its own.
+
+    ``of_source`` marks a law of the source report; ``for_loads`` one that design loads average, on ``data`` that may be
+    the rows near resonance only.
+    """
+
+    record: int
+    candidate: Candidate | Planned
+    data: Observations
+    forces: np.ndarray
+    level: float
+    seed: int
+    of_source: bool
+    for_loads: bool
+    chains: Path
+
+
+def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False) -> None:
+    """Run a study and write its results; earlier results stay as they were if anything fails.
+
+    A run that was interrupted goes on from the chains that it left under ``.chains``.
+    """
+    path = settings_file or default_study()
+    settings = read_settings(path)
+    if seed is not None:
+        settings = settings.model_copy(update={"seed": seed})
+    out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
+    inputs = read_inputs(settings, path.parent)
+    with sole_writer(out):
+        result = compute(settings, inputs, hashes(path, settings), out / ".chains")
+        write_study(result, out, png=png)
+        shutil.rmtree(out / ".chains", ignore_errors=True)
+    print(f"{out / 'report.html'} written")
+
+
+def read_inputs(settings: StudySettings, folder: Path) -> list[Input]:
+    """Read and check every file of the study before any work."""
+    inputs = []
+    for one in settings.records:
+        record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
+        inputs.append(Input(one, record, mode, observe(record)))
+    return inputs
+
+
+def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
+    """SHA-256 of the settings and of every input file, by name relative to the settings."""
+    names = [path.name, *(name for one in settings.records for name in (one.record, one.mode))]
+    return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
+
+
+def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
+    """The whole computation: rankings, posteriors, predictions, and the chapters of the source report if asked for."""
+    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
+    with ProcessPoolExecutor(
+        max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
+    ) as pool:
+        started = start_chapters(pool, settings.seed) if settings.source_report else None
+        rankings = _rank(inputs, settings.seed)
+        plans = _plan(inputs, settings.seed)
+        tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
+        sampled = _sample(pool, tasks)
+        records = tuple(
+            _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
+            for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
+        )
+        named = {record.name: record.ranking for record in records}
+        loads = {record.name: record.design for record in records if record.design}
+        chapters = finish_chapters(started, named, loads) if started else None
+    return StudyResult(
+        title=settings.title,
+        seed=settings.seed,
+        level=settings.level,
+        records=records,
+        inputs=digests,
+        versions=versions(),
+        tables=chapters.tables if chapters else {},
+        chapters=chapters,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions a result depends on."""
+    found = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"damping-selection": __version__, "Python": platform.python_version(), **found}
+
+
+def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
+    laws = [candidate_laws(one.data) for one in inputs]
+    with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
+        return [
+            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))
+            for one, candidates in zip(inputs, laws, strict=True)
+        ]
+
+
+def _plan(inputs: list[Input], seed: int) -> list[Plan | None]:
+    """Which laws predict the design loads, and with what weight; None where no design load is asked for."""
+    asked = [one for one in inputs if one.settings.design_forces]
+    near = {one.settings.name: near_resonance(one.record) for one in asked}
+    laws = {name: load_candidates(data) for name, data in near.items()}
+    with progress("weighing laws", sum(len(candidates) for candidates in laws.values())) as done:
+        plans = {
+            name: plan_loads(data, laws[name], seed, _prefixed(done, name), one.mode.mass)
+            for one, (name, data) in zip(asked, near.items(), strict=True)
+        }
+    return [plans.get(one.settings.name) for one in inputs]
+
+
+def _prefixed(done: Advance, prefix: str) -> Advance:
+    """Progress that says which record it is of."""
+    return lambda what, parts=1: done(f"{prefix}: {what}", parts)
+
+
+def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking], chains: Path) -> Iterable[Task]:
+    """Laws to sample: those with weight and those the settings name, each once, best first."""
+    for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True)):
+        named = [ranking.find(Law(law)) for law in one.settings.laws]
+        for candidate in ranking.candidates:
+            of_source = any(candidate is other for other in named)
+            if candidate.evidence is not None and (candidate.weight > LEAST_WEIGHT or of_source):
+                forces = np.array(one.settings.design_forces)
+                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, False, chains)
+
+
+def _load_tasks(settings: StudySettings, inputs: list[Input], plans: list[Plan | None], chains: Path) -> Iterable[Task]:
+    """Laws that predict design loads, on the rows near resonance."""
+    for number, (one, plan) in enumerate(zip(inputs, plans, strict=True)):
+        forces = np.array(one.settings.design_forces)
+        for law in plan.laws if plan else ():
+            if plan and law.weight > LEAST_WEIGHT:
+                yield Task(number, law, plan.data, forces, settings.level, settings.seed, False, True, chains)
+
+
+def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
+    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first.
+
+    Tasks whose chains would be the same (a record of peaks has all its rows at resonance) are run once.
+    """
+    keys = [chain_key(task) for task in tasks]
+    runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
+    results: dict[str, LawPosterior] = {}
+    with progress("sampling", len(runs)) as done:
+        futures = {pool.submit(sample_law, task): key for key, task in runs.items()}
+        for future in as_completed(futures):
+            law = results[futures[future]] = future.result()
+            done(law.law.name + (f" FAILED: {law.posterior.failure}" if law.posterior.failure else ""))
+    return [(task, results[key]) for key, task in zip(keys, tasks, strict=True)]
+
+
+def sample_law(task: Task) -> LawPosterior:
+    """Sample one law and check it against its data."""
+    checkpoint = checkpoint_in(task.chains, chain_key(task))
+    posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
+    amplitude = _tested_amplitudes(posterior_member(task.candidate, posterior.draws), task.data)
+    return LawPosterior(
+        law=task.candidate.law,
+        weight=task.candidate.weight,
+        posterior=posterior,
+        leave_one_out=leave_one_out(posterior, task.data),
+        check=predictive_check(posterior, task.data, amplitude, task.level, task.seed),
+        of_source=task.of_source,
+    )
+
+
+def chain_key(task: Task) -> str:
+    """A digest of everything the chains of a task depend on."""
+    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, versions())).encode())
+    for value in (*vars(task.data).values(), task.forces):
+        if isinstance(value, np.ndarray):
+            digest.update(np.ascontiguousarray(value).tobytes())
+    return digest.hexdigest()[:24]
+
+
+def posterior_member(law: Candidate | Planned, draws: np.ndarray) -> Member:
+    """A sampled law as a member of the average."""
+    assert law.coordinates is not None  # a sampled law was fitted
+    return Member(law.name, law.weight, law.coordinates, draws, law.kappa if isinstance(law, Planned) else None)
+
+
+def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
+    """Amplitude of each draw at each tested force, (draws, sweeps)."""
+    return amplitude_draws(member, data.tested_force, data)
+
+
+def _record_result(
+    one: Input,
+    ranking: Ranking,
+    plan: Plan | None,
+    sampled: list[tuple[Task, LawPosterior]],
+    settings: StudySettings,
+) -> RecordResult:
+    """Predictions and power laws of one record."""
+    members = [
+        posterior_member(task.candidate, law.posterior.draws)
+        for task, law in sampled
+        if task.for_loads and law.posterior.converged
+    ]
+    bands = loads = None
+    if plan and members:
+        design = np.array(one.settings.design_forces)
+        largest = max(design.max(), one.data.tested_force.max())
+        grid = np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID)
+        repeatability = one.mode.repeatability.amplitude or 0.0
+        bands, loads = (
+            predict(members, forces, plan.data, settings.level, settings.seed, plan, repeatability)
+            for forces in (grid, design)
+        )
+    return RecordResult(
+        name=one.settings.name,
+        title=one.settings.title or one.mode.name,
+        record=one.record,
+        mode=one.mode,
+        data=one.data,
+        ranking=ranking,
+        posteriors=tuple(law for task, law in sampled if not task.for_loads),
+        bands=bands,
+        design=loads,
+        power_laws=_power_laws(one.data),
+    )
+
+
+def _power_laws(data: Observations) -> tuple[PowerLaw, ...]:
+    """Both forms of section 4.3 from the tested resonances; none with fewer than two different ones."""
+    try:
+        F, A, omega = data.tested_force, data.tested_amplitude, data.tested_omega
+        return (fit_power_law(F, A, omega), fit_power_law(F, A, omega, "displacement-velocity-power"))
+    except AnalysisError:
+        return ()

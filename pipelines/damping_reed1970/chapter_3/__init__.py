@@ -1,0 +1,224 @@
+"""The mode with planar coupling: two principal planes at an angle to the force and to the reading (Eqs. 3.1.24-3.1.35).
+
+Phasors: a motion A sin(omega t - phi) under F sin(omega t) is the complex number A exp(-i phi).
+
+Chapter III: displacements, modal amplitude and phase, principal planes (Tables 3.I, 3.III, 3.IV).
+"""
+
+from __future__ import annotations
+
+from math import radians
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
+from damping.signals.modal import (
+    DampingRoots,
+    NodeMode,
+    PrincipalPlanes,
+    damping_roots,
+    displacement,
+    identify_r2_over_i,
+    input_energy,
+    mean_coefficient,
+    modal_amplitude,
+    modal_phase,
+    nearest_root,
+    node_correction,
+    plane_motion,
+    yaw_displacement,
+)
+from damping_reed1970.tables import by_point, columns, load_table
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+class PlanarOscillator(NamedTuple):
+    """Mass M, viscous coefficient C (equal in all directions), principal frequencies in rad/s, angle theta in rad.
+
+    Fields may be arrays that broadcast with the frequency.
+    """
+
+    M: Floats
+    C: Floats
+    omega_p: Floats
+    omega_y: Floats
+    theta: Floats
+
+
+class Stiffness(NamedTuple):
+    """Stiffness in the vehicle's pitch and yaw directions: ``pp``, ``yy`` and the coupling ``py``."""
+
+    pp: Floats
+    yy: Floats
+    py: Floats
+
+
+def vehicle_stiffness(K_p: Floats, K_y: Floats, theta: Floats) -> Stiffness:
+    """Principal stiffnesses K_p, K_y turned by theta into the vehicle's axes (Eqs. 3.1.24-3.1.26).
+
+    With omega^2 = K/M the same holds for frequencies squared.
+    """
+    c, s = np.cos(theta), np.sin(theta)
+    return Stiffness(K_p * c**2 + K_y * s**2, K_p * s**2 + K_y * c**2, (K_p - K_y) * s * c)
+
+
+def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
+    """Phasor of the pitch motion under F_p in pitch: the sum over both principal planes.
+
+    F_p/M [cos^2 theta/(omega_p^2 - omega^2 + i omega C/M) + sin^2 theta/(omega_y^2 - omega^2 + i omega C/M)],
+    identical with Eqs. 3.1.30-3.1.35.
+    """
+    M, C, omega_p, omega_y, theta = oscillator
+    pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
+    return F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw)
+
+
+def yaw_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
+    """Phasor of the yaw motion under F_p in pitch (from Eqs. 3.1.27, 3.1.28): zero for theta = 0."""
+    M, C, omega_p, omega_y, theta = oscillator
+    pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
+    return F_p * np.sin(theta) * np.cos(theta) * (pitch - yaw)
+
+
+def amplitude(response: ComplexArray) -> FloatArray:
+    """A of a phasor A exp(-i phi)."""
+    return np.abs(response)
+
+
+def phase(response: ComplexArray) -> FloatArray:
+    """Lag phi of a phasor A exp(-i phi), rad, between 0 and 2 pi."""
+    return np.mod(-np.angle(response), 2.0 * np.pi)
+
+
+def pitch_amplitude_and_phase(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    """Amplitude and phase lag (0 to 2 pi) by the report's own formulas (Eqs. 3.1.31, 3.1.34, 3.1.35)."""
+    M, C, omega_p, omega_y, theta = oscillator
+    N1 = -(omega**2) + omega_p**2 * np.sin(theta) ** 2 + omega_y**2 * np.cos(theta) ** 2
+    N2 = -C / M * omega
+    N3 = (omega_p**2 - omega**2) * (omega_y**2 - omega**2) - (C / M) ** 2 * omega**2
+    N4 = -C / M * omega * ((omega_p**2 - omega**2) + (omega_y**2 - omega**2))
+    sine, cosine = N2 * N3 - N1 * N4, N1 * N3 + N2 * N4
+    return np.hypot(sine, cosine) / (N3**2 + N4**2) * F_p / M, np.mod(np.arctan2(sine, cosine), 2.0 * np.pi)
+
+
+def _receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> ComplexArray:
+    return np.asarray(1.0 / (M * (omega_j**2 - omega**2) + 1j * C * omega))
+
+
+#: Second mode of Configuration I (Eq. 3.2.16): phi_t2, M_2, omega_2p, omega_2y, theta.
+PLANES = PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+#: Frequency of rigid-body rotation, rad/s (before Eq. 3.1.16).
+OMEGA_R = 1.00
+
+
+def table_3_i(table: pd.DataFrame) -> dict[str, float]:
+    """omega = 2 pi f; tip displacements from accelerations (section 3.1); tail yaw by Eq. 3.1.1."""
+    f, omega, F = columns(table, "frequency_hz", "omega_rad_s", "force_lb")
+    pitch, yaw = columns(table, "tip_pitch_accel_g_per_lb_e4", "tip_yaw_accel_g_per_lb_e4")
+    (tail_pitch,) = columns(table, "tail_pitch_disp_in_e2")
+    return {
+        **by_point("tab3I.omega", RAD_S_PER_HZ * f),
+        **by_point("tab3I.tip_pitch", displacement(1e-4 * pitch, omega, F)),
+        **by_point("tab3I.tip_yaw", displacement(1e-4 * yaw, omega, F)),
+        **by_point("tab3I.tail_yaw", yaw_displacement(yaw, pitch, tail_pitch)),
+    }
+
+
+def second_mode() -> tuple[NodeMode, list[NodeMode]]:
+    """The second mode at the tail and the modes beside it (Table 3.II)."""
+    modes = [NodeMode(*row[1:]) for row in load_table("3_II").itertuples(index=False, name=None)]
+    return modes[1], [modes[0], *modes[2:]]
+
+
+def rigid_body(table: pd.DataFrame) -> float:
+    """R^2/I that fits the corrections C_t2 of Table 3.III (not printed in the report), in/(lb s^2)."""
+    F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
+    (C_t,) = columns(table, "correction_Ct2_in")
+    return identify_r2_over_i(*second_mode(), F, omega, OMEGA_R, C_t)
+
+
+def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
+    """Correction C_t2 (Eq. 3.1.20), modal phase (3.1.22), C_t2 cos phi_2 and modal amplitude (3.1.23)."""
+    F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
+    X, phi_t, C_t = columns(table, "tail_amplitude_in", "tail_phase_rad", "correction_Ct2_in")
+    (phi_2,) = columns(table, "modal_phase_rad")
+    correction = node_correction(*second_mode(), F, omega, rigid_body(table), OMEGA_R)
+    return {
+        **by_point("tab3III.Ct2", correction.total),
+        **by_point("tab3III.phi2", modal_phase(X, phi_t, C_t, PLANES.phi)),
+        **by_point("tab3III.Ccos", C_t * np.cos(phi_2)),
+        **by_point("tab3III.A2", modal_amplitude(X, phi_t, C_t, PLANES.phi, phi_2)),
+    }
+
+
+def table_3_iv_input(table_3_iii: pd.DataFrame) -> dict[str, float]:
+    """Energy put in per cycle, pi X_t F sin(phi_t) (Eq. 3.2.9)."""
+    (F,) = columns(load_table("3_I"), "force_lb")
+    X, phi_t = columns(table_3_iii, "tail_amplitude_in", "tail_phase_rad")
+    return by_point("tab3IV.E_input", input_energy(X, F, phi_t))
+
+
+def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
+    """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row."""
+    motion = plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
+    results = {"A2p": motion.A_p, "A2y": motion.A_y, "E_pitch": motion.E_p, "E_yaw": motion.E_y}
+    return {
+        f"tab3IV.{name}[{point}]": float(value)
+        for name, values in results.items()
+        for point, value in zip(table["point"], np.asarray(values), strict=True)
+    }
+
+
+def table_3_iv_roots(table: pd.DataFrame) -> list[DampingRoots]:
+    """All solutions xi of Eq. 3.2.15 at the energy of each row: two at most points, none at 10 and 13 (E3IV-1)."""
+    rows = zip(_forces(table), *columns(table, "omega_rad_s", "energy_input_in_lb"), strict=True)
+    return [damping_roots(PLANES, F, omega, energy) for F, omega, energy in rows]
+
+
+def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
+    """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
+    roots = [nearest_root(p.roots, xi) for p, xi in zip(table_3_iv_roots(table), table["xi"], strict=True)]
+    found = zip(table["point"], roots, strict=True)
+    return {f"tab3IV.xi[{point}]": root for point, root in found if not np.isnan(root)}
+
+
+def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
+    """C_1 = (2 M/m) sum omega_i xi_i over the 15 rows that are not marked as corrected."""
+    omega, xi = columns(table[table["corrected_row"] == 0], "omega_rad_s", "xi")
+    return {"eq3218.C1": mean_coefficient(PLANES.mass, omega, xi)}
+
+
+def worked_example() -> dict[str, float]:
+    """xi of the example after Eq. 3.2.16: omega = 11.39, F = 922, E = 114.5, the upper of two roots."""
+    return {"sec32.example_xi": float(damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])}
+
+
+def computed() -> dict[str, float]:
+    """Every result of the chapter from the tables as printed."""
+    return {**_tables(load_table("3_I"), load_table("3_III"), load_table("3_IV")), **worked_example()}
+
+
+def after_correction() -> dict[str, float]:
+    """The same from the corrected tables (Table 3.IV: with the frequency that its row 10 was computed at)."""
+    return _tables(load_table("3_I", "corrected"), load_table("3_III", "corrected"), load_table("3_IV", "used"))
+
+
+def _tables(table_i: pd.DataFrame, table_iii: pd.DataFrame, table_iv: pd.DataFrame) -> dict[str, float]:
+    return {
+        **table_3_i(table_i),
+        **table_3_iii(table_iii),
+        **table_3_iv_input(table_iii),
+        **table_3_iv(table_iv),
+        **table_3_iv_xi(table_iv),
+        **equation_3_2_18(table_iv),
+    }
+
+
+def _forces(table_iv: pd.DataFrame) -> FloatArray:
+    """Force of each row of Table 3.IV (Table 3.I by point)."""
+    points = table_iv[["point_number"]].merge(load_table("3_I"), left_on="point_number", right_on="point", how="left")
+    return columns(points, "force_lb")[0]

@@ -1,0 +1,308 @@
+"""Parts of the figures of chapter III: axes over frequency, bands, printed and computed points.
+
+Chapter III of the source report: its figures redrawn from our computation, and what conditioning removes.
+
+The mode in two planes fitted to the test of Configuration I, and the damping factors with all their roots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from damping.arrays import FloatArray
+from damping.plots.posteriors import corner
+from damping.plots.style import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, styled
+
+OMEGA = "frequency ω (rad/s)"
+PITCH, YAW = "#0072b2", "#d55e00"
+DASH, DOT = (0, (5, 2)), (0, (1.2, 1.6))
+#: Median, low and high end of a curve over frequency.
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+
+
+def single(y_label: str) -> tuple[Figure, Axes]:
+    """A figure of one panel over frequency."""
+    figure = Figure(figsize=(0.72 * WIDTH, 3.3))
+    axes = figure.add_subplot()
+    axes.set_xlabel(OMEGA)
+    axes.set_ylabel(y_label)
+    return figure, axes
+
+
+def band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
+    """A curve with its band."""
+    median, low, high = curve
+    axes.fill_between(omega, low, high, color=CREDIBLE, linewidth=0, label=label)
+    axes.plot(omega, median, color=AVERAGE, linewidth=1.3)
+
+
+def printed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
+    """Printed points: open circles."""
+    axes.plot(omega, y, "o", color="none", markeredgecolor=MEASURED, markersize=5.5, zorder=4, label=label)
+
+
+def computed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
+    """Computed points: dots that fit into the circles."""
+    axes.plot(omega, y, ".", color=LINEAR, markersize=4.5, zorder=5, label=label)
+
+
+def from_zero(axes: Axes) -> None:
+    """Axis from zero, with room above for the legend."""
+    axes.set_ylim(0.0, 1.45 * axes.dataLim.ymax)
+    axes.legend(loc="upper left", fontsize=7.5)
+
+
+_STEPS = {"mode factor": (MUTED, DOT), "rigid body": (YAW, DASH), "adjacent modes": (AVERAGE, "-")}
+
+
+@styled
+def tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve: Curve) -> Figure:
+    """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band.
+
+    Args:
+        omega, X: the points, rad/s and in. over, curve: frequencies of the fit, and its displacement.
+    """
+    figure, axes = single("tail displacement (in)")
+    band(axes, over, curve, "planar oscillator fitted to the tail, 90 % band")
+    axes.plot(omega, X, color=MUTED, linestyle=DASH, linewidth=0.9, label="printed points joined")
+    printed(axes, omega, X, "printed (Table 3.III)")
+    from_zero(axes)
+    return figure
+
+
+@styled
+def tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curve: Curve) -> Figure:
+    """Draw the sine of the tail's phase angle against frequency (Fig. 3.3); ``phase`` and ``curve`` in rad."""
+    figure, axes = single("sine of tail phase angle")
+    median, low, high = curve
+    # between the ends of the band the sine has a maximum where the phase passes pi/2
+    ends = np.sin(low), np.sin(high)
+    top = np.where((low < 0.5 * np.pi) & (high > 0.5 * np.pi), 1.0, np.maximum(*ends))
+    band(axes, over, (np.sin(median), np.minimum(*ends), top), "planar oscillator fitted to the tail, 90 % band")
+    printed(axes, omega, np.sin(phase), "printed (Table 3.III, point 1 corrected)")
+    from_zero(axes)
+    return figure
+
+
+@styled
+def phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
+    """Draw phase angles of tail and second mode (Fig. 3.5).
+
+    Args:
+        measured: ``omega, tail_phase, phi_2_printed, phi_2`` (rad). over, curve: the planar fit to the mode.
+    """
+    figure, axes = single("phase angle (rad)")
+    band(axes, over, curve, "planar oscillator fitted to the mode, 90 % band")
+    axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
+    printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
+    computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
+    axes.set_yticks([0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi, np.pi], ["0", "π/4", "π/2", "3π/4", "π"])
+    axes.set_ylim(0.0, np.pi)
+    axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
+    """Draw modal amplitude against frequency (Fig. 3.6): ``omega, A_2_printed, A_2`` and the planar fit."""
+    figure, axes = single("modal amplitude (in)")
+    band(axes, over, curve, "planar oscillator fitted, 90 % band")
+    printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
+    computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
+    from_zero(axes)
+    return figure
+
+
+@styled
+def input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
+    """Draw energy input per cycle against frequency (Fig. 3.9).
+
+    Args:
+        measured: ``omega, energy_printed, energy``. corrected: ``omega, energy`` of the rows marked +.
+        curves: ``omega, energy, energy_report``: what one damping factor for all points loses.
+    """
+    figure, axes = single("energy per cycle (in-lb)")
+    _one_damping(axes, curves, "energy")
+    printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
+    computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
+    axes.plot(corrected["omega"], corrected["energy"], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
+    from_zero(axes)
+    return figure
+
+
+@styled
+def principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
+    """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), a panel a plane.
+
+    Args:
+        measured: ``omega, pitch_printed, yaw_printed, pitch, yaw``; NaN where Eq. 3.2.15 has no root.
+        corrected: ``omega, pitch, yaw`` of the rows marked +.
+        curves: ``omega, pitch, yaw, pitch_report, yaw_report``: with one damping factor for all points.
+    """
+    figure = Figure(figsize=(WIDTH, 3.6))
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
+        _one_damping(axes, curves, plane)
+        printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
+        computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
+        axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
+        axes.set_title(f"Principal {plane} plane")
+        axes.set_xlabel(OMEGA)
+        axes.set_ylim(bottom=0.0)
+    panels[0].set_ylabel("modal amplitude (in)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+@styled
+def conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
+    """Draw what each step of the conditioning removed.
+
+    Args:
+        effect: ``step, omega, amplitude, phase`` after each step, rows of a step together.
+        removed: ``omega`` and one column a part: motion in phase with the force that was removed (in).
+    """
+    figure = Figure(figsize=(WIDTH, 5.2))
+    (left, right), (amplitude, phase) = figure.subplots(2, 2, sharex=True)
+    first = effect[effect["step"] == effect["step"].iloc[0]]
+    for step, rows in effect.groupby("step", sort=False):
+        colour, line = _STEPS.get(str(step), (INK, "-"))
+        style = {"color": colour, "linestyle": line, "marker": "o", "markersize": 3.0, "label": f"after {step}"}
+        left.plot(rows["omega"], rows["amplitude"], **style)
+        change = 100.0 * (rows["amplitude"].to_numpy() / first["amplitude"].to_numpy() - 1.0)
+        amplitude.plot(rows["omega"], change, **style)
+        phase.plot(rows["omega"], rows["phase"].to_numpy() - first["phase"].to_numpy(), **style)
+    _parts(right, removed)
+    for axes, title in zip(
+        (left, right, amplitude, phase),
+        ("Amplitude (in)", "Removed, in phase with the force (in)", "Change of amplitude (%)", "Change of phase (rad)"),
+        strict=True,
+    ):
+        axes.set_title(title, fontsize=8.5)
+    for axes in (amplitude, phase):
+        axes.set_xlabel(OMEGA)
+    left.set_ylim(bottom=0.0)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _parts(axes: Axes, removed: pd.DataFrame) -> None:
+    """One line a part, labelled at its right end; the total beside."""
+    parts = removed.drop(columns=["point", "omega"], errors="ignore")
+    colours = (YAW, PITCH, "#009e73", "#aa4499", "#999933")
+    for number, name in enumerate(parts):
+        axes.plot(removed["omega"], parts[name], color=colours[number % len(colours)], label=str(name))
+    axes.plot(removed["omega"], parts.sum(axis=1), color=INK, linewidth=1.8, label="total")
+    axes.axhline(0.0, color=MUTED, linewidth=0.7)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.3 * (high - low))
+    axes.legend(loc="upper right", ncols=3, fontsize=7)
+
+
+def _one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
+    """Curves with one damping factor for all points: the fitted planes, and the report's."""
+    axes.plot(curves["omega"], curves[name], color=AVERAGE, label="planes and ξ fitted")
+    report = curves[f"{name}_report"]
+    axes.plot(curves["omega"], report, color=MUTED, linestyle=DASH, linewidth=1.1, label="report's planes, ξ = .005")
+
+
+@styled
+def planar_overlay(
+    measured: pd.DataFrame, over: FloatArray, amplitude: Curve, phase: Curve, curves: pd.DataFrame
+) -> Figure:
+    """Draw measured amplitude and phase with the fitted planar oscillator.
+
+    Args:
+        measured: ``omega, A_2_printed, phi_2_printed``. over: frequencies of the band.
+        amplitude, phase: median and band of the posterior with all parameters free.
+        curves: ``omega, amplitude_held, phase_held`` (the report's angle and mass held), ``amplitude_more, phase_more``
+            (motion in phase with the force and a lag fitted too).
+    """
+    figure = Figure(figsize=(WIDTH, 4.9))
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
+    for axes, name, points, curve in (
+        (upper, "amplitude", "A_2_printed", amplitude),
+        (lower, "phase", "phi_2_printed", phase),
+    ):
+        band(axes, over, curve, "all parameters free: median and 90 % band")
+        for suffix, colour, line, label in (
+            ("held", LINEAR, DASH, "θ = 28°, M = 21 held"),
+            ("more", PITCH, DOT, "with motion in phase and a common lag"),
+        ):
+            axes.plot(curves["omega"], curves[f"{name}_{suffix}"], color=colour, linestyle=line, label=label)
+        printed(axes, measured["omega"], measured[points], "measured (Table 3.III)")
+    upper.set_ylabel("modal amplitude (in)")
+    from_zero(upper)
+    lower.set_ylabel("phase lag (rad)")
+    lower.set_yticks([0.0, 0.5 * np.pi, np.pi], ["0", "π/2", "π"])
+    lower.set_xlabel(OMEGA)
+    figure.align_ylabels()
+    return figure
+
+
+@styled
+def planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> Figure:
+    """Draw the posterior of omega_p, omega_y, xi, theta (degrees) and M with its prior; keys are those names."""
+    shown = {  # name: label, what is taken off, factor; so that three digits say enough
+        "omega_p": ("ω_p − 11 (rad/s)", 11.0, 1.0),
+        "omega_y": ("ω_y − 11 (rad/s)", 11.0, 1.0),
+        "xi": ("ξ (%)", 0.0, 100.0),
+        "theta": ("θ (°)", 0.0, 1.0),
+        "M": ("M (lb s²/in)", 0.0, 1.0),
+    }
+    scaled = [
+        {label: factor * (values[name] - off) for name, (label, off, factor) in shown.items()}
+        for values in (draws, prior)
+    ]
+    return corner(*scaled)
+
+
+@styled
+def damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: float = 0.05) -> Figure:
+    """Draw all roots of Eq. 3.2.15 against frequency with the printed xi.
+
+    Args:
+        branches: ``point, omega, xi_low, xi_high, xi_printed, xi_of_largest, roots``.
+        fitted: low end, median and high end of the planar oscillator's one damping factor. largest: top of the axis.
+    """
+    figure = Figure(figsize=(WIDTH, 3.9))
+    axes = figure.add_subplot()
+    low, median, high = fitted
+    axes.axhspan(low, high, color=CREDIBLE, linewidth=0, label="planar oscillator, one ξ for all points")
+    axes.axhline(median, color=AVERAGE, linewidth=1.0)
+    omega = branches["omega"]
+    axes.vlines(omega, branches["xi_low"], branches["xi_high"].clip(upper=largest), color=MUTED, linewidth=0.7)
+    for name, marker, colour in (("low", "v", PITCH), ("high", "^", YAW)):
+        axes.plot(omega, branches[f"xi_{name}"], marker, color=colour, markersize=4.5, label=f"{name} root")
+    none = branches[branches["roots"] == 0]
+    axes.plot(none["omega"], none["xi_of_largest"], "x", color=ALERT, label="no root: ξ of the largest energy")
+    printed(axes, omega, branches["xi_printed"], "printed (Table 3.IV)")
+    axes.set_yscale("log")
+    axes.set_ylim(1e-4, largest)
+    axes.set_yticks([1e-4, 1e-3, 0.005, 1e-2, largest], ["0.0001", "0.001", "0.005", "0.01", f"{largest:g}"])
+    axes.minorticks_off()
+    axes.set_xlabel(OMEGA)
+    axes.set_ylabel("damping factor ξ")
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+@styled
+def yaw_amplitude(yaw: pd.DataFrame) -> Figure:
+    """Draw the yaw amplitude that fits to the pitch motion predict beside the measured one, which no fit has seen.
+
+    Args:
+        yaw: ``omega, measured`` and one column a fit, in.
+    """
+    figure, axes = single("yaw amplitude (in)")
+    styles = ((AVERAGE, "-"), (LINEAR, DASH), (PITCH, DOT))
+    for (colour, line), name in zip(styles, yaw.columns.drop(["point", "omega", "measured"]), strict=False):
+        axes.plot(yaw["omega"], yaw[name], color=colour, linestyle=line, label=f"predicted: {name}")
+    printed(axes, yaw["omega"], yaw["measured"], "measured (Table 3.I, over the mode factor)")
+    from_zero(axes)
+    return figure

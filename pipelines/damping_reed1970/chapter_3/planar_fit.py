@@ -1,0 +1,280 @@
+"""Fit of the planar-coupled oscillator to measured amplitude and phase together (Eqs. 3.1.24-3.1.35).
+
+The report sets the model up, says that its parameters are found "by solving the resulting set of nonlinear algebraic
+equations", and leaves that out of its scope. Here they are fitted to all phasors A exp(-i phi) at once, by least
+squares of the distance between measured and model phasor; its standard deviation is the same in every direction
+(circular noise) and of unknown size. Two more parameters may be fitted: what is left of motion in phase with the force
+(other modes, rigid body), and a lag common to all points.
+
+The response along the force stays what it is when theta changes sign and when the two planes change names (omega_p,
+omega_y, theta -> omega_y, omega_p, pi/2 - theta). Results carry 0 <= theta <= pi/2 and, where all three are fitted,
+omega_p <= omega_y. Planes outside the swept frequencies are no planes of this mode: there a "plane" only stands for
+motion in phase with the force, and such minima are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from damping.arrays import FloatArray, Floats
+from damping.errors import AnalysisError, InputError
+from damping_reed1970.chapter_3 import ComplexArray, PlanarOscillator, pitch_response
+
+Noise = Literal["constant", "proportional"]
+
+#: Parameters that are always there, and those that are 0 unless they are asked for.
+PARAMETERS, EXTRAS = ("omega_p", "omega_y", "theta", "M", "C"), ("R", "lag")
+_LOGARITHMIC = ("M", "C")  # the minimiser sees their logarithms, so that they stay positive
+_GRID_STEPS, _GRID_THETA, _GRID_XI = 6, (0.2, 0.6, 1.0), (0.002, 0.006, 0.02)
+_REFINED = 5  # starts that are followed down: the best of the grid
+_SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at which errors have a digit
+
+
+class PlanarModel(NamedTuple):
+    """The planar oscillator as a sensor sees it: (response exp(-i lag) + R F). Fields may broadcast with omega.
+
+    M, C, omega_p, omega_y, theta as in ``PlanarOscillator``; ``R``: motion in phase with the force that is not this
+    mode's, per unit of modal force; ``lag``: of all readings, rad.
+    """
+
+    M: Floats
+    C: Floats
+    omega_p: Floats
+    omega_y: Floats
+    theta: Floats
+    R: Floats = 0.0
+    lag: Floats = 0.0
+
+    @property
+    def oscillator(self) -> PlanarOscillator:
+        """The oscillator alone."""
+        return PlanarOscillator(*self[:5])
+
+    def response(self, F: Floats, omega: Floats) -> ComplexArray:
+        """Phasor of the motion along the force."""
+        return np.asarray(pitch_response(self.oscillator, F, omega) * np.exp(-1j * self.lag) + self.R * F)
+
+
+@dataclass(frozen=True)
+class Phasors:
+    """What is fitted: ``q`` = A exp(-i phi), modal force ``F`` and ``omega`` in rad/s, each (n,).
+
+    ``noise``: the standard deviation of a phasor's components is one and the same (``constant``) or a share of the
+    measured amplitude (``proportional``).
+    """
+
+    q: ComplexArray
+    F: FloatArray
+    omega: FloatArray
+    noise: Noise = "constant"
+
+    @classmethod
+    def of(
+        cls, amplitude: FloatArray, phase: FloatArray, F: FloatArray, omega: FloatArray, noise: Noise = "constant"
+    ) -> Phasors:
+        """Phasors of amplitudes and phase lags (rad). InputError for an unknown ``noise``."""
+        if noise not in get_args(Noise):
+            raise InputError(f"unknown noise {noise!r}", expected=" or ".join(get_args(Noise)))
+        return cls(amplitude * np.exp(-1j * phase), F, omega, noise)
+
+    @property
+    def shape(self) -> FloatArray:
+        """Standard deviation of each point over the unknown scale sigma, (n,)."""
+        return np.abs(self.q) if self.noise == "proportional" else np.ones(self.omega.size)
+
+    def residuals(self, model: PlanarModel) -> ComplexArray:
+        """(model - measured)/shape (..., n); fields of the model may have shape (..., 1)."""
+        return (model.response(self.F, self.omega) - self.q) / self.shape
+
+
+@dataclass(frozen=True)
+class PlanarFit:
+    """A least-squares fit of the planar oscillator.
+
+    Attributes:
+        model: as fitted, theta in rad. fitted: names of the parameters that were.
+        standard_errors: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted.
+        residuals: complex, (model - measured)/shape, (n,). SSE: sum of their squares, 2 n numbers.
+    """
+
+    model: PlanarModel
+    fitted: tuple[str, ...]
+    standard_errors: Mapping[str, float]
+    residuals: ComplexArray
+    SSE: float
+
+    @property
+    def xi(self) -> float:
+        """Damping factor of the pitch plane, C/(2 M omega_p) (Eq. 3.1.10)."""
+        return float(_xi(self.model))
+
+    @property
+    def sigma(self) -> float:
+        """Scale of the noise, sqrt(SSE/(2 n - k)) with k parameters fitted."""
+        return float(np.sqrt(self.SSE / (2 * self.residuals.size - len(self.fitted))))
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of neighbouring residuals: near 0 where they are independent, as the standard errors assume."""
+        return float(np.real(self.residuals[:-1] @ self.residuals[1:].conj()) / self.SSE)
+
+    def chi_square_over(self, free: PlanarFit) -> float:
+        """2 ln(likelihood of ``free``/of this), sigma of each at its maximum: 2 n ln(SSE/SSE of free)."""
+        return float(2 * self.residuals.size * np.log(self.SSE / free.SSE))
+
+
+def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()) -> PlanarFit:
+    """Least squares from the best of a grid of starts, the best minimum found.
+
+    Args:
+        data: measured phasors in order of frequency.
+        fixed: parameters that are not fitted, by name (theta in rad).
+        extras: those of ``EXTRAS`` that are fitted too.
+
+    Raises:
+        InputError: an unknown parameter, or none to fit.
+        AnalysisError: no more numbers than parameters, no minimum with both planes inside the swept frequencies, or
+            parameters that the data do not determine.
+    """
+    fixed = dict(fixed or {})
+    for name, choices in [*((name, PARAMETERS) for name in fixed), *((name, EXTRAS) for name in extras)]:
+        if name not in choices:
+            raise InputError(f"unknown parameter {name!r}", expected=f"one of {', '.join(choices)}")
+    free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))
+    if not free:
+        raise InputError("every parameter of the planes is fixed", expected="one to fit")
+    if 2 * data.omega.size <= len(free):
+        raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
+    starts = _starts(data, fixed)
+    _lengths(_real(_jacobian(data, starts[0], free)), free)
+    model = _best(data, fixed, free, starts)
+    model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
+    residuals = data.residuals(model)
+    SSE = float(np.sum(np.abs(residuals) ** 2))
+    variance = SSE / (2 * data.omega.size - len(free))
+    errors = _standard_errors(model, free, variance * _inverse(_real(_jacobian(data, model, free)), free))
+    return PlanarFit(model, free, errors, residuals, SSE)
+
+
+def _starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
+    """The best points of a grid: planes across the swept band, angles, damping; the mass that fits the largest peak."""
+    band = np.linspace(data.omega.min(), data.omega.max(), _GRID_STEPS)
+    rates = 2.0 * np.array(_GRID_XI) * band.mean()  # C/M
+    axes = {"omega_p": band, "omega_y": band, "theta": np.array(_GRID_THETA), "rate": rates}
+    axes |= {name: np.array([fixed[name]]) for name in axes if name in fixed}
+    omega_p, omega_y, theta, rate = (axis.reshape(-1, 1) for axis in np.meshgrid(*axes.values()))
+    response = pitch_response(PlanarOscillator(1.0, rate, omega_p, omega_y, theta), data.F, data.omega)
+    M = np.abs(response).max(axis=1, keepdims=True) / np.abs(data.q).max()
+    M = np.full_like(M, fixed["M"]) if "M" in fixed else M
+    C = np.full_like(M, fixed["C"]) if "C" in fixed else rate * M
+    misfit = np.sum(np.abs(data.residuals(PlanarModel(M, C, omega_p, omega_y, theta))) ** 2, axis=1)
+    # two equal planes are one, of any angle: no start
+    misfit = np.where((omega_p == omega_y)[:, 0], np.inf, misfit)
+    best = np.argsort(misfit, kind="stable")[:_REFINED]
+    return [PlanarModel(*row) for row in np.hstack([M, C, omega_p, omega_y, theta])[best].tolist()]
+
+
+def _best(data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], starts: list[PlanarModel]) -> PlanarModel:
+    """The lowest minimum with the planes inside the swept frequencies."""
+    found = [_minimise(data, fixed, free, start) for start in starts]
+    inside = [one for one in found if _swept(one[1], data, free)]
+    if not inside:
+        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
+    return min(inside, key=lambda one: one[0])[1]
+
+
+def _swept(model: PlanarModel, data: Phasors, free: tuple[str, ...]) -> bool:
+    """Whether the planes that were fitted lie inside the swept frequencies."""
+    low, high = data.omega.min(), data.omega.max()
+    return all(low <= getattr(model, name) <= high for name in ("omega_p", "omega_y") if name in free)
+
+
+def _minimise(
+    data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], start: PlanarModel
+) -> tuple[float, PlanarModel]:
+    """Half the sum of squares and the model at the minimum below ``start``."""
+    logarithmic = np.array([name in _LOGARITHMIC for name in free])
+
+    def model(x: FloatArray) -> PlanarModel:
+        values = np.where(logarithmic, np.exp(np.where(logarithmic, x, 0.0)), x)
+        return start._replace(**fixed, **dict(zip(free, values.tolist(), strict=True)))
+
+    def residuals(x: FloatArray) -> FloatArray:
+        return _real(data.residuals(model(x)))
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        at = model(x)
+        chain = [getattr(at, name) if name in _LOGARITHMIC else 1.0 for name in free]
+        return _real(_jacobian(data, at, free)) * chain
+
+    x = np.array([getattr(start, name) for name in free])
+    x = np.where(logarithmic, np.log(np.where(logarithmic, x, 1.0)), x)
+    # no test on the gradient: its size depends on the units of the amplitudes
+    result = least_squares(residuals, x, jac=jacobian, x_scale="jac", max_nfev=200, ftol=1e-13, xtol=1e-12, gtol=None)
+    return float(result.cost), model(result.x)
+
+
+def _jacobian(data: Phasors, model: PlanarModel, free: tuple[str, ...]) -> ComplexArray:
+    """Derivatives of the residuals by the parameters ``free``, (n, k)."""
+    M, C, omega_p, omega_y, theta, _, lag = model
+    omega, along, across, turn = data.omega, np.cos(theta) ** 2, np.sin(theta) ** 2, np.exp(-1j * lag)
+    p = 1.0 / (M * (omega_p**2 - omega**2) + 1j * C * omega)
+    y = 1.0 / (M * (omega_y**2 - omega**2) + 1j * C * omega)
+    by_name = {
+        "omega_p": -along * 2.0 * M * omega_p * p**2 * turn,
+        "omega_y": -across * 2.0 * M * omega_y * y**2 * turn,
+        "theta": np.sin(2.0 * theta) * (y - p) * turn,
+        "M": -(along * (omega_p**2 - omega**2) * p**2 + across * (omega_y**2 - omega**2) * y**2) * turn,
+        "C": -1j * omega * (along * p**2 + across * y**2) * turn,
+        "R": np.ones(omega.size),
+        "lag": -1j * (along * p + across * y) * turn,
+    }
+    return np.stack([data.F * by_name[name] / data.shape for name in free], axis=-1)
+
+
+def _real(values: ComplexArray) -> FloatArray:
+    """Real parts, then imaginary parts, along the first axis."""
+    return np.concatenate([values.real, values.imag])
+
+
+def _inverse(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
+    """(J^T J)^-1 by columns of unit length. AnalysisError where it does not exist in double precision."""
+    length = _lengths(jacobian, free)
+    singular, directions = np.linalg.svd(jacobian / length, full_matrices=False)[1:]
+    if singular[-1] < _SINGULAR:
+        raise AnalysisError(f"the measured motion does not determine {', '.join(free)} together")
+    return np.asarray((directions.T / singular**2) @ directions / np.outer(length, length))
+
+
+def _lengths(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
+    """Lengths of the columns. AnalysisError for one that is 0, such as of omega_y at an angle held at 0."""
+    length = np.asarray(np.linalg.norm(jacobian, axis=0))
+    if not np.all(length > 0.0):
+        raise AnalysisError(f"the measured motion does not depend on {free[int(np.argmin(length))]}")
+    return length
+
+
+def _xi(model: PlanarModel) -> Floats:
+    return model.C / (2.0 * model.M * model.omega_p)
+
+
+def _standard_errors(model: PlanarModel, free: tuple[str, ...], covariance: FloatArray) -> dict[str, float]:
+    """Of every parameter and, by its first derivatives, of xi."""
+    of_free = dict(zip(free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    powers = {"C": 1.0, "M": -1.0, "omega_p": -1.0}  # xi is a product of powers
+    gradient = np.array([powers[name] * _xi(model) / getattr(model, name) if name in powers else 0.0 for name in free])
+    of_all = {name: of_free.get(name, 0.0) for name in (*PARAMETERS, *EXTRAS)}
+    return {**of_all, "xi": float(np.sqrt(gradient @ covariance @ gradient))}
+
+
+def _canonical(model: PlanarModel, may_rename: bool) -> PlanarModel:
+    """The model of the same response with 0 <= theta <= pi/2 and, where the planes may be renamed, omega_p first."""
+    theta = abs(float(np.arcsin(np.sin(model.theta))))
+    if may_rename and model.omega_p > model.omega_y:
+        return model._replace(omega_p=model.omega_y, omega_y=model.omega_p, theta=0.5 * np.pi - theta)
+    return model._replace(theta=theta)

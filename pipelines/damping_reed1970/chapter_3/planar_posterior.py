@@ -1,0 +1,184 @@
+"""Posterior of the planar-coupled oscillator (Eqs. 3.1.24-3.1.35): priors, likelihood, evidence, chains.
+
+Every parameter is a known function of a standard normal variable, so that a prior is ``prod N(x_i; 0, 1)``:
+
+- ``omega_p <= omega_y``: the frequencies of the two planes, each uniform over the swept band, in rising order. (A plane
+  outside it would only stand for motion in phase with the force, of other modes or of the rigid body.)
+- ``theta``: uniform from 0 to 90 degrees (its sign has no effect along the force).
+- ``M``: log-normal about the modal mass assumed, log standard deviation 0.5 (a factor of 2.3 either way in 90 %).
+- ``xi`` of the pitch plane: log-normal about 0.01, log standard deviation 1.
+- ``sigma``: noise of a phasor's components, log-normal about 5 % of the largest amplitude (of each amplitude, where
+  noise is proportional), log standard deviation 1.
+- where they are asked for: ``R``, normal about 0 with a motion of 20 % of the largest amplitude as standard deviation;
+  ``lag``, normal about 0 with 0.1 rad.
+
+The likelihood is that of circular normal noise, independent from point to point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from scipy.optimize import OptimizeResult, minimize
+from scipy.special import ndtr, ndtri
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.infer.chains import Chains, Settings, Start, Target, run
+from damping.infer.importance import Evidence, importance, sobol
+from damping.infer.law import REACH, log_prior
+from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
+
+MASS_LOG_SD = 0.5
+XI_MEDIAN, XI_LOG_SD = 0.01, 1.0
+SIGMA_SHARE, SIGMA_LOG_SD = 0.05, 1.0
+R_SHARE, LAG_SD = 0.2, 0.1
+#: Variables that are always there, in order, and those of them that may be held at a value.
+VARIABLES, FIXABLE = ("omega_p", "omega_y", "theta", "M", "xi", "sigma"), ("theta", "M")
+
+_STARTS_POWER, _STARTS = 11, 4  # 2048 prior points, the best four followed down
+_STEP = 1e-5  # of a standard normal variable, in difference quotients
+
+
+@dataclass(frozen=True)
+class PlanarPrior:
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters.
+
+    Attributes:
+        low, high: the swept band, rad/s. mass: median of M. sigma: median of the noise scale. R: standard deviation.
+        fixed: parameters held at a value, of ``FIXABLE`` (theta in rad). extras: of ``EXTRAS``, that are free.
+    """
+
+    low: float
+    high: float
+    mass: float
+    sigma: float
+    R: float
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    extras: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, data: Phasors, mass: float, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()
+    ) -> PlanarPrior:
+        """Scales from the data; ``mass`` is the modal mass assumed. InputError for what cannot be held or added."""
+        for name, choices in [*((name, FIXABLE) for name in fixed or {}), *((name, EXTRAS) for name in extras)]:
+            if name not in choices:
+                raise InputError(f"unknown parameter {name!r}", expected=f"one of {', '.join(choices)}")
+        largest = float(np.max(np.abs(data.q)))
+        return cls(
+            low=float(data.omega.min()),
+            high=float(data.omega.max()),
+            mass=mass,
+            sigma=SIGMA_SHARE * float(np.max(np.abs(data.q) / data.shape)),
+            R=R_SHARE * largest / float(np.mean(data.F)),
+            fixed=dict(fixed or {}),
+            extras=tuple(name for name in EXTRAS if name in extras),
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables, in order."""
+        return (*(name for name in VARIABLES if name not in self.fixed), *self.extras)
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return len(self.names)
+
+    def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Parameters that are free, and C and xi: arrays of shape ``x.shape[:-1]`` by name."""
+        free = {*self.names, "C"}
+        return {name: value for name, value in self.values(x).items() if name in free}
+
+    def model(self, x: FloatArray) -> PlanarModel:
+        """Models whose fields have shape (..., 1), to broadcast with frequencies."""
+        return _model(self.values(x))
+
+    def values(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Every parameter, free or held, and C and xi."""
+        z = dict(zip(self.names, np.moveaxis(x, -1, 0), strict=True))
+        # the larger of two uniforms is the root of a uniform, the smaller is uniform below it
+        omega_y = self.low + (self.high - self.low) * np.sqrt(ndtr(z["omega_y"]))
+        omega_p = self.low + (omega_y - self.low) * ndtr(z["omega_p"])
+        values = {name: np.full(x.shape[:-1], self.fixed.get(name, 0.0)) for name in (*self.fixed, *EXTRAS)}
+        if "theta" in z:
+            values["theta"] = 0.5 * np.pi * ndtr(z["theta"])
+        if "M" in z:
+            values["M"] = self.mass * np.exp(MASS_LOG_SD * z["M"])
+        values |= {name: sd * z[name] for name, sd in (("R", self.R), ("lag", LAG_SD)) if name in z}
+        xi = XI_MEDIAN * np.exp(XI_LOG_SD * z["xi"])
+        C, sigma = 2.0 * xi * values["M"] * omega_p, self.sigma * np.exp(SIGMA_LOG_SD * z["sigma"])
+        return {"omega_p": omega_p, "omega_y": omega_y, **values, "C": C, "xi": xi, "sigma": sigma}
+
+
+def _model(values: Mapping[str, FloatArray]) -> PlanarModel:
+    return PlanarModel(*(values[name][..., None] for name in PlanarModel._fields))
+
+
+@dataclass(frozen=True)
+class PlanarPosterior:
+    """Chains of a planar oscillator, the prior that gives ``x`` its meaning, and the evidence they started from."""
+
+    prior: PlanarPrior
+    chains: Chains
+    evidence: Evidence
+
+    @property
+    def draws(self) -> FloatArray:
+        """All kept draws of the variables, (ensembles * kept, dimension)."""
+        return self.chains.x.reshape(-1, self.chains.x.shape[-1])
+
+    def parameters(self) -> dict[str, FloatArray]:
+        """Draws of every parameter that is free, and of C, (ensembles * kept,)."""
+        return self.prior.parameters(self.draws)
+
+
+def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
+    """Circular normal log likelihood at points (points, dimension): -ln(2 pi s^2) - |q - model|^2/(2 s^2) a phasor."""
+    values = prior.values(x)
+    sigma = values["sigma"]
+    square = np.sum(np.abs(data.residuals(_model(values))) ** 2, axis=-1)
+    norm = data.omega.size * np.log(2.0 * np.pi * sigma**2) + 2.0 * np.sum(np.log(data.shape))
+    return np.asarray(-0.5 * square / sigma**2 - norm)
+
+
+def log_posterior(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
+    """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
+    x = np.atleast_2d(x)
+    inside = np.all(np.abs(x) < REACH, axis=-1)
+    x = np.clip(x, -REACH, REACH)
+    return np.where(inside, log_prior(x) + log_likelihood(x, prior, data), -np.inf)
+
+
+def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidence:
+    """Marginal likelihood and weighted draws, by importance sampling from the posterior mode outwards."""
+    mode = _mode(prior, data)
+    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed, least_rounds=7)
+
+
+def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
+    """The best of several quasi-Newton descents from prior points."""
+    points = np.clip(ndtri(sobol(prior.dimension, _STARTS_POWER, seed=0)), -3.0, 3.0)
+    best = np.argsort(-log_posterior(points, prior, data), kind="stable")[:_STARTS]
+
+    def value_and_gradient(x: FloatArray) -> tuple[float, FloatArray]:
+        steps = _STEP * np.eye(x.size)
+        star = np.vstack([x, x + steps, x - steps])
+        # without the cut-off at REACH: the minimiser needs numbers
+        values = -(log_prior(star) + log_likelihood(star, prior, data))
+        return float(values[0]), (values[1 : 1 + x.size] - values[1 + x.size :]) / (2.0 * _STEP)
+
+    found = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
+    return min(found, key=lambda one: float(one.fun))
+
+
+def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:
+    """Sample the planar oscillator with four ensembles until every parameter is known (see ``sampling.Settings``)."""
+    evidence = planar_evidence(prior, data, seed)
+    target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
+    chains = run(target, Start(evidence.draws, evidence.proposal), lambda x: {}, seed, settings)
+    return PlanarPosterior(prior, chains, evidence)

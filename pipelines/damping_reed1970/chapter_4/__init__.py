@@ -1,0 +1,188 @@
+"""Chapter IV: nonlinear damping of Configuration II from its three sweeps (Tables 4.I to 4.V, section 4.3)."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
+from damping.forces import case_five, make
+from damping.forces.contract import Force
+from damping.forces.powers import B, beta
+from damping.regression.power_law import fit_power_law
+from damping_reed1970.chapter_2 import CASES
+from damping_reed1970.tables import Version, columns, load_table
+
+#: Sweep C, first mode, as section 4.2 computes with it: M, omega_n, F_e (Table 4.I), A_m (Table 4.II).
+SWEEP_C = {"M": 50.783, "omega_n": RAD_S_PER_HZ * 1.66401, "F_e": 28.98, "A_m": 1.567}
+#: Exponents and mean frequencies that section 4.3 computes with.
+P_1, P_2, P_1_FORM_2, P_2_FORM_2, OMEGA_1, OMEGA_2 = 1.859, 1.342, 0.865, 0.342, 10.47, 17.09
+#: Force of the extrapolation example, lb, and the printed amplitudes there, in.
+F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED = 90.0, 4.84, 2.90
+
+
+def equation_4_1_5(F_e: FloatArray, M: FloatArray, omega_n: FloatArray, xi_1: FloatArray) -> FloatArray:
+    """A_m = F_e/(2 M omega_n^2 xi_1)."""
+    return F_e / (2.0 * M * omega_n**2 * xi_1)
+
+
+def sweeps(version: Version = "printed") -> pd.DataFrame:
+    """Tables 4.I and 4.II side by side; ``label`` is mode and sweep (1A), ``omega_n`` in rad/s.
+
+    Corrected: the one wrong modal force (2A, erratum E4I-1) is the product phi_r F of its own row.
+    """
+    table = load_table("4_I").merge(load_table("4_II"), on=["mode", "sweep"], validate="1:1")
+    if version == "corrected":
+        wrong = load_table("4_I", "corrected")["modal_force_lb"] != table["modal_force_lb"]
+        table["modal_force_lb"] = table["modal_force_lb"].mask(wrong, table["phi_r_load_point"] * table["force_lb"])
+    return table.assign(
+        label=table["mode"].astype(str) + table["sweep"], omega_n=RAD_S_PER_HZ * table["modal_frequency_hz"]
+    )
+
+
+def table_4_i_ii(table: pd.DataFrame) -> dict[str, float]:
+    """F_e = phi_r F, C_1 = 2 M omega_n xi_1 (Eq. 4.1.3), A_m (4.1.5), energy pi A_m^2 omega_n C_1."""
+    M, omega_n, xi = columns(table, "generalized_mass_lb_s2_per_in", "omega_n", "average_damping_xi")
+    phi_r, F, F_e = columns(table, "phi_r_load_point", "force_lb", "modal_force_lb")
+    A_m, C_1 = columns(table, "Am_in", "C1_lb_s_per_in")
+    results = {
+        "tab4I.Fe": phi_r * F,
+        "tab4II.C1": 2.0 * M * omega_n * xi,
+        "tab4II.Am": equation_4_1_5(F_e, M, omega_n, xi),
+        "tab4II.E": pi * A_m**2 * omega_n * C_1,
+    }
+    keyed = ((f"{name}[{k}]", v) for name, r in results.items() for k, v in zip(table["label"], r, strict=True))
+    return {key: float(value) for key, value in keyed}
+
+
+def equations_4_1_8_to_4_1_15() -> dict[str, float]:
+    """Mean C_1 (4.1.8), the line C_1 = C_01 + C_11 A_m (4.1.10), case IV coefficient 3 pi C_11/4 (4.1.13)."""
+    slope_printed = {1: 0.800, 2: 5.127}
+    result: dict[str, float] = {}
+    for mode, C_11 in slope_printed.items():
+        A_m, C_1 = columns(load_table("4_II").query("mode == @mode"), "Am_in", "C1_lb_s_per_in")
+        result[f"eq418.C1_mode{mode}"] = float(C_1.mean())
+        result[f"eq4110.slope_mode{mode}"] = float((np.diff(C_1) / np.diff(A_m)).mean())
+        result[f"eq4110.intercept_mode{mode}"] = float(C_1[1] - C_11 * A_m[1])
+        result[f"eq4113.C4_mode{mode}"] = 0.75 * pi * C_11
+    return result
+
+
+def unit_force(case: str, alpha: float = 1.0) -> Force:
+    """The damping force of a case of Table 2.I with coefficient 1 (case V: 1 + alpha Q^2)."""
+    return case_five(1.0, alpha) if case == "V" else make(CASES[case], coefficient=1.0)
+
+
+def equation_4_2_7(case: str, M: Floats, F_e: Floats, omega_n: Floats, A_m: Floats) -> Floats:
+    """xi_i = C_i/(2 M omega_n) of a case with the resonant amplitude A_m under F_e (case V: xi_1, erratum E427)."""
+    return F_e / unit_force(case).quadrature(A_m, omega_n) / (2.0 * M * omega_n)
+
+
+def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n: float) -> float:
+    """Resonant amplitude A_m under F_e of a case with the coefficient xi_i."""
+    force = unit_force(case)
+    target = F_e / (2.0 * M * omega_n * xi)
+    return float(brentq(lambda A: float(force.quadrature(A, omega_n)) - target, 1e-6, 1e3, xtol=1e-14, rtol=1e-14))
+
+
+def table_4_v() -> dict[str, float]:
+    """Coefficients of each sweep (Eq. 4.2.7) and their largest variation, from the corrected Table 4.V."""
+    table = load_table("4_V", "corrected").set_index("parameter")
+    result = {}
+    for case, parameter in zip(CASES, ("xi_1", "xi_2", "xi_3", "xi_4", "xi_5_alpha_1"), strict=True):
+        for sweep in "ABC":
+            M, F_e, f_n, A_m = table[f"sweep_{sweep}"].iloc[:4]
+            xi = equation_4_2_7(case, M, F_e, RAD_S_PER_HZ * f_n, A_m)
+            result[f"tab4V.{parameter}[{sweep}]"] = float(xi)
+        xi_a, xi_c = float(table["sweep_A"][parameter]), float(table["sweep_C"][parameter])
+        result[f"tab4V.maxvar[{parameter}]"] = 100.0 * (xi_a - xi_c) / xi_c
+    return result
+
+
+def table_4_iv() -> dict[str, float]:
+    """Amplitudes that the coefficients of sweep C predict for sweeps A and B, and the printed per cent errors."""
+    result = {}
+    for row in load_table("4_IV", "corrected").to_dict("records"):
+        key, omega_n = f"{row['sweep']}-{row['case']}", RAD_S_PER_HZ * row["natural_frequency_hz"]
+        A = equation_4_2_7_inverted(row["case"], row["zeta_from_sweep_C"], row["M_lb_s2_per_in"], row["Fe_lb"], omega_n)
+        result[f"tab4IV.Am_pred[{key}]"] = A
+        result[f"tab4IV.pct[{key}]"] = 100.0 * (row["Am_predicted_in"] - row["Am_in"]) / row["Am_in"]
+    return result
+
+
+def equation_4_2_11() -> dict[str, float]:
+    """c_1 = 2 xi_1 M omega_n of case V, sweep C, with the values of Table 4.V (erratum E4-1)."""
+    table = load_table("4_V", "corrected").set_index("parameter")["sweep_C"]
+    omega_n = RAD_S_PER_HZ * table["natural_frequency_hz"]
+    return {"eq4211.c1": float(2.0 * table["xi_5_alpha_1"] * table["M_lb_s2_per_in"] * omega_n)}
+
+
+def section_4_2() -> dict[str, float]:
+    """Distance of the undamped curve, delta of case I at A = 1.01, largest error at A = A_m/2 (Eqs. 4.2.4, 4.2.9)."""
+    c, A, xi_1 = SWEEP_C, 1.01, 0.00166541
+    undamped = c["F_e"] / (c["M"] * c["omega_n"] ** 2 * A)
+    return {
+        "sec42.undamped_dist": undamped,
+        "sec42.delta_caseI": undamped - sqrt(undamped**2 - 4.0 * xi_1**2),
+        "sec42.max_error_half_Am": 100.0 * (1.0 - sqrt(1.0 - 0.5**2)),
+    }
+
+
+def equation_4_3_9(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
+    """alpha = beta(p) F_e/(omega_n^p A_m^p)."""
+    return beta(p) * F_e / (omega_n**p * A_m**p)
+
+
+def equation_4_3_19(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
+    """alpha = B(p) F_e/(omega_n^p A_m^(p+1)) (erratum E43-4: the report dropped pi/2 of B for mode 2)."""
+    return B(p) * F_e / (omega_n**p * A_m ** (p + 1.0))
+
+
+def section_4_3(version: Version = "printed") -> dict[str, float]:
+    """Exponents, coefficients and the extrapolation to 90 lb."""
+    (F_1, A_1, omega_1), (F_2, A_2, omega_2) = resonances(1, version), resonances(2, version)
+    line = fit_power_law(F_1, A_1, omega_1)
+    return {
+        "eq4313.p_mode1": line.p,
+        "eq4315.p_mode2": fit_power_law(F_2, A_2, omega_2).p,
+        "eq4314.beta_mode1": float(beta(P_1)),
+        "eq4316.beta_mode2": float(beta(P_2)),
+        "eq4314.alpha_mode1": float(np.mean(equation_4_3_9(F_1, A_1, OMEGA_1, P_1))),
+        "eq4316.alpha_mode2": float(np.mean(equation_4_3_9(F_2, A_2, OMEGA_2, P_2))),
+        "eq4321.alpha_mode1": float(equation_4_3_19(F_1[0], A_1[0], OMEGA_1, P_1_FORM_2)),
+        "eq4322.alpha_mode2": float(equation_4_3_19(F_2[0], A_2[0], OMEGA_2, P_2_FORM_2)),
+        "sec43.wn_mode1": float(omega_1.mean()),
+        "sec43.wn_mode2": float(omega_2.mean()),
+        "sec43.A90_linear": float(A_1[2] * F_EXAMPLE / F_1[2]),
+        "sec43.A90_power": float(line.amplitude(F_EXAMPLE)),
+        "sec43.A90_power_p1859": float(A_1[2] * (F_EXAMPLE / F_1[2]) ** (1.0 / P_1)),
+        "sec43.pct67": 100.0 * (A_LINEAR_PRINTED / A_POWER_PRINTED - 1.0),
+    }
+
+
+def computed() -> dict[str, float]:
+    """Every result of the chapter, from the tables as printed where the recipe does not say otherwise."""
+    return {
+        **table_4_i_ii(sweeps()),
+        **equations_4_1_8_to_4_1_15(),
+        **table_4_v(),
+        **table_4_iv(),
+        **equation_4_2_11(),
+        **section_4_2(),
+        **section_4_3(),
+    }
+
+
+def after_correction() -> dict[str, float]:
+    """Results that the corrected modal force of mode 2, sweep A changes (erratum E4I-1)."""
+    return {**table_4_i_ii(sweeps("corrected")), **section_4_3("corrected")}
+
+
+def resonances(mode: int, version: Version) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Modal force F_e, resonant amplitude A_m and omega_n of the sweeps A, B, C of a mode (Eq. 4.3.12)."""
+    table = load_table("4_I", version).merge(load_table("4_II"), on=["mode", "sweep"]).query("mode == @mode")
+    F_e, A_m, f_n = columns(table, "modal_force_lb", "Am_in", "modal_frequency_hz")
+    return F_e, A_m, RAD_S_PER_HZ * f_n

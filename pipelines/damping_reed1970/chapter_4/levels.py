@@ -1,0 +1,247 @@
+"""Tables 4.IV and 4.V as methods: which damping case keeps one coefficient from level to level (section 4.2).
+
+At phase resonance a case with unit force C(A, omega) needs the coefficient F/C(A_m, omega). The right case needs the
+same one at every level. What is kept may be the coefficient itself, or, as the report has it,
+xi = coefficient/(2 M omega) with the generalized mass M of each sweep (Eq. 4.2.7): where M differs from sweep to sweep
+the two are different questions. Cases: I to IV and the second term of V alone, V with the alphas asked for, and viscous
+with each nonlinear one in the ratio alpha that keeps the coefficient best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import minimize_scalar
+
+from damping.arrays import FloatArray
+from damping.errors import AnalysisError
+from damping.forces import make
+from damping.forces.contract import Sum
+from damping.infer.observations import Observations
+from damping.predict.steady import resonant_amplitude
+from damping.records.record import Record
+from damping.records.resonance import resonances
+
+#: One-term cases of Table 2.I by force name; of case V the second term alone.
+ONE_TERM = {
+    "I": "viscous",
+    "II": "displacement",
+    "III": "velocity-squared",
+    "IV": "displacement-velocity",
+    "V, second term": "quadratic-displacement",
+}
+QUADRATIC = ONE_TERM["V, second term"]
+#: Range in which a free alpha is looked for, in units of the one that makes both terms equal at the reference.
+_ALPHAS = np.geomspace(1e-3, 1e3, 121)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case: ``forces``, the second (if any) with ``alpha`` times the coefficient of the first; ``free`` alpha.
+
+    An infinite alpha leaves the second force alone, with the coefficient as its own.
+    """
+
+    name: str
+    forces: tuple[str, ...]
+    alpha: float = np.nan
+    free: bool = False
+
+    def force(self, coefficient: FloatArray | float) -> Sum:
+        """The damping force for coefficients that broadcast."""
+        if len(self.forces) == 1 or self.alpha == 0.0:
+            return Sum((make(self.forces[0], coefficient=coefficient),))
+        if np.isinf(self.alpha):
+            return Sum((make(self.forces[1], coefficient=coefficient),))
+        first, second = self.forces
+        return Sum((make(first, coefficient=coefficient), make(second, coefficient=self.alpha * coefficient)))
+
+
+@dataclass(frozen=True)
+class LevelMethods:
+    """What the two methods say; tables are tidy, percentages of the measured or base value.
+
+    Attributes:
+        held: ``xi`` or ``coefficient``, what is kept from level to level.
+        cases: every case, with its alpha.
+        coefficients: Table 4.V, ``case, alpha, sweep, held``.
+        variations: ``case, alpha, free, base, largest_percent`` (signed, as the report), ``spread_percent`` (standard
+            deviation of ln held over the levels, with a degree of freedom less for a free alpha; NaN without any).
+        predictions: Table 4.IV, ``case, alpha, base, sweep, predicted, amplitude, percent_error``; base ``others``
+            takes coefficient and free alpha from all other sweeps.
+        picked: case of least spread. cautions: what a reader should know, in words.
+    """
+
+    held: str
+    cases: tuple[Case, ...]
+    coefficients: pd.DataFrame
+    variations: pd.DataFrame
+    predictions: pd.DataFrame
+    picked: str
+    cautions: tuple[str, ...]
+
+    def case(self, name: str) -> Case:
+        """The case called ``name``."""
+        return next(case for case in self.cases if case.name == name)
+
+
+def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Sequence[float] = (1.0,)) -> LevelMethods:
+    """Both methods on the resonances of any number of sweeps.
+
+    Args:
+        data: tested force, amplitude and frequency of each sweep.
+        mass: generalized mass of each sweep (sweeps,), where xi is to be kept as in the report; None: the coefficient.
+        alphas: of case V, in 1/length^2.
+
+    Raises:
+        AnalysisError: fewer than two sweeps of different resonant amplitude.
+    """
+    if np.unique(data.tested_amplitude).size < 2:
+        raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")
+    scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
+    cases = _cases(data, scale, alphas)
+    variations = pd.concat([_variations(case, data, scale) for case in cases], ignore_index=True)
+    spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
+    return LevelMethods(
+        held="coefficient" if mass is None else "xi",
+        cases=cases,
+        coefficients=pd.concat([_coefficients(case, data, scale) for case in cases], ignore_index=True),
+        variations=variations,
+        predictions=pd.concat([_predictions(case, data, scale) for case in cases], ignore_index=True),
+        picked=str(spread.idxmin()),
+        cautions=_cautions(data),
+    )
+
+
+def held_values(case: Case, data: Observations, scale: FloatArray) -> FloatArray:
+    """F/(C(A_m, omega) scale) of each sweep, the quantity that should not vary (Eq. 4.2.7)."""
+    return np.asarray(data.tested_force / case.force(1.0).quadrature(data.tested_amplitude, data.tested_omega) / scale)
+
+
+def spread(case: Case, data: Observations, scale: FloatArray) -> float:
+    """Standard deviation of ln(held value) over the levels; a free alpha takes a degree of freedom, NaN without any."""
+    freedom = len(data.sweeps) - 1 - int(case.free)
+    logarithm = np.log(held_values(case, data, scale))
+    return float(np.sqrt(np.sum((logarithm - logarithm.mean()) ** 2) / freedom)) if freedom > 0 else np.nan
+
+
+def spread_against_alpha(data: Observations, mass: FloatArray | None, alphas: FloatArray) -> FloatArray:
+    """Spread, per cent, of case V for each alpha (as a fixed one), of the shape of ``alphas``."""
+    scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
+    cases = (Case("V", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas)
+    return np.array([100.0 * spread(case, data, scale) for case in cases])
+
+
+def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
+    """Generalized mass of each sweep: of its row at resonance where the record has masses, else ``otherwise``."""
+    if "mass" not in record.table:
+        return np.full(len(data.sweeps), otherwise)
+    rows = resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
+    return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
+
+
+def _cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[Case, ...]:
+    """All cases, those with a free alpha last."""
+    one = [Case(name, (force,)) for name, force in ONE_TERM.items()]
+    fixed = [Case(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
+    free = [
+        fit_alpha(
+            Case("V" if force == QUADRATIC else f"I + {name}", (ONE_TERM["I"], force), 1.0, free=True), data, scale
+        )
+        for name, force in ONE_TERM.items()
+        if name != "I"
+    ]
+    return (*one, *fixed, *(replace(case, name=f"{case.name}, alpha free") for case in free))
+
+
+def fit_alpha(case: Case, data: Observations, scale: FloatArray) -> Case:
+    """The case with the alpha >= 0 that keeps its value best over the levels of ``data``.
+
+    Where the best is at an end of the range looked at (a thousandth or a thousand times equal parts) one of the two
+    terms is best alone: alpha is 0 or infinite.
+    """
+    A, omega, _ = data.reference
+    first, second = (float(make(force, coefficient=1.0).quadrature(A, omega)) for force in case.forces)
+
+    def variance(log_alpha: float) -> float:
+        logarithm = np.log(held_values(replace(case, alpha=np.exp(log_alpha)), data, scale))
+        return float(np.var(logarithm))
+
+    grid = np.log(_ALPHAS * first / second)
+    best = int(np.argmin([variance(u) for u in grid]))
+    if best in (0, len(grid) - 1):
+        return replace(case, alpha=0.0 if best == 0 else np.inf)
+    found = minimize_scalar(
+        variance, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-10}
+    )
+    return replace(case, alpha=float(np.exp(found.x)))
+
+
+def _coefficients(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+    held = held_values(case, data, scale)
+    return pd.DataFrame({"case": case.name, "alpha": case.alpha, "sweep": data.sweeps, "held": held})
+
+
+def _variations(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+    """A row a base sweep."""
+    held = held_values(case, data, scale)
+    percent = 100.0 * (held[None, :] / held[:, None] - 1.0)
+    largest = percent[np.arange(len(held)), np.abs(percent).argmax(axis=1)]
+    head = {"case": case.name, "alpha": case.alpha, "free": case.free, "base": data.sweeps}
+    return pd.DataFrame({**head, "largest_percent": largest, "spread_percent": 100.0 * spread(case, data, scale)})
+
+
+def _predictions(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+    """A row a base and sweep other than the base; then each sweep from all others."""
+    held, n = held_values(case, data, scale), len(data.sweeps)
+    base, sweep = np.nonzero(~np.eye(n, dtype=bool))
+    predicted = _amplitude(case, held[base] * scale[sweep], data, sweep)
+    rows = _prediction_rows(case, [data.sweeps[b] for b in base], predicted, data, sweep)
+    if n < 3:
+        return rows
+    others = np.array([_from_others(case, data, scale, s) for s in range(n)])
+    return pd.concat([rows, _prediction_rows(case, ["others"] * n, others, data, np.arange(n))], ignore_index=True)
+
+
+def _from_others(case: Case, data: Observations, scale: FloatArray, sweep: int) -> float:
+    """Amplitude of one sweep from the geometric mean of the others' values (and their alpha)."""
+    keep = np.arange(len(data.sweeps)) != sweep
+    rest = data.keep_sweeps(keep)
+    if case.free:
+        if np.unique(rest.tested_amplitude).size < 2:
+            return np.nan
+        case = fit_alpha(case, rest, scale[keep])
+    held = np.exp(np.mean(np.log(held_values(case, rest, scale[keep]))))
+    return float(_amplitude(case, np.array([held * scale[sweep]]), data, np.array([sweep]))[0])
+
+
+def _amplitude(case: Case, coefficient: FloatArray, data: Observations, sweep: np.ndarray) -> FloatArray:
+    return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
+
+
+def _prediction_rows(
+    case: Case, base: list[str], predicted: FloatArray, data: Observations, sweep: np.ndarray
+) -> pd.DataFrame:
+    amplitude = data.tested_amplitude[sweep]
+    return pd.DataFrame(
+        {
+            "case": case.name,
+            "alpha": case.alpha,
+            "base": base,
+            "sweep": [data.sweeps[s] for s in sweep],
+            "predicted": predicted,
+            "amplitude": amplitude,
+            "percent_error": 100.0 * (predicted / amplitude - 1.0),
+        }
+    )
+
+
+def _cautions(data: Observations) -> tuple[str, ...]:
+    if len(data.sweeps) == 2:
+        return ("two sweeps: a free alpha keeps any value exactly, and says nothing",)
+    if len(data.sweeps) == 3:
+        return ("three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",)
+    return ()

@@ -1,0 +1,238 @@
+"""The circularity of Table 5.IV: what laws come out when the truth is known (sections 3.2 and 5.3).
+
+Table 5.IV takes amplitude and energy in the principal pitch plane from one number a point, the linear damping factor
+xi that Eq. 3.2.15 gives: E_p = 2 pi M omega_p xi omega A_p^2 holds in every row by construction, and a "law" fitted to
+the rows is a description of how xi came out. Here tail motions of structures with a known law are made, with noise,
+and sent the same way; and the same selection is asked of data that are not made so: the energy put in,
+pi X F sin(phi), against the modal amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import radians
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.forces import make
+from damping.predict.steady import steady_state
+from damping.signals.modal import PrincipalPlanes, damping_roots, plane_motion
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
+from damping_reed1970.tables import columns, load_table
+
+#: Force of each energy term that selection may choose (Table 5.I).
+FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
+#: Points at which the report took the low root of Eq. 3.2.15 (erratum E3IV-1); at the others the high one.
+LOW_ROOT = np.isin(np.arange(1, 16), (1, 2, 3, 4, 5, 6, 14, 15))
+#: Roots above are no damping factor of this structure.
+LARGEST_XI = 0.05
+#: Two planes fitted to amplitude and phase of Table 3.III with all five parameters free (relative residuals).
+FITTED = PlanarOscillator(M=22.8, C=2.49, omega_p=11.399, omega_y=11.491, theta=radians(36.3))
+#: The planes that the report's route assumes (Eq. 3.2.16), with its linear coefficient (3.2.19).
+ASSUMED = PlanarOscillator(M=PLANES.mass, C=2.30, omega_p=PLANES.omega_p, omega_y=PLANES.omega_y, theta=PLANES.theta)
+#: Relative noise of amplitude and noise of phase (rad), per cent.
+NOISE = (0.0, 1.0, 3.0, 10.0)
+
+ROUTES = ("Table 5.IV: A and E from xi", "3.1: modal amplitude, E put in", "rough: tail over factor, E put in")
+
+
+@dataclass(frozen=True)
+class Circularity:
+    """What laws come out.
+
+    Attributes:
+        laws: ``truth, noise_percent, route, law, share``: best law by BIC with coefficients > 0 among all sums of the
+            five forces; measured data have the truth ``measured`` and a share of 1.
+        claims: the same for what the report concludes: ``nonlinear_share`` (a force is selected other than viscous and
+            displacement, which a narrow band cannot tell apart), ``cubed_share`` (A^3 omega^2 alone fits better than
+            A^2 omega alone), ``ratio_share`` (of both together it has the larger T-ratio), ``significant_share`` (that
+            T-ratio is above 2), median ``C_1``, ``C_3`` of both together (5.3.16), ``no_root_share`` of the points.
+        identity: largest relative difference of E_p/(2 pi M omega_p omega A_p^2) from xi over Table 3.IV as printed.
+    """
+
+    laws: pd.DataFrame
+    claims: pd.DataFrame
+    identity: float
+    replicates: int
+
+
+def circularity(noise: Sequence[float] = NOISE, replicates: int = 500, seed: int = 0) -> Circularity:
+    """Send simulated tail motions of three known structures through the routes, and the measured data too.
+
+    Args:
+        noise: per cent, of amplitude (relative) and phase (rad). replicates: runs at each noise. seed: of the noise.
+    """
+    laws, claims = [], []
+    for name, (A, E) in measured_routes().items():
+        law_rows, claim = _judge(A[None], E[None])
+        laws.append(law_rows.assign(truth="measured", noise_percent=np.nan, route=name))
+        claims.append({"truth": "measured", "noise_percent": np.nan, "route": name, **claim})
+    for i, (truth, phasor) in enumerate(true_motions().items()):
+        for j, percent in enumerate(noise):
+            rng = np.random.default_rng([seed, i, j])
+            motion = with_noise(phasor - _corrections(), 0.01 * percent, replicates if percent else 1, rng)
+            for route, (A, E, found) in routes(motion).items():
+                law_rows, claim = _judge(A, E)
+                head = {"truth": truth, "noise_percent": percent, "route": route}
+                laws.append(law_rows.assign(**head))  # type: ignore[arg-type]  # a mapping of plain values
+                claims.append({**head, **claim, "no_root_share": 1.0 - float(found.mean())})
+    order = ["truth", "noise_percent", "route", "law", "share"]
+    return Circularity(pd.concat(laws, ignore_index=True)[order], pd.DataFrame(claims), identity(), replicates)
+
+
+def identity() -> float:
+    """How far the rows of Table 3.IV (corrected rows 6+, 9+ aside) are from E_p = 2 pi M omega_p xi omega A_p^2."""
+    table = load_table("3_IV").query("corrected_row == 0")
+    omega, xi, A, E = columns(table, "omega_rad_s", "xi", "A2p_in", "energy_pitch_in_lb")
+    return float(np.max(np.abs(E / (2.0 * np.pi * PLANES.mass * PLANES.omega_p * omega * A**2) / xi - 1.0)))
+
+
+def true_motions() -> dict[str, np.ndarray]:
+    """Modal motion in the pitch direction, phasors A exp(-i phi) at the 15 test points, of three known structures."""
+    F, omega = _test()
+    return {
+        "linear, planes as assumed": pitch_response(ASSUMED, PLANES.phi * F, omega),
+        "linear, planes as fitted": pitch_response(FITTED, PLANES.phi * F, omega),
+        "velocity squared, planes as assumed": velocity_squared_motion(0.265),
+    }
+
+
+def velocity_squared_motion(coefficient: float, planes: PrincipalPlanes = PLANES) -> np.ndarray:
+    """Phasors in the pitch direction with the force C3 q'^2 sgn q' in each principal plane by itself."""
+    F, omega = _test()
+    force = make("velocity-squared", coefficient=coefficient)
+    total = np.zeros(omega.size, dtype=complex)
+    for omega_j, per_force in planes.planes:
+        state = steady_state(force, np.abs(per_force) * F, omega, planes.mass, omega_j)
+        total += np.abs(per_force) / planes.phi * state.amplitude * np.exp(-1j * state.phase)
+    return total
+
+
+def with_noise(phasor: np.ndarray, sigma: float, replicates: int, rng: np.random.Generator) -> np.ndarray:
+    """Phasors (replicates, points) with relative noise of amplitude and noise of phase of ``sigma``."""
+    shape = (replicates, phasor.size)
+    return phasor * np.exp(sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)))
+
+
+def routes(tail: np.ndarray) -> dict[str, tuple[FloatArray, FloatArray, np.ndarray]]:
+    """A, E (r, points) by each route and where a root was found, from the tail's phasors over the mode factor.
+
+    The energy put in is pi A phi F sin(phase) (Eq. 3.2.9), at least a thousandth of an in-lb where noise makes it
+    negative; section 3.1 adds the corrections C_t2 of rigid-body and adjacent-mode motion back.
+    """
+    F, _ = _test()
+    E = np.maximum(-np.pi * PLANES.phi * F * tail.imag, 1e-3)
+    xi, found = xi_as_the_report(E)
+    motion = plane_motion(PLANES, F, _test()[1], xi)
+    everywhere = np.ones(E.shape, dtype=bool)
+    A_p, E_p = np.asarray(motion.A_p), np.asarray(motion.E_p)
+    return {
+        ROUTES[0]: (A_p, E_p, found),
+        ROUTES[1]: (np.abs(tail + _corrections()), E, everywhere),
+        ROUTES[2]: (np.abs(tail), E, everywhere),
+    }
+
+
+def measured_routes() -> dict[str, tuple[FloatArray, FloatArray]]:
+    """A and E of the measured data: Table 5.IV as printed, its route without corrections by hand, the two others."""
+    A_p, E_p = columns(load_table("5_IV"), "A2p_in", "E_in_lb")
+    E = load_table("3_IV").query("corrected_row == 0")["energy_input_in_lb"].to_numpy(dtype=float)
+    motion = plane_motion(PLANES, *_test(), xi_as_the_report(E[None])[0][0])
+    (A_2,), (X,) = (
+        columns(load_table("3_III", "corrected"), "modal_amplitude_A2_in"),
+        columns(load_table("3_III"), "tail_amplitude_in"),
+    )
+    return {
+        "Table 5.IV as printed": (A_p, E_p),
+        ROUTES[0]: (np.asarray(motion.A_p), np.asarray(motion.E_p)),
+        ROUTES[1]: (A_2, E),
+        ROUTES[2]: (X / PLANES.phi, E),
+    }
+
+
+def xi_as_the_report(E: FloatArray) -> tuple[FloatArray, np.ndarray]:
+    """xi of Eq. 3.2.15 for energies (r, 15) and where a root exists: at each point the root that the report took, low
+    or high; where there is none the xi of the largest energy, as in the report's rows 10 and 13."""
+    roots = _positive_roots(E)
+    low, high = np.nanmin(roots, axis=-1, initial=np.inf), np.nanmax(roots, axis=-1, initial=-np.inf)
+    xi = np.where(LOW_ROOT, low, high)
+    return np.where(np.isfinite(xi), xi, _peaks()), np.isfinite(xi)
+
+
+def _positive_roots(E: FloatArray) -> FloatArray:
+    """Positive roots below ``LARGEST_XI`` of E d1 d2 = n1 d2 + n2 d1, (r, 15, 4), NaN otherwise.
+
+    Plane j loses n_j/d_j = a_j xi/(b_j + c_j xi^2) (Eq. 3.2.13); the roots are eigenvalues of companion matrices.
+    """
+    F, omega = _test()
+    planes = []
+    for omega_j, per_force in PLANES.planes:
+        r = omega / omega_j
+        planes.append(
+            (2.0 * np.pi * (per_force * F) ** 2 * omega / (PLANES.mass * omega_j**3), (1.0 - r**2) ** 2, 4.0 * r**2)
+        )
+    (a1, b1, c1), (a2, b2, c2) = planes
+    unit = 0.01  # of xi, so that coefficients are of one size
+    terms = (E * b1 * b2, -(a1 * b2 + a2 * b1), E * (b1 * c2 + b2 * c1), -(a1 * c2 + a2 * c1), E * c1 * c2)
+    quartic = np.stack([np.broadcast_to(t, E.shape) * unit**n for n, t in enumerate(terms)], axis=-1)
+    companion = np.zeros((*E.shape, 4, 4))
+    companion[..., 1:, :3] = np.eye(3)
+    companion[..., :, 3] = -quartic[..., :4] / quartic[..., 4:]
+    z = unit * np.linalg.eigvals(companion)
+    real = (np.abs(z.imag) < 1e-6 * np.abs(z)) & (z.real > 0.0) & (z.real < LARGEST_XI)
+    return np.where(real, z.real, np.nan)
+
+
+def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]]:
+    """Shares of the selected laws and of the report's claims over responses (r, points)."""
+    _, omega = _test()
+    w = np.broadcast_to(omega, A.shape)
+    X = np.stack([A**2 * w, A**2, A**3 * w**2, A**3 * w, A**4 * w], axis=-1)
+    blocks = list(fits_in_blocks(X, E))
+    names = [" + ".join(np.array(FORCES)[members]) for members in blocks[0].members]
+    chosen = np.concatenate([block.best(nonnegative=True) for block in blocks])
+    shares = pd.Series([names[i] for i in chosen]).value_counts(normalize=True)
+    one, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
+    ratios = np.abs(_joined(blocks, both, "t_ratios"))
+    found = np.median(_joined(blocks, both, "coefficients"), axis=0)
+    sse = np.concatenate([block.sse for block in blocks], axis=1)
+    nonlinear = blocks[0].members[chosen][:, 2:].any(axis=1)
+    claim = {
+        "nonlinear_share": float(nonlinear.mean()),
+        "cubed_share": float((sse[three] < sse[one]).mean()),
+        "ratio_share": float((ratios[:, 2] > ratios[:, 0]).mean()),
+        "significant_share": float((_joined(blocks, both, "t_ratios")[:, 2] > 2.0).mean()),
+        "C_1": float(found[0] / np.pi),
+        "C_3": float(0.375 * found[2]),
+    }
+    return pd.DataFrame({"law": shares.index, "share": shares.to_numpy()}), claim
+
+
+def _joined(blocks: list[ManyFits], model: int, what: str) -> FloatArray:
+    """An array of one model over all responses (r, k)."""
+    return np.concatenate([getattr(block, what)[model] for block in blocks])
+
+
+@lru_cache
+def _peaks() -> FloatArray:
+    """xi of the largest energy loss at each point, whatever the energy."""
+    roots = [damping_roots(PLANES, F, omega, 1.0) for F, omega in zip(*_test(), strict=True)]
+    return np.array([root.xi_peak for root in roots])
+
+
+@lru_cache
+def _test() -> tuple[FloatArray, FloatArray]:
+    """Tail force and omega of the 15 points (Table 3.I)."""
+    F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
+    return F, omega
+
+
+@lru_cache
+def _corrections() -> FloatArray:
+    """C_t2 of Table 3.III: what section 3.1 adds to the tail's motion over the mode factor, in phase with the force."""
+    return columns(load_table("3_III", "corrected"), "correction_Ct2_in")[0]

@@ -1,0 +1,257 @@
+"""Least squares of every subset of a few terms on many responses at once, for simulations of selection.
+
+The terms may be the same for all responses (columns of shape (n, k)) or their own (r, n, k). What
+`damping.regression.subsets` does for one response is done here for thousands, with no more than selection needs.
+
+Section 5.3: "a danger exists in including energy losses which do not exist", in numbers.
+
+Energies of a known law, 1.571 A^2 omega + 1.067 A^3 omega on the frequencies and amplitudes of Table 5.II, with
+relative noise are given to three ways of selection among five (5.3.2) or nine terms (5.3.6): which terms that are not
+there come out, how often, and what that does to the energy at twice the largest amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import BoolArray, FloatArray, IntArray
+from damping_reed1970.chapter_5 import GENERATOR
+from damping_reed1970.chapter_5.nine_terms import NINE_TERMS, nine_term_design
+from damping_reed1970.tables import columns, load_table
+
+#: Responses treated at once, for the sake of memory.
+BLOCK = 500
+
+
+@dataclass(frozen=True)
+class ManyFits:
+    """Models m of responses r on k terms: ``members`` (m, k), ``coefficients`` and ``t_ratios`` (m, r, k), 0 for terms
+    left out, ``sse`` (m, r), and the number ``n`` of observations of each response."""
+
+    members: BoolArray
+    coefficients: FloatArray
+    t_ratios: FloatArray
+    sse: FloatArray
+    n: int
+
+    @property
+    def bic(self) -> FloatArray:
+        """BIC (m, r) less what all models of a response share: n ln SSE + k ln n."""
+        return self.n * np.log(self.sse) + np.log(self.n) * self.members.sum(axis=1)[:, None]
+
+    def best(self, nonnegative: bool = False) -> IntArray:
+        """Model of least BIC for each response (r,), of those with every coefficient > 0 if ``nonnegative``; -1 where
+        there is none."""
+        score = self.bic
+        if nonnegative:
+            physical = ((self.coefficients > 0.0) == self.members[:, None, :]).all(axis=2)
+            score = np.where(physical, score, np.inf)
+        return np.where(np.isfinite(score).any(axis=0), score.argmin(axis=0), -1)
+
+    def backward(self, t_stop: float = 2.0) -> IntArray:
+        """Model that backward elimination ends with for each response (r,): the term of least |T| is dropped while
+        that is below ``t_stop``, down to one term."""
+        k = self.members.shape[1]
+        weights = 2 ** np.arange(k)
+        place = np.full(2**k, -1)
+        place[self.members @ weights] = np.arange(len(self.members))
+        responses = np.arange(self.sse.shape[1])
+        code = np.full(responses.size, 2**k - 1)
+        for _ in range(k - 1):
+            model = place[code]
+            size = np.abs(self.t_ratios[model, responses])
+            size[~self.members[model]] = np.inf
+            least = size.argmin(axis=1)
+            drop = (size[responses, least] < t_stop) & (self.members[model].sum(axis=1) > 1)
+            code = code - drop * weights[least]
+        return place[code]
+
+
+def subset_fits(columns: FloatArray, observed: FloatArray) -> ManyFits:
+    """Fit every subset of the terms to every response.
+
+    The columns are decomposed once, columns = Q R; a subset that gains a term gains the direction of that term's column
+    of R across its directions so far (Gram-Schmidt, twice).
+
+    Args:
+        columns: (n, k), or (r, n, k) where each response has its own. observed: responses (r, n), n > k.
+    """
+    n, k = columns.shape[-2:]
+    X = columns.reshape(-1, n, k)
+    scale = np.linalg.norm(X, axis=1)
+    Q, R = np.linalg.qr(X / scale[:, None, :])
+    z = np.matmul(observed[:, None, :], Q)[:, 0]
+    beyond = np.sum((observed - np.matmul(Q, z[:, :, None])[:, :, 0]) ** 2, axis=1)
+    empty = _Subset((), np.zeros((len(X), 0, k)), np.zeros((len(X), 0, 0)), np.zeros((len(z), 0)), z)
+    subsets = [empty]
+    for j in range(k):
+        subsets += [_added(subset, j, R[:, :, j]) for subset in subsets]
+    shape = (len(subsets) - 1, len(observed), k)
+    coefficients, t_ratios, sse = np.zeros(shape), np.zeros(shape), np.empty(shape[:2])
+    for m, subset in enumerate(subsets[1:]):
+        sse[m] = beyond + np.sum(subset.left**2, axis=1)
+        error = np.linalg.norm(subset.inverse, axis=-1) * np.sqrt(sse[m] / (n - len(subset.terms)))[:, None]
+        coefficients[m][:, subset.terms] = subset.coefficients / scale[:, subset.terms]
+        t_ratios[m][:, subset.terms] = subset.coefficients / error
+    members = np.array([[i in subset.terms for i in range(k)] for subset in subsets[1:]])
+    return ManyFits(members, coefficients, t_ratios, sse, n)
+
+
+@dataclass(frozen=True)
+class _Subset:
+    """A subset while subsets grow: orthonormal ``directions`` (d, s, k), ``inverse`` (d, s, s) of their triangular
+    factor, ``coefficients`` (r, s) on scaled columns, and what is ``left`` (r, k) of the responses; d is r or 1."""
+
+    terms: tuple[int, ...]
+    directions: FloatArray
+    inverse: FloatArray
+    coefficients: FloatArray
+    left: FloatArray
+
+
+def _added(subset: _Subset, j: int, column: FloatArray) -> _Subset:
+    """The subset with term j, whose column (d, k) is given."""
+    U, s = subset.directions, len(subset.terms)
+    along = np.einsum("dsk,dk->ds", U, column)
+    across = column - np.einsum("dsk,ds->dk", U, along)
+    again = np.einsum("dsk,dk->ds", U, across)
+    across = across - np.einsum("dsk,ds->dk", U, again)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    direction = across / length
+    last = np.ones((len(column), s + 1))
+    last[:, :s] = -np.einsum("dst,dt->ds", subset.inverse, along + again)
+    last /= length
+    inverse = np.zeros((len(column), s + 1, s + 1))
+    inverse[:, :s, :s], inverse[:, :, s] = subset.inverse, last
+    amount = np.sum(direction * subset.left, axis=1, keepdims=True)
+    coefficients = last * amount
+    coefficients[:, :s] += subset.coefficients
+    directions = np.concatenate([U, direction[:, None, :]], axis=1)
+    return _Subset((*subset.terms, j), directions, inverse, coefficients, subset.left - amount * direction)
+
+
+def fits_in_blocks(columns: FloatArray, observed: FloatArray) -> Iterator[ManyFits]:
+    """The same for ``BLOCK`` responses at a time."""
+    for start in range(0, len(observed), BLOCK):
+        rows = slice(start, start + BLOCK)
+        yield subset_fits(columns if columns.ndim == 2 else columns[rows], observed[rows])
+
+
+#: Five terms of Eq. 5.3.2 by their place in the nine of Eq. 5.3.6; the first two are the true ones.
+POSITIONS = {"five terms (5.3.2)": (0, 3, 2, 1, 4), "nine terms (5.3.6)": (0, 3, 2, 1, 4, 5, 6, 7, 8)}
+TRUE_TERMS = 2
+#: Relative standard deviation of the noise of E, per cent: from the rounding of the print to Config. I's own scatter.
+NOISE = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
+#: Amplitude, over the largest of the data, at which what was selected is extrapolated.
+FARTHER = 2.0
+METHODS = ("backward elimination, |T| >= 2", "best subset, BIC", "best subset, BIC, coefficients > 0")
+
+
+@dataclass(frozen=True)
+class FalseTerms:
+    """What selection does to data of a known law.
+
+    Attributes:
+        selection: a row a set of terms, method and noise: ``share_false`` (at least one false term), ``share_exact``
+            (the true law and no more), ``share_missing`` (a true term is not there), ``mean_terms``,
+            ``share_negative`` (some coefficient below 0), ``energy_error_percent`` (root mean square error of the
+            energy at twice the largest amplitude), ``monte_carlo_error`` (standard, of a share of one half).
+        frequency: share of the runs in which each term is selected, and whether it is a true one.
+        inflation: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of the mean
+            energy, with the true terms, five and nine (closed form), and over that with the true terms.
+    """
+
+    selection: pd.DataFrame
+    frequency: pd.DataFrame
+    inflation: pd.DataFrame
+    replicates: int
+
+
+def false_terms(
+    noise: Sequence[float] = NOISE, replicates: int = 1000, seed: int = 0, terms: Sequence[str] = tuple(POSITIONS)
+) -> FalseTerms:
+    """Simulate selection.
+
+    Args:
+        noise: per cent. replicates: runs at each noise. seed: of the noise. terms: keys of ``POSITIONS``.
+    """
+    A, omega, true = known_law()
+    selection, frequency = [], []
+    for number, (name, percent) in enumerate(product(terms, noise)):
+        rng = np.random.default_rng([seed, number])
+        observed = true * (1.0 + 0.01 * percent * rng.standard_normal((replicates, len(true))))
+        X, farther = design(A, omega, name), design(FARTHER * A.max(), omega[A.argmax()], name)[0]
+        for method, (members, coefficients) in _select(X, observed).items():
+            head = {"terms": name, "method": method, "noise_percent": percent}
+            selection.append({**head, **_outcome(members, coefficients, farther)})
+            shares = members.mean(axis=0)
+            labels = [NINE_TERMS[i] for i in POSITIONS[name]]
+            frequency += [
+                {**head, "term": term, "true": k < TRUE_TERMS, "share": float(shares[k])}
+                for k, term in enumerate(labels)
+            ]
+    table = pd.DataFrame(selection).assign(monte_carlo_error=0.5 / np.sqrt(replicates))
+    return FalseTerms(table, pd.DataFrame(frequency), _inflation(A, omega, true), replicates)
+
+
+def known_law() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A and omega of the corrected Table 5.II and the energy of the law that made it, without noise."""
+    A, omega = columns(load_table("5_II", "corrected"), "A_in", "omega_rad_s")
+    return A, omega, GENERATOR["A2w"] * A**2 * omega + GENERATOR["A3w"] * A**3 * omega
+
+
+def design(A: FloatArray | float, omega: FloatArray | float, terms: str) -> FloatArray:
+    """Columns (n, k) of the five or nine terms, the true ones first."""
+    A, omega = np.atleast_1d(A), np.atleast_1d(omega)
+    return nine_term_design(A, omega, np.ones_like(A)).columns[:, POSITIONS[terms]]
+
+
+def _select(X: FloatArray, observed: FloatArray) -> dict[str, tuple[np.ndarray, FloatArray]]:
+    """Members (r, k) and coefficients (r, k) that each method selects; all False where it selects nothing."""
+    chosen: dict[str, list[tuple[np.ndarray, FloatArray]]] = {method: [] for method in METHODS}
+    for fits in fits_in_blocks(X, observed):
+        models = (fits.backward(2.0), fits.best(), fits.best(nonnegative=True))
+        for method, model in zip(METHODS, models, strict=True):
+            chosen[method].append(_chosen(fits, model))
+    return {
+        method: (np.concatenate([m for m, _ in parts]), np.concatenate([c for _, c in parts]))
+        for method, parts in chosen.items()
+    }
+
+
+def _chosen(fits: ManyFits, model: IntArray) -> tuple[np.ndarray, FloatArray]:
+    members = fits.members[model] & (model >= 0)[:, None]
+    return members, np.where(members, fits.coefficients[model, np.arange(len(model))], 0.0)
+
+
+def _outcome(members: np.ndarray, coefficients: FloatArray, farther: FloatArray) -> dict[str, float]:
+    false, true = members[:, TRUE_TERMS:].any(axis=1), members[:, :TRUE_TERMS].all(axis=1)
+    energy = float(farther[:TRUE_TERMS] @ list(GENERATOR.values()))
+    errors = coefficients @ farther / energy - 1.0
+    return {
+        "share_false": float(false.mean()),
+        "share_exact": float((true & ~false).mean()),
+        "share_missing": float((~true).mean()),
+        "mean_terms": float(members.sum(axis=1).mean()),
+        "share_negative": float((coefficients < 0.0).any(axis=1).mean()),
+        "energy_error_percent": 100.0 * float(np.sqrt(np.mean(errors**2))),
+    }
+
+
+def _inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> pd.DataFrame:
+    """sqrt of the first diagonal element of (X^T X)^-1, times noise, over the true coefficient."""
+    X = design(A, omega, "nine terms (5.3.6)")
+    sigma = 0.01 * float(true.mean())
+    rows = []
+    for name, k in (("true terms", TRUE_TERMS), ("five terms (5.3.2)", 5), ("nine terms (5.3.6)", 9)):
+        scale = np.linalg.norm(X[:, :k], axis=0)
+        inverse = np.linalg.inv(np.linalg.qr(X[:, :k] / scale)[1])
+        sd = sigma * float(np.linalg.norm(inverse[0])) / float(scale[0])
+        rows.append({"terms": name, "sd_percent": 100.0 * sd / GENERATOR["A2w"]})
+    table = pd.DataFrame(rows)
+    return table.assign(over_true_terms=table["sd_percent"] / table["sd_percent"].iloc[0])

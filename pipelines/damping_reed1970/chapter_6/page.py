@@ -1,0 +1,92 @@
+"""Chapter VI in the report: every damping force of section 6.1 beside ours, and whether it reproduces the tests."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from damping.report.page import Block, Part, Table, Text
+from damping.report.results import ChapterResults
+from damping.report.words import between, joined, number, percent
+from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
+from damping_reed1970.common import Figures, figure, folded, part
+from damping_reed1970.source import KNOWN, known_table
+
+
+def chapter_6(results: ChapterResults, figures: Figures) -> Part:
+    """The part: the summary of section 6.1."""
+    laws = results.tables["section_6_1"]
+    blocks: list[Block] = [
+        Text(
+            "Section 6.1 sums up the damping forces that the report derives for both configurations. Each stands here "
+            "three times: as printed, by the report's own method from the corrected tables, and fitted by this study "
+            "with its 90 per cent credible interval."
+        ),
+        Text(" ".join(_tests(laws))),
+        figure(figures, "section-6-1", 6),
+        Table(law_rows(laws), _LAWS, key="section_6_1"),
+        folded(f"{KNOWN['section_6_1'].title}: every column", *known_table("section_6_1", laws)),
+        *known_table("section_6_1_errors", results.tables["section_6_1_errors"]),
+    ]
+    return part(6, "Chapter VI: the forces of section 6.1", blocks, {})
+
+
+_LAWS = (
+    "Each printed number beside its recomputation and beside our fit with its 90 per cent credible interval; then "
+    f"whether the law gives every tested resonant amplitude within {REPRODUCES:g} per cent, in that order."
+)
+
+
+def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
+    """What the page shows of section 6.1: a row a law and parameter."""
+    ours = [
+        f"{number(value)} ({between(low, high)})" for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
+    ]
+    where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
+    unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
+    reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
+    return pd.DataFrame(
+        {
+            "configuration": where,
+            "equation": laws["equation"],
+            "force": laws["force"],
+            "unit": unit,
+            "printed": laws["printed"],
+            "recomputed": laws["recomputed"],
+            "ours": ours,
+            "reproduces": [" / ".join("yes" if one else "no" for one in row) for row in reproduces],
+            "erratum": laws["erratum"],
+        }
+    )
+
+
+def _tests(laws: pd.DataFrame) -> list[str]:
+    """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
+    each = laws.drop_duplicates(["configuration", "mode", "equation"])
+    counts = [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS]
+    inside = int(laws["printed_in_interval"].sum())
+    said = [
+        f"Of {len(each)} laws {counts[0]} as printed, {counts[1]} recomputed and {counts[2]} of ours give every tested "
+        f"resonant amplitude within {REPRODUCES:g} per cent; {inside} of the {len(laws)} printed numbers lie inside "
+        "our intervals."
+    ]
+    worst = each[~each["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
+    if len(worst):
+        failing = joined(
+            f"{one['equation']} (configuration {one['configuration']}, mode {one['mode']}: "
+            f"{percent(one['printed_percent_resonance'])} per cent{_known(one['erratum'])})"
+            for one in worst.to_dict("records")
+        )
+        said.append(f"Printed laws that do not, with their largest error: {failing}.")
+    viscous = each[each["law"] == "viscous"]
+    failing_too = int((~viscous["printed_reproduces"]).sum())
+    levels = viscous[viscous["configuration"] == "II"]
+    said.append(
+        f"{failing_too} of the {len(viscous)} printed laws of viscous damping alone are among them; of Configuration "
+        f"II, with three levels, {int(levels['ours_reproduces'].sum()) or 'none'} of {len(levels)} reproduces the "
+        "tests with a fitted coefficient either."
+    )
+    return said
+
+
+def _known(erratum: str) -> str:
+    return f", erratum {erratum}" if erratum else ""

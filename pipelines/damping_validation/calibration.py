@@ -1,0 +1,310 @@
+"""Structures whose damping is known, to try predictions on: laws that compete, and one that does not.
+
+All carry the force 1 at the amplitude 1 and the frequency ``OMEGA``. The Iwan joint stands for what no candidate is:
+its microslip dissipates as a power of amplitude that no candidate has beside a viscous part, and it saturates when the
+whole joint slides.
+
+Are the bands and posteriors what they say? One trial each: coverage on known structures, ranks of true parameters.
+
+Coverage: a structure is tested at a few levels with noise, resonant amplitudes beyond are predicted, and the next test
+is made. Simulation-based calibration (Talts et al. 2018): parameters are drawn from the prior, data from the
+likelihood; the rank of each true value among posterior draws must then be uniform.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import binom
+
+from damping.arrays import BoolArray, FloatArray, Floats
+from damping.extrapolation import members_of
+from damping.extrapolation.plan import plan_loads
+from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.forces import CATALOGUE, make
+from damping.forces.contract import Force, Sum
+from damping.infer.chains import sample
+from damping.infer.evidence import evidence
+from damping.infer.law import Coordinates, Law
+from damping.infer.observations import Observations
+from damping.predict.steady import resonant_amplitude
+
+#: Frequency of every simulated resonance, rad/s.
+OMEGA = 10.0
+
+
+@dataclass(frozen=True)
+class Iwan(Force):
+    """Joint of sliders that slip at the displacements x with density R x^chi up to ``limit`` (Segalman 2005, no spike).
+
+    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx. Only the
+    average is given, so the cycle is the equivalent viscous one, C cos(theta).
+    """
+
+    strength: Floats
+    chi: float
+    limit: float
+
+    name: ClassVar[str] = "iwan"
+    label: ClassVar[str] = "Iwan joint"
+    formula: ClassVar[str] = "sliders of density R x^chi up to the limit"
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit)."""
+        m, n = self.chi + 2.0, self.chi + 3.0
+        x = np.minimum(A, self.limit)
+        return np.asarray(4.0 / np.pi * self.strength * (x**m / m - x**n / (n * A)) + 0.0 * omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = (4 R/pi) x^n/(n A): a slider that only begins to slip adds nothing."""
+        n = self.chi + 3.0
+        x = np.minimum(A, self.limit)
+        return np.asarray(4.0 / np.pi * self.strength * x**n / (n * A) + 0.0 * omega)
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """C cos(theta)."""
+        return self.quadrature(A, omega) * np.cos(theta)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
+
+    name: str
+    force: Sum
+    law: Law | None
+
+    def amplitude(self, force: FloatArray) -> FloatArray:
+        """Resonant amplitude at each force (forces,)."""
+        return resonant_amplitude(self.force, force, OMEGA)
+
+
+def carrying(share: float, name: str, **shapes: float) -> Force:
+    """The force called ``name`` that carries ``share`` at the amplitude 1 and ``OMEGA``."""
+    if name == "iwan":
+        return Iwan(share / float(Iwan(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
+    scale = "stiffness" if name == "slip" else "coefficient"
+    return make(name, **{scale: share / float(make(name, **{scale: 1.0}, **shapes).quadrature(1.0, OMEGA))}, **shapes)
+
+
+def structures() -> tuple[Structure, ...]:
+    """The structures that predictions are tried on."""
+    shares = {
+        "viscous": {"viscous": 1.0},
+        "viscous + velocity-squared": {"viscous": 0.5, "velocity-squared": 0.5},
+        "viscous + quadratic-displacement": {"viscous": 0.5, "quadratic-displacement": 0.5},
+        "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
+    }
+    sums = [
+        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        for n, parts in shares.items()
+    ]
+    power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
+    slip = Sum((carrying(0.6, "viscous"), carrying(0.4, "slip", limit=0.5)))
+    iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
+    return (
+        *sums,
+        Structure("velocity-power", power, Law(("velocity-power",))),
+        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
+        Structure("viscous + Iwan joint", iwan, None),
+    )
+
+
+def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
+    """One row a level, at phase resonance, both (levels,)."""
+    n = len(force)
+    zero = np.zeros(n)
+    omega = np.full(n, OMEGA)
+    return Observations(
+        A=amplitude,
+        omega=omega,
+        D=force,
+        R=zero,
+        sweep=np.arange(n),
+        sd_amplitude=zero,
+        sd_force=zero,
+        sd_phase=zero,
+        sweeps=tuple(f"level {i + 1}" for i in range(n)),
+        tested_force=force,
+        tested_amplitude=amplitude,
+        tested_omega=omega,
+    )
+
+
+def simulated_levels(
+    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+) -> Observations:
+    """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
+
+    Args:
+        noise: relative scatter of the measured amplitudes.
+    """
+    force = np.geomspace(span**-0.5, span**0.5, levels)
+    return peaks(force, structure.amplitude(force) * np.exp(noise * rng.standard_normal(levels)))
+
+
+#: Candidates of a trial: those of the program that differ where all resonances have one frequency.
+CANDIDATES = (
+    *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
+    *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
+)
+#: Largest over smallest tested force; forces predicted, relative to the largest tested one; content of the bands.
+SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
+#: Posterior draws that a true value is ranked among.
+RANKED = 63
+#: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
+CALIBRATED = (
+    *(Law((name,)) for name in CATALOGUE if name != "coulomb"),
+    *(Law(("viscous", name)) for name in ("displacement", "velocity-squared", "displacement-velocity")),
+    *(Law(("viscous", name)) for name in ("quadratic-displacement", "coulomb", "slip")),
+)
+#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
+_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """One trial of the bands; arrays over ``RATIOS``.
+
+    Attributes:
+        inside: whether the next test fell into the band (False where refused). refused: no prediction.
+        width: high/low. error: ln(median/true amplitude). winner: law of largest marginal likelihood.
+    """
+
+    inside: BoolArray
+    refused: BoolArray
+    width: FloatArray
+    error: FloatArray
+    winner: Law
+
+
+def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -> Coverage:
+    """Test a structure at ``levels`` forces, predict, and make the next tests."""
+    rng = np.random.default_rng(seed)
+    data = simulated_levels(structure, levels, SPAN, noise, rng)
+    plan = plan_loads(data, CANDIDATES, seed)
+    force = data.tested_force[data.top] * np.array(RATIOS)
+    band = predict(members_of(plan), force, data, LEVEL, seed, plan).average
+    true = structure.amplitude(force)
+    read = true * np.exp(noise * rng.standard_normal(len(force)))
+    refused = np.isnan(band.median)
+    return Coverage(
+        inside=(band.low <= read) & (read <= band.high),
+        refused=refused,
+        width=band.high / band.low,
+        error=np.log(band.median / true),
+        winner=max(plan.laws, key=lambda law: law.evidence.log_z).law,
+    )
+
+
+def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
+    """Rank of each parameter, and of an amplitude beyond the test, among posterior draws: 0 to ``RANKED``.
+
+    Four resonances are simulated. Draws of the prior without a resonance at every force in a wide range are left out,
+    from the posterior as well.
+
+    Args:
+        chains: sample by emcee; by importance draws otherwise.
+    """
+    rng = np.random.default_rng(seed)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), False)
+    true = _prior_draw(coordinates, rng)
+    noise = coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))
+    data = peaks(_FORCES, _amplitudes(coordinates, true)[0] * np.exp(noise))
+    return _ranks(coordinates, data, true, rng, chains)
+
+
+def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
+    """The same from whole sweeps: four of nine rows between the half-power points, with scatter of rows and levels."""
+    rng = np.random.default_rng(seed)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), True)
+    true = _prior_draw(coordinates, rng)
+    row, level = (float(value[0]) for value in coordinates.scatter(true))
+    phase = np.tile(np.linspace(0.25 * np.pi, 0.75 * np.pi, 9), len(_FORCES))
+    sweep = np.repeat(np.arange(len(_FORCES)), 9)
+    force = _FORCES[sweep]
+    exact = resonant_amplitude(coordinates.force(true), (force * np.sin(phase))[None, :], OMEGA)[0]
+    shift = level * rng.standard_normal(len(_FORCES))[sweep] + row * rng.standard_normal(len(force))
+    read = phase + row * rng.standard_normal(len(force))
+    data = replace(
+        peaks(force, exact * np.exp(shift)),
+        D=force * np.sin(read),
+        R=np.abs(force * np.cos(read)),
+        sweep=sweep,
+        sweeps=tuple(f"level {i + 1}" for i in range(len(_FORCES))),
+        tested_force=_FORCES,
+        tested_amplitude=_amplitudes(coordinates, true)[0],
+        tested_omega=np.full(len(_FORCES), OMEGA),
+    )
+    return _ranks(coordinates, data, true, rng, chains=False)
+
+
+def _ranks(
+    coordinates: Coordinates, data: Observations, true: FloatArray, rng: np.random.Generator, chains: bool
+) -> dict[str, int]:
+    """Ranks of the true values among draws that have resonances in range."""
+    found = evidence(coordinates, data, int(rng.integers(2**31)))
+    x = found.draws
+    if chains:
+        x = sample(coordinates, data, found, lambda x: {}, int(rng.integers(2**31))).draws
+    x = rng.permutation(x[_in_range(coordinates, x)])[:RANKED]
+    values, at = _quantities(coordinates, x, data), _quantities(coordinates, true, data)
+    # draws by importance may repeat: ties are broken at random
+    return {
+        name: int(np.sum(v < at[name])) + int(rng.integers(np.sum(v == at[name]) + 1)) for name, v in values.items()
+    }
+
+
+def _quantities(coordinates: Coordinates, x: FloatArray, data: Observations) -> dict[str, FloatArray]:
+    """Parameters, and the amplitude at 1.5 times the largest force."""
+    member = Member(coordinates.law.name, 1.0, coordinates, x)
+    beyond = amplitude_draws(member, np.array([1.5 * _FORCES[-1]]), data)[:, 0]
+    return {**coordinates.parameters(x), "amplitude beyond": np.where(np.isfinite(beyond), beyond, np.inf)}
+
+
+def _prior_draw(coordinates: Coordinates, rng: np.random.Generator) -> FloatArray:
+    """A draw of the prior (1, dimension) with resonances in range."""
+    x = rng.standard_normal((2000, coordinates.dimension))
+    return x[_in_range(coordinates, x)][:1]
+
+
+def _in_range(coordinates: Coordinates, x: FloatArray) -> BoolArray:
+    """Whether draws (n, dimension) have amplitudes within a factor ``_RANGE`` at every force, (n,)."""
+    A = _amplitudes(coordinates, x)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.all(np.abs(np.log(A)) < np.log(_RANGE), axis=1))
+
+
+def _amplitudes(coordinates: Coordinates, x: FloatArray) -> FloatArray:
+    """Resonant amplitudes at the forces of the calibration data, (draws, forces)."""
+    return resonant_amplitude(coordinates.force(x), _FORCES[None, :], OMEGA)
+
+
+@lru_cache(maxsize=8)
+def ecdf_band(n: int, level: float = 0.99, simulations: int = 4000) -> tuple[FloatArray, FloatArray]:
+    """Simultaneous band of the ECDF of ``n`` uniform ranks 0..RANKED, at k/(RANKED + 1), k = 1..RANKED.
+
+    Pointwise binomial intervals, widened until a share ``level`` of simulated ECDFs lies inside throughout
+    (Saeilynoja, Buerkner & Vehtari 2022).
+    """
+    z = np.arange(1, RANKED + 1) / (RANKED + 1)
+    ranks = np.random.default_rng(0).integers(0, RANKED + 1, (simulations, n))
+    counts = np.stack([np.sum(ranks < k, axis=1) for k in range(1, RANKED + 1)], axis=1)
+    tail = 2.0 * np.minimum(binom.cdf(counts, n, z), binom.sf(counts - 1, n, z)).min(axis=1)
+    gamma = float(np.quantile(tail, 1.0 - level))
+    return np.asarray(binom.ppf(gamma / 2.0, n, z)) / n, np.asarray(binom.isf(gamma / 2.0, n, z)) / n
+
+
+def ecdf(ranks: FloatArray) -> FloatArray:
+    """ECDF of ranks at k/(RANKED + 1), k = 1..RANKED: share of ranks below k."""
+    return np.array([np.mean(ranks < k) for k in range(1, RANKED + 1)])
+
+
+def is_uniform(ranks: FloatArray, level: float = 0.99) -> bool:
+    """Whether the ECDF of ranks stays inside its simultaneous band."""
+    low, high = ecdf_band(len(ranks), level)
+    found = ecdf(ranks)
+    return bool(np.all((found >= low) & (found <= high)))

@@ -1,0 +1,275 @@
+"""Calibration: coverage of bands, widths, selection errors against noise, ranks of true parameters.
+
+Design-load bands of one real structure: bands beyond the test, higher levels left out and predicted, the parts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+from scipy.stats import binomtest
+
+from damping.arrays import FloatArray
+from damping.plots.style import (
+    ALERT,
+    AVERAGE,
+    BEYOND,
+    CREDIBLE,
+    INK,
+    LINEAR,
+    MEASURED,
+    MUTED,
+    PREDICTIVE,
+    WIDTH,
+    law_style,
+    plain_log,
+    styled,
+)
+
+
+@styled
+def coverage(table: pd.DataFrame, level: float) -> Figure:
+    """Share of next tests inside the band, by extrapolation ratio, levels, noise and structure, with 95 % intervals.
+
+    Args:
+        table: ``structure, levels, noise, ratio, predicted, inside`` (counts). level: content of the bands.
+    """
+    figure = Figure(figsize=(WIDTH, 4.8))
+    groups = {
+        "ratio": "force over largest tested",
+        "levels": "levels tested",
+        "noise": "noise, % of amplitude",
+        "structure": "structure",
+    }
+    grid = figure.add_gridspec(2, 3)
+    axes = [figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[0, 2], grid[1, :])]
+    for ax, (column, label) in zip(axes, groups.items(), strict=True):
+        counts = table.groupby(column, sort=False)[["inside", "predicted"]].sum()
+        _shares(ax, counts, 100.0 if column == "noise" else 1.0)
+        ax.axhline(level, color=ALERT, linewidth=1.0, linestyle="--")
+        ax.set_xlabel(label)
+        ax.set_ylim(min(0.8, axes[0].get_ylim()[0]), 1.01)
+    figure.supylabel(f"share of next tests inside the {100 * level:g} % band", fontsize=8.5)
+    return figure
+
+
+def _shares(ax: Axes, counts: pd.DataFrame, scale: float) -> None:
+    """Shares with Wilson intervals at equally spaced places."""
+    place = np.arange(len(counts))
+    found = [binomtest(int(k), int(n)) for k, n in counts.itertuples(index=False)]
+    limits = [result.proportion_ci(0.95, "wilson") for result in found]
+    ax.vlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE, linewidth=4)
+    ax.plot(place, [result.statistic for result in found], "o", color=AVERAGE, markersize=4)
+    labels = [
+        name.replace(" + ", " +\n").replace("-", "-\n") if isinstance(name, str) else f"{scale * name:g}"
+        for name in counts.index
+    ]
+    ax.set_xticks(place, labels)
+    ax.set_xlim(-0.6, len(counts) - 0.4)
+    ax.grid(visible=False, axis="x")
+
+
+@styled
+def widths(table: pd.DataFrame, goals: dict[float, float]) -> Figure:
+    """Median high/low against extrapolation ratio, a line for each number of levels and a panel for each noise.
+
+    Args:
+        table: ``levels, noise, ratio, width`` (medians over trials). goals: ratio to largest high/low wanted.
+    """
+    figure = Figure(figsize=(WIDTH, 2.8))
+    noises = sorted(table["noise"].unique())
+    axes = np.atleast_1d(figure.subplots(1, len(noises), sharey=True))
+    for ax, noise in zip(axes, noises, strict=True):
+        for line, (levels, rows) in zip(
+            ("-", "--", ":"), table[table["noise"] == noise].groupby("levels"), strict=False
+        ):
+            median = rows.groupby("ratio")["width"].median()
+            ax.plot(
+                median.index, median, marker="o", markersize=3, color=AVERAGE, linestyle=line, label=f"{levels} levels"
+            )
+        ax.plot(list(goals), list(goals.values()), "v", color=ALERT, label="goal: at most")
+        ax.set_title(f"noise {100 * noise:g} %")
+        ax.set_xlabel("force over tested")
+    axes[0].set_ylabel("high/low of the band")
+    axes[0].legend()
+    return figure
+
+
+@styled
+def selection_errors(table: pd.DataFrame) -> Figure:
+    """How often the true law wins and how often a false term enters, against noise, for each structure.
+
+    Args:
+        table: ``structure, noise, trials, true_wins, false_term`` (counts).
+    """
+    figure = Figure(figsize=(WIDTH, 3.4))
+    counts = (
+        table.groupby(["structure", "noise"], sort=False)[["trials", "true_wins", "false_term"]].sum().reset_index()
+    )
+    left, right = figure.subplots(1, 2, sharey=True, sharex=True)
+    for structure, rows in counts.groupby("structure", sort=False):
+        colour, line = law_style(str(structure))
+        for ax, column in ((left, "true_wins"), (right, "false_term")):
+            ax.plot(
+                100.0 * rows["noise"], rows[column] / rows["trials"], marker="o", markersize=3.5,
+                color=colour, linestyle=line, label=structure if ax is left else None,
+            )  # fmt: skip
+    for ax, title in ((left, "the true law wins"), (right, "a false term is in the winner")):
+        ax.set_title(title)
+        ax.set_xscale("log")
+        ax.set_xticks(100.0 * np.sort(counts["noise"].unique()))
+        ax.xaxis.set_major_formatter(lambda value, position: f"{value:g}")
+        ax.minorticks_off()
+        ax.set_xlabel("noise, % of amplitude")
+        ax.set_ylim(-0.03, 1.03)
+    left.set_ylabel("share of trials")
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+@styled
+def rank_ecdfs(
+    found: dict[str, dict[str, FloatArray]], band: dict[int, tuple[FloatArray, FloatArray]], counts: dict[str, int]
+) -> Figure:
+    """ECDF of ranks less the uniform one, every parameter of a law in a panel, in the simultaneous band.
+
+    Args:
+        found: law to parameter to ECDF at k/(n + 1). band: number of trials to (low, high). counts: law to trials.
+    """
+    columns = 3
+    rows = -(-len(found) // columns)
+    figure = Figure(figsize=(WIDTH, 1.2 * rows))
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for ax, (law, parameters) in zip(panels, found.items(), strict=False):
+        z = np.linspace(0.0, 1.0, len(next(iter(parameters.values()))) + 2)[1:-1]
+        low, high = band[counts[law]]
+        ax.fill_between(z, low - z, high - z, color=PREDICTIVE, linewidth=0)
+        for ecdf in parameters.values():
+            ax.plot(z, ecdf - z, color=AVERAGE, linewidth=0.8)
+        ax.set_title(law, fontsize=7)
+    for ax in panels[len(found) :]:
+        ax.set_visible(False)
+    figure.supxlabel("rank of the true value among posterior draws, relative", fontsize=8.5)
+    figure.supylabel("ECDF less uniform", fontsize=8.5)
+    return figure
+
+
+@styled
+def rank_histograms(found: dict[str, FloatArray], bins: int, most: int) -> Figure:
+    """Histograms of the ranks of all parameters of a law together, with the 99 % range of a uniform count.
+
+    Args:
+        found: law to ranks 0..most of one parameter a trial, (trials,), the amplitude beyond the test.
+    """
+    from scipy.stats import binom  # noqa: PLC0415 - one use
+
+    columns = 3
+    rows = -(-len(found) // columns)
+    figure = Figure(figsize=(WIDTH, 1.1 * rows))
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for ax, (law, ranks) in zip(panels, found.items(), strict=False):
+        low, high = binom.interval(0.99, len(ranks), 1.0 / bins)
+        ax.axhspan(low, high, color=PREDICTIVE, linewidth=0)
+        ax.hist(ranks, bins=bins, range=(0, most + 1), color=MUTED, edgecolor="white", linewidth=0.5)
+        ax.axhline(len(ranks) / bins, color=INK, linewidth=0.7)
+        ax.set_title(law, fontsize=7)
+        ax.set_ylim(0)
+    for ax in panels[len(found) :]:
+        ax.set_visible(False)
+    figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
+    return figure
+
+
+_PARTS = {
+    "measurement_noise": ("measurement noise", "#999933"),
+    "parameters": ("parameters", "#56b4e9"),
+    "between_model": ("between models", "#d55e00"),
+    "level_to_level": ("level to level", "#0b2545"),
+}
+
+
+@styled
+def real_bands(bands: pd.DataFrame, tested: pd.DataFrame, left_out: pd.DataFrame, force: str, amplitude: str) -> Figure:
+    """Three panels side by side.
+
+    Args:
+        bands: over a grid of forces, ``force, ratio, median, low, high, credible_low, credible_high, linear`` and the
+            standard deviations of the parts in per cent.
+        tested: ``sweep, force, amplitude``. left_out: of ``leave_higher_levels_out``. force, amplitude: axis labels.
+    """
+    figure = Figure(figsize=(1.35 * WIDTH, 3.1))
+    axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
+    _bands(axes[0], bands, tested)
+    axes[0].set_xlabel(force)
+    axes[0].set_ylabel(amplitude)
+    _left_out(axes[1], left_out)
+    _parts(axes[2], bands)
+    return figure
+
+
+def _bands(ax: Axes, bands: pd.DataFrame, tested: pd.DataFrame) -> None:
+    """Resonant amplitude against force, both logarithmic."""
+    ax.axvspan(tested["force"].max(), bands["force"].max(), color=BEYOND, linewidth=0, zorder=0)
+    ax.fill_between(bands["force"], bands["low"], bands["high"], color=PREDICTIVE, linewidth=0, label="90 % predictive")
+    ax.fill_between(
+        bands["force"],
+        bands["credible_low"],
+        bands["credible_high"],
+        color=CREDIBLE,
+        linewidth=0,
+        label="90 % credible",
+    )
+    ax.plot(bands["force"], bands["median"], color=AVERAGE, label="median")
+    ax.plot(bands["force"], bands["linear"], color=LINEAR, linestyle=(0, (7, 2)), label="linear")
+    ax.plot(tested["force"], tested["amplitude"], "o", color=MEASURED, markeredgecolor="white", label="tested")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, position: f"{value:g}")
+        axis.set_minor_locator(NullLocator())
+    ax.set_xlim(bands["force"].min(), bands["force"].max())
+    ax.set_title("beyond the test")
+    ax.legend()
+
+
+def _left_out(ax: Axes, left_out: pd.DataFrame) -> None:
+    """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
+    place = np.arange(len(left_out))
+    low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
+    ax.vlines(place, low, high, color=CREDIBLE, linewidth=5)
+    ax.plot(place, median, "o", color=AVERAGE, markersize=4)
+    linear = 1.0 + left_out["linear_over_percent"] / 100.0
+    ax.plot(place, linear, "_", color=LINEAR, markersize=9, markeredgewidth=1.8)
+    refused = left_out["refused"].to_numpy(bool)
+    ax.plot(place[refused], np.ones(refused.sum()), "x", color=ALERT)
+    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+    labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
+    ax.set_xticks(place, labels, fontsize=6.5)
+    ax.set_xlim(-0.6, len(left_out) - 0.4)
+    ax.grid(visible=False, axis="x")
+    ax.set_ylabel("predicted over measured")
+    ax.set_title("higher levels left out")
+
+
+def _parts(ax: Axes, bands: pd.DataFrame) -> None:
+    """Standard deviation of each part against the extrapolation ratio."""
+    for name, (label, colour) in _PARTS.items():
+        ax.plot(bands["ratio"], bands[name], color=colour, label=label)
+    ax.plot(
+        bands["ratio"],
+        np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1)),
+        color=MEASURED,
+        lw=1.0,
+        ls=":",
+        label="whole",
+    )
+    ax.set_xscale("log")
+    plain_log(ax.xaxis)
+    ax.set_xlabel("force over largest tested")
+    ax.set_ylabel("standard deviation, % of amplitude")
+    ax.set_title("four parts")
+    ax.legend()

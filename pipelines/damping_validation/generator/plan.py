@@ -1,0 +1,138 @@
+"""The plan of a test: force levels, frequencies, direction; in the field uneven, with repeats and wandering forces.
+
+What a test is drawn from: the structure, its simulation and tolerances, the plan of the test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from damping_validation.generator.structure import Array, Law, Rows, Structure, plain_rows
+
+Generator: TypeAlias = np.random.Generator
+
+_LEVELS = (1, 2, 3, 4, 5, 6)
+_CLEAN, _FIELD = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1), (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)  # how often so many levels
+
+
+def log_uniform(rng: Generator, low: float, high: float) -> float:
+    """A number whose logarithm is uniform."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def draw_rows(rng: Generator, field: bool, top: float, omega: float, xi: float, at_least: int) -> Rows:
+    """Rows at up to six levels, ``top`` the highest, over 5 to 9 half-power half-widths on either side of omega."""
+    forces = _forces(rng, field, top, at_least)
+    points = int(np.clip(np.clip(rng.normal(130, 35), 50, 220) / forces.size, 14, 44))
+    half, centre = xi * rng.uniform(5.0, 9.0), xi * rng.uniform(-1.0, 1.0)
+    dense, up = rng.uniform(0.5, 2.5), bool(rng.random() < 0.7)
+    repeats, wander = field and rng.random() < 0.3, 0.03 * (field and rng.random() < 0.3)
+    sweeps, frequencies, loads = [], [], []
+    for number, force in enumerate(forces):
+        uneven = rng.uniform(-0.35, 0.35, points) * 2 / points if field else 0.0
+        offset = np.sinh(dense * (np.linspace(-1, 1, points) + uneven)) / np.sinh(dense) * half + centre
+        if repeats:
+            offset = np.append(offset, rng.choice(offset, size=max(2, points // 8)))
+        offset = np.sort(offset) if up else np.sort(offset)[::-1]
+        sweeps.append(np.full(offset.size, number))
+        frequencies.append(omega * (1 + offset))
+        loads.append(force * (1 + wander * rng.uniform(-1, 1, offset.size)))
+    return plain_rows(np.concatenate(sweeps), np.concatenate(loads), np.concatenate(frequencies), up)
+
+
+def _forces(rng: Generator, field: bool, top: float, at_least: int) -> Array:
+    """Levels in about equal ratios, rising but for some tests in the field."""
+    count = max(int(rng.choice(_LEVELS, p=_FIELD if field else _CLEAN)), at_least)
+    ratio = log_uniform(rng, 2.0, 8.0)
+    place = np.linspace(-1, 0, count) if count > 1 else np.zeros(1)
+    place[1:-1] += rng.uniform(-0.2, 0.2, max(count - 2, 0)) / count
+    forces: Array = top * ratio**place
+    return rng.permutation(forces) if field and rng.random() < 0.2 else forces
+
+
+#: Damping forces that a simulation may hold beside viscous damping (a force's name is that of its law).
+BASE_LAWS = ("coulomb", "displacement", "displacement-velocity", "quadratic-displacement", "velocity-squared")
+
+Deviation = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Simulation (nominal), tolerances, true deviations in units of tolerance, rows of the test, scatter of its sweeps.
+
+    Tolerances and deviations are those of frequency, mass and viscous coefficient. ``base`` is the simulated damping
+    beside viscous, force name and coefficient. ``scatter`` is the standard uncertainty of gain and frequency from sweep
+    to sweep, 0 without. ``A`` is the resonant amplitude at the highest force if all damping were viscous, ``xi`` the
+    nominal damping ratio.
+    """
+
+    nominal: Structure
+    tolerance: Deviation
+    deviation: Deviation
+    base: tuple[tuple[str, float], ...]
+    rows: Rows
+    scatter: tuple[float, float]
+    scatter_declared: bool
+    A: float
+    xi: float
+
+    def truth(self) -> Structure:
+        """The structure with its true deviations from the simulation."""
+        f, m, c = (1 + t * d for t, d in zip(self.tolerance, self.deviation, strict=True))
+        nominal = self.nominal
+        return replace(nominal, omega=nominal.omega * f, mass=nominal.mass * m, viscous=nominal.viscous * c)
+
+
+def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels: int = 1) -> Bench:
+    """Draw structure, simulation and test of at least so many levels; ``scatter`` or not, by chance when None."""
+    hertz, mass = log_uniform(rng, 1.0, 15.0), log_uniform(rng, 4.0, 150.0)
+    xi, A = log_uniform(rng, 0.002, 0.015), log_uniform(rng, 0.003, 0.6)
+    omega = 2 * np.pi * hertz
+    viscous = 2 * xi * mass * omega
+    tolerance = (xi * rng.uniform(0.04, 0.2), float(rng.choice([0.01, 0.02])), float(rng.choice([0.03, 0.05, 0.08])))
+    f, m, c = np.clip(rng.normal(size=3), -2.5, 2.5).tolist()
+    rows = draw_rows(rng, field, viscous * omega * A, omega, xi, levels)
+    if scatter is None:
+        scatter = bool(rng.random() < (0.6 if field else 0.2))
+    spread = (log_uniform(rng, 0.006, 0.016), min(xi * rng.uniform(0.03, 0.12), 1e-3)) if scatter else (0.0, 0.0)
+    declared = scatter and bool(rng.random() < 0.75)
+    base = _base_laws(rng, viscous, omega, A, float(np.min(rows.force)))
+    laws = tuple(Law(name, coefficient) for name, coefficient in base)
+    nominal = Structure(mass, omega, viscous, laws)
+    return Bench(nominal, tolerance, (f, m, c), base, _scattered(rng, rows, spread), spread, declared, A, xi)
+
+
+def without_base(bench: Bench) -> Bench:
+    """The same bench with viscous damping alone in its simulation."""
+    return replace(bench, base=(), nominal=replace(bench.nominal, laws=()))
+
+
+def _base_laws(rng: Generator, viscous: float, omega: float, A: float, force: float) -> tuple[tuple[str, float], ...]:
+    """Mostly none, else one force whose loss at A is a share of the viscous one (friction: a share of the force)."""
+    name, share, some = str(rng.choice(BASE_LAWS)), rng.uniform(0.2, 0.8), rng.random() < 0.25
+    if not some:
+        return ()
+    unit = force / 4 if name == "coulomb" else force_unit(name, viscous, omega, A)
+    return ((name, float(share * unit)),)
+
+
+def force_unit(kind: str, viscous: float, omega: float, A: float) -> float:
+    """The coefficient with which a force loses at amplitude A the energy pi viscous A^2 omega of viscous damping."""
+    loss = {
+        "displacement": 2 * A**2,
+        "velocity-squared": 8 / 3 * A**3 * omega**2,
+        "displacement-velocity": 4 / 3 * A**3 * omega,
+        "quadratic-displacement": np.pi / 4 * A**4 * omega,
+        "coulomb": 4 * A,
+    }[kind]
+    return float(np.pi * viscous * A**2 * omega / loss)
+
+
+def _scattered(rng: Generator, rows: Rows, spread: tuple[float, float]) -> Rows:
+    """Gain and natural frequency of each sweep drawn about their means."""
+    count = int(rows.sweep.max()) + 1
+    gain, tune = (1 + sd * rng.normal(size=count) for sd in spread)
+    return replace(rows, gain=rows.gain * gain[rows.sweep], tuning=rows.tuning * tune[rows.sweep])

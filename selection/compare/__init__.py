@@ -1,1 +1,0 @@
-"""Candidates, fits and the ranking of damping laws."""

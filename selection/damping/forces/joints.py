@@ -1,0 +1,164 @@
+"""Coulomb friction: a constant force against the velocity.
+
+The slip joint of Fig. 2.4c: an elastic element of stiffness K - K1 in series with dry friction (exact, bilinear).
+
+A cubic spring: conservative, so it bends the resonance and dissipates nothing.
+
+A spring whose force is a power of the displacement: conservative, the cubic one is that of exponent 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import ClassVar
+
+import numpy as np
+
+from damping.arrays import Floats
+from damping.forces.contract import Force, ones, zeros
+from damping.forces.powers import velocity_power_energy
+
+
+@dataclass(frozen=True)
+class Coulomb(Force):
+    """g = R sgn q'; energy per cycle 4 R A (Eq 4.3.6 with p = 0). R in force.
+
+    The first harmonic is the constant 4 R/pi: friction alone has no resonant amplitude, below a force 4 R/pi there is
+    none to speak of and above it none is finite.
+    """
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "coulomb"
+    label: ClassVar[str] = "Coulomb friction"
+    formula: ClassVar[str] = "R sgn q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (1.0, 0.0)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = 4 R/pi at any amplitude and frequency."""
+        return (4.0 / pi) * self.coefficient * ones(A, omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = 0."""
+        return zeros(self.coefficient, A, omega)
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """R sgn(cos(theta))."""
+        return self.coefficient * np.sign(np.cos(theta)) * ones(A, omega)
+
+
+@dataclass(frozen=True)
+class Slip(Force):
+    """Joint force less ``stiffness`` times q, so that there is no force while the joint sticks (A <= A1).
+
+    ``stiffness`` k = K - K1 is what slip loses (force/length), ``limit`` A1 the amplitude at which slip starts. The
+    mode's frequency is that of the stuck state. The joint follows the displacement with slope k between the forces
+    -k A1 and k A1 and slips at either; its loop is a parallelogram of area 4 k A1 (A - A1), which is the energy per
+    cycle (the printed Eq 2.4.3 is not: erratum E243). Both averages saturate: C tends to 4 k A1/pi.
+    """
+
+    stiffness: Floats
+    limit: Floats
+
+    name: ClassVar[str] = "slip"
+    label: ClassVar[str] = "slip joint (bilinear)"
+    formula: ClassVar[str] = "bilinear joint of stiffness K - K1 that slips at A1"
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = 4 k A1 (A - A1)/(pi A) above A1, zero below."""
+        slipping = np.maximum(A, self.limit)
+        return (4.0 / pi) * self.stiffness * self.limit * (1.0 - self.limit / slipping) * ones(omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = 4 k A1^2/(pi A) above A1, zero below."""
+        slipping = np.maximum(A, self.limit)
+        return (4.0 / pi) * self.stiffness * self.limit**2 / slipping * (self.limit < A) * ones(omega)
+
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; zero below."""
+        psi = self._angle(A)
+        return self.stiffness * A * ((psi - np.sin(psi) * np.cos(psi)) / pi - 1.0) * ones(omega)
+
+    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
+        """dS/d ln A = S - (4/pi) k A1 sin psi."""
+        return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * np.sin(self._angle(A))
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """The joint sticks from each reversal until it has moved 2 A1, then slips with force -+ k A1."""
+        q = A * np.sin(theta)
+        reversal = np.where(np.cos(theta) < 0.0, 1.0, -1.0)  # side of the last reversal: q = +A or -A
+        travelled = np.abs(reversal * A - q)
+        joint = reversal * np.where(self.limit < A, self.limit - np.minimum(travelled, 2.0 * self.limit), reversal * q)
+        return self.stiffness * (joint - q) * ones(omega)
+
+    def _angle(self, A: Floats) -> Floats:
+        """Psi, the part of a half cycle that the joint sticks: pi while it never slips."""
+        return np.arccos(1.0 - 2.0 * self.limit / np.maximum(A, self.limit))
+
+
+@dataclass(frozen=True)
+class CubicStiffness(Force):
+    """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "cubic-stiffness"
+    label: ClassVar[str] = "cubic stiffness"
+    formula: ClassVar[str] = "k3 q^3"
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = 0."""
+        return zeros(self.coefficient, A, omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = 0."""
+        return zeros(self.coefficient, A, omega)
+
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S = (3/4) k3 A^3."""
+        return 0.75 * self.coefficient * (A * A * A) * ones(omega)
+
+    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
+        """dS/d ln A = 3 S."""
+        return 3.0 * self.in_phase(A, omega)
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """k3 (A sin(theta))^3."""
+        return self.coefficient * (A * np.sin(theta)) ** 3 * ones(omega)
+
+
+@dataclass(frozen=True)
+class PowerStiffness(Force):
+    """g = k |q|^p sgn q: S = k A^p B(p), B = 2 Gamma(p/2 + 1)/(sqrt(pi) Gamma((p + 3)/2)).
+
+    k in force/length^p. C = 0.
+    """
+
+    coefficient: Floats
+    exponent: Floats
+
+    name: ClassVar[str] = "power-stiffness"
+    label: ClassVar[str] = "stiffness of a power"
+    formula: ClassVar[str] = "k |q|^p sgn q"
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = 0."""
+        return zeros(self.coefficient, A, omega)
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A = 0."""
+        return zeros(self.coefficient, A, omega)
+
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S = k B(p) A^p."""
+        return self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent * ones(omega)
+
+    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
+        """dS/d ln A = p S."""
+        return self.exponent * self.in_phase(A, omega)
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """k A^p |sin(theta)|^p sgn(sin(theta))."""
+        sine = np.sin(theta)
+        return self.coefficient * (A * np.abs(sine)) ** self.exponent * np.sign(sine) * ones(omega)

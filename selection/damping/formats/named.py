@@ -1,0 +1,272 @@
+"""Lock-in amplifiers: in-phase and quadrature readings, or magnitude and angle, to phasors.
+
+An amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference
+cos(omega t); X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. R is an rms value on most amplifiers
+and a peak value on some, which only the user can say.
+
+Named arrays and columns to series: which array plays which role, whatever file it is from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import pi
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import InputError
+from damping.formats.arrays import Array
+from damping.formats.series import Found, Samples, Series
+
+#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
+    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
+    "y": ("y", "quadrature", "y1", "ch1 y"),
+    "amplitude": ("r", "mag", "magnitude", "r1"),
+    "lead_deg": ("theta", "phase", "theta1"),
+    "force_x": ("x2", "ch2 x", "reference x", "force x"),
+    "force_y": ("y2", "ch2 y", "reference y", "force y"),
+    "force": ("force", "r2", "force r"),
+    "force_lead_deg": ("theta2", "force theta"),
+}
+
+
+def once(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
+    twice = set()
+    if {"x", "y"} <= set(columns):
+        twice |= {"amplitude", "lead_deg"}
+    if {"force_x", "force_y"} <= set(columns):
+        twice |= {"force", "force_lead_deg"}
+    return {role: values for role, values in columns.items() if role not in twice}
+
+
+def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
+    """X + i Y, both (n, ...) alike."""
+    phasor = np.empty(np.shape(x), dtype=np.complex128)
+    phasor.real, phasor.imag = x, y  # infinities stay in their part, where i times one would spoil the other
+    return phasor
+
+
+def polar(r: FloatArray, theta_degrees: FloatArray) -> npt.NDArray[np.complex128]:
+    """R exp(i theta), theta in degrees of lead."""
+    phasor: npt.NDArray[np.complex128] = r * np.exp(1j * pi / 180.0 * theta_degrees)
+    return phasor
+
+
+#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
+ROLES: dict[str, str] = {
+    "sweep": "label of the sweep of each row",
+    "frequency": "forcing frequency, Hz",
+    "omega": "forcing frequency, rad/s",
+    "time": "time of a time history, s",
+    "response": "complex response, or the signal of a time history",
+    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
+    "y": "imaginary part of the response, or quadrature reading",
+    "amplitude": "amplitude of the response",
+    "phase": "lag of the response behind the force, rad",
+    "lag_deg": "lag of the response behind the force, degrees",
+    "lead": "lead of the response before the force or the reference, rad",
+    "lead_deg": "the same in degrees",
+    "force": "amplitude of the force, or complex force",
+    "force_x": "real part or in-phase reading of the force",
+    "force_y": "imaginary part or quadrature reading of the force",
+    "force_lead_deg": "lead of the force before the reference, degrees",
+    "energy": "energy per cycle",
+    "mass": "generalized mass",
+    "amplitude_sd": "standard uncertainty of the amplitude",
+    "phase_sd": "standard uncertainty of the phase, rad",
+    "force_sd": "standard uncertainty of the force",
+}
+_EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
+_ABSCISSAS = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
+_PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0}
+_MOST_SWEEPS = 1000
+
+
+def to_series(
+    arrays: Mapping[str, Array],
+    labels: Sequence[str] | None,
+    units: Mapping[str, str],
+    file: str | Path,
+    name: str,
+    *,
+    peak: bool,
+) -> list[Series]:
+    """One series for each sweep.
+
+    Args:
+        arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
+            a force is one number, (k,), (n,) or of the shape of the response.
+        labels: sweep of each row (n,), or None.
+        units: units found with the arrays, by ``force``, ``response``, ``energy``, ``mass``.
+        file: for messages. name: label of the only sweep.
+        peak: the role ``amplitude`` has its meaning, an amplitude of the sine (not so for readings of an amplifier).
+
+    Raises:
+        InputError: roles that are missing or say the same twice, or shapes that do not belong together.
+    """
+    role, x = _abscissa(arrays, file)
+    n = len(x)
+    response, phased = _response(arrays, n, role == "time", file)
+    force = _force(arrays, n, response.shape[1], file)
+    extra = {key: _column(arrays[key], n, key, file) for key in _EXTRA if key in arrays}
+    # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
+    of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
+    found = Found(scaling="peak" if of_role else None, units=dict(units))
+    if response.shape[1] > 1:
+        return [
+            Series(f"{name} {k + 1}", x, response[:, k], _of(force, k), role == "time", phased, extra, found)
+            for k in range(response.shape[1])
+        ]
+    if labels is None:
+        return [Series(name, x, response[:, 0], _of(force, 0), role == "time", phased, extra, found)]
+    series = []
+    by_label: dict[str, list[int]] = {}
+    for row, label in enumerate(labels):
+        by_label.setdefault(label, []).append(row)
+    for label, rows in by_label.items():
+        of_sweep = {key: column[rows] for key, column in extra.items()}
+        one = None if force is None else force[rows, 0]
+        series.append(Series(label or name, x[rows], response[rows, 0], one, role == "time", phased, of_sweep, found))
+    return series
+
+
+def _of(force: Samples | None, sweep: int) -> Samples | None:
+    if force is None:
+        return None
+    return force[:, min(sweep, force.shape[1] - 1)]
+
+
+def _one_of(
+    arrays: Mapping[str, Array], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
+) -> str | None:
+    """The one of some roles that is there."""
+    there = [role for role in roles if role in arrays]
+    if len(there) > 1 or (needed and not there):
+        message = f"{'both ' + ' and '.join(there[:2]) if there else 'no'} {what}"
+        raise InputError(message, file=file, expected=f"--column {'=NAME or '.join(roles)}=NAME")
+    return there[0] if there else None
+
+
+def _abscissa(arrays: Mapping[str, Array], file: str | Path) -> tuple[str, FloatArray]:
+    role = cast(str, _one_of(arrays, tuple(_ABSCISSAS), "abscissa", file, needed=True))
+    values = arrays[role]
+    if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
+        raise InputError(f"array of {role} has the shape {values.shape}", file=file, expected="one real number a point")
+    return role, np.asarray(values, dtype=np.float64).reshape(-1) * _ABSCISSAS[role]
+
+
+def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
+    """The response (n, k) and whether its phase is known."""
+    main = cast(str, _one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
+    phase = _one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
+    values = _matrix(arrays[main], n, main, file)
+    if (main == "x") != ("y" in arrays):
+        raise InputError("x and y need each other", file=file, expected="--column x=NAME and y=NAME")
+    if phase and main != "amplitude":
+        raise InputError(f"{phase} beside a {main}", file=file, expected="a phase only beside an amplitude")
+    if main == "x":
+        y = _same(arrays["y"], n, values, "y", file)
+        return cartesian(_real(values, "x", file), _real(y, "y", file)), True
+    if main == "response":
+        if np.iscomplexobj(values) == is_time:
+            kind = "a time history of complex values" if is_time else "a response of real values"
+            raise InputError(
+                f"{kind}",
+                file=file,
+                expected="a real signal" if is_time else "complex values, or the role amplitude or x",
+            )
+        return values, not is_time
+    if is_time:
+        raise InputError("amplitudes against time", file=file, expected="--column response=NAME of the signal")
+    size = _magnitude(values, "amplitude", file)
+    if phase is None:
+        return size, False
+    angle = _real(_same(arrays[phase], n, values, phase, file), phase, file) * _PHASES[phase]
+    return size * np.exp(1j * angle), True
+
+
+def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Samples | None:
+    """The force (n, 1) or (n, k); None where there is none."""
+    main = _one_of(arrays, ("force", "force_x"), "force", file, needed=False)
+    if main is None:
+        return None
+    values = _spread(arrays[main], n, k, main, file)
+    if main == "force_x":
+        if "force_y" not in arrays:
+            raise InputError("force_x needs force_y", file=file, expected="--column force_y=NAME")
+        other = _real(_spread(arrays["force_y"], n, k, "force_y", file), "force_y", file)
+        return cartesian(_real(values, "force_x", file), other)
+    if "force_lead_deg" in arrays:
+        lead = _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
+        return polar(_magnitude(values, "force", file), lead)
+    return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force", file)
+
+
+def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Samples:
+    """A force for each point: of one number, of one for each sweep, or as it is."""
+    if values.size == 1:
+        return np.full((n, 1), values.reshape(-1)[0])
+    if values.size == k and k != n:
+        return np.broadcast_to(values.reshape(1, k), (n, k))
+    found = _matrix(values, n, role, file)
+    if found.shape[1] not in (1, k):
+        raise InputError(f"{found.shape[1]} columns of {role}", file=file, expected=f"1 or {k} as of the response")
+    return found
+
+
+def _matrix(values: Array, n: int, role: str, file: str | Path) -> Samples:
+    """An array as (n, k): points along the first axis, sweeps along the second."""
+    squeezed = np.squeeze(values)
+    if squeezed.ndim == 0:
+        squeezed = squeezed.reshape(1)
+    if squeezed.ndim == 1 and n == 1:
+        squeezed = squeezed.reshape(1, -1)
+    if squeezed.ndim == 1 and len(squeezed) == n:
+        return squeezed.reshape(n, 1)
+    if squeezed.ndim == 2 and n in squeezed.shape:
+        found = squeezed if squeezed.shape[0] == n else squeezed.T
+        if found.shape[1] <= _MOST_SWEEPS:
+            return found
+    raise InputError(
+        f"array of {role} has the shape {tuple(values.shape)}",
+        file=file,
+        expected=f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps",
+    )
+
+
+def _same(values: Array, n: int, like: Samples, role: str, file: str | Path) -> Samples:
+    found = _matrix(values, n, role, file)
+    if found.shape != like.shape:
+        raise InputError(f"array of {role} has the shape {found.shape}", file=file, expected=f"{like.shape}")
+    return found
+
+
+def _real(values: Samples, role: str, file: str | Path) -> FloatArray:
+    if np.iscomplexobj(values):
+        raise InputError(f"array of {role} is complex", file=file, expected="real numbers")
+    return np.asarray(values, dtype=np.float64)
+
+
+def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
+    """Amplitudes (n, k): a minus sign there is a mistake or a phase that nobody states, and would be lost."""
+    found = _real(values, role, file)
+    below = np.argwhere(found < 0.0)
+    if len(below):
+        row, sweep = (int(place) for place in below[0])
+        where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if found.shape[1] > 1 else "")
+        raise InputError(f"{role} {found[row, sweep]:g} in {where}", file=file, expected=f"{role} >= 0, an amplitude")
+    return found
+
+
+def _column(values: Array, n: int, role: str, file: str | Path) -> FloatArray:
+    found = _real(_matrix(values, n, role, file), role, file)
+    if found.shape[1] != 1:
+        raise InputError(f"array of {role} has {found.shape[1]} columns", file=file, expected="one")
+    return found[:, 0]

@@ -1,0 +1,268 @@
+"""Units as text: ``m/s^2/N``, ``(m/s²)/N``, ``g``, ``in/lbf`` to powers of force, length and time and a factor to SI.
+
+Only products, quotients and whole powers of known names; nothing is evaluated. ``g`` is the standard acceleration of
+gravity and ``lb`` the pound-force, as records of vibration tests use them.
+
+Records and modes from one consistent system of units to another: SI (N, m, kg) or US (lbf, in, lbf s^2/in).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import pandas as pd
+
+from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2
+from damping.errors import AnalysisError, InputError
+from damping.records.mode import Mode, Units
+from damping.records.record import Record
+from damping.records.text import shortened
+
+#: Names of units: (powers of force, length, time), factor to N, m, s.
+_NAMES: dict[str, tuple[tuple[int, int, int], float]] = {
+    "1": ((0, 0, 0), 1.0),
+    "N": ((1, 0, 0), 1.0),
+    "mN": ((1, 0, 0), 1e-3),
+    "kN": ((1, 0, 0), 1e3),
+    "lb": ((1, 0, 0), POUND_FORCE_N),
+    "lbf": ((1, 0, 0), POUND_FORCE_N),
+    "kgf": ((1, 0, 0), STANDARD_GRAVITY_M_S2),
+    "m": ((0, 1, 0), 1.0),
+    "cm": ((0, 1, 0), 1e-2),
+    "mm": ((0, 1, 0), 1e-3),
+    "um": ((0, 1, 0), 1e-6),
+    "µm": ((0, 1, 0), 1e-6),  # micro sign
+    "μm": ((0, 1, 0), 1e-6),  # Greek mu
+    "nm": ((0, 1, 0), 1e-9),
+    "in": ((0, 1, 0), INCH_M),
+    "inch": ((0, 1, 0), INCH_M),
+    "mil": ((0, 1, 0), 1e-3 * INCH_M),
+    "ft": ((0, 1, 0), 12.0 * INCH_M),
+    "s": ((0, 0, 1), 1.0),
+    "sec": ((0, 0, 1), 1.0),
+    "ms": ((0, 0, 1), 1e-3),
+    "us": ((0, 0, 1), 1e-6),
+    "g": ((0, 1, -2), STANDARD_GRAVITY_M_S2),
+    "gn": ((0, 1, -2), STANDARD_GRAVITY_M_S2),
+    "kg": ((1, -1, 2), 1.0),
+    "J": ((1, 1, 0), 1.0),
+}
+_TOKEN = re.compile(r"\s*([A-Za-zµμ]+|[0-9]+|\^|\*\*|[*/()·.²³-])")
+_LONGEST = 60  # characters of a unit; labels of UFF files have 20
+_POWERS = {"²": 2, "³": 3}
+_EXPECTED = "a unit such as N, lbf, m, mm, in, m/s, g, m/s^2, m/s^2/N or in/lbf"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: its ``text``, its powers of ``force``, ``length`` and ``time``, and its size in N, m and s."""
+
+    text: str
+    force: int
+    length: int
+    time: int
+    factor: float
+
+    @property
+    def powers(self) -> tuple[int, int, int]:
+        """Powers of force, length and time."""
+        return self.force, self.length, self.time
+
+    def per(self, other: Unit) -> Unit:
+        """The quotient of two units."""
+        force, length, time = (a - b for a, b in zip(self.powers, other.powers, strict=True))
+        return Unit(f"({self.text})/{other.text}", force, length, time, self.factor / other.factor)
+
+
+#: The two consistent systems records are written in: names of force and length; time is s, mass force s^2/length.
+SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
+
+
+def unit(text: str, *, what: str = "unit") -> Unit:
+    """The unit that ``text`` names.
+
+    Raises:
+        InputError: an unknown name (logarithmic and electrical units among them), or no unit at all; ``what`` says
+            whose.
+    """
+    try:
+        powers, factor = _parsed(text)
+    except (ValueError, OverflowError):
+        raise InputError(f"{what} {shortened(text)!r} is not understood", expected=_EXPECTED) from None
+    return Unit(text.strip(), *powers, factor)
+
+
+def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
+    """Powers and factor; ValueError where the text is no unit."""
+    if len(text) > _LONGEST:
+        raise ValueError
+    signs, sign, powers, factor = [1], 1, [0, 0, 0], 1.0
+    tokens = _tokens(text)
+    wants_name = True
+    while tokens:
+        token = tokens.pop(0)
+        if token == "(" and wants_name:
+            signs.append(signs[-1] * sign)
+            sign = 1
+        elif token == ")" and not wants_name and len(signs) > 1:
+            signs.pop()
+        elif token in ("*", "·", ".", "/") and not wants_name:
+            sign, wants_name = (-1 if token == "/" else 1), True
+        elif wants_name:
+            of_name, size = _named(token)
+            power = signs[-1] * sign * _power(tokens)
+            powers = [total + power * one for total, one in zip(powers, of_name, strict=True)]
+            factor *= size**power
+            sign, wants_name = 1, False
+        else:
+            raise ValueError
+    if wants_name or len(signs) > 1:
+        raise ValueError
+    return (powers[0], powers[1], powers[2]), factor
+
+
+def _tokens(text: str) -> list[str]:
+    """The text cut into names, numbers and signs; a space between two names multiplies."""
+    tokens: list[str] = []
+    position = 0
+    text = text.strip()
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise ValueError
+        if tokens and match[0][0].isspace() and tokens[-1].isalpha() and match[1].isalpha():
+            tokens.append("*")
+        tokens.append(match[1])
+        position = match.end()
+    return tokens
+
+
+def _named(token: str) -> tuple[tuple[int, int, int], float]:
+    """A name as it is, else in lower case (LBF, IN, G)."""
+    if token in _NAMES:
+        return _NAMES[token]
+    if (token.lower() in _NAMES and len(token) > 1) or token in ("G", "S"):
+        return _NAMES[token.lower()]
+    raise ValueError
+
+
+def _power(tokens: list[str]) -> int:
+    """The power that follows a name: ^2, **2, 2, ², ^-1; 1 where there is none."""
+    if tokens and tokens[0] in _POWERS:
+        return _POWERS[tokens.pop(0)]
+    marked = bool(tokens) and tokens[0] in ("^", "**")
+    if marked:
+        tokens.pop(0)
+    negative = bool(tokens) and tokens[0] == "-"
+    if negative:
+        tokens.pop(0)
+    if tokens and tokens[0].isdecimal() and len(tokens[0]) == 1:
+        power = int(tokens.pop(0))
+        return -power if negative else power
+    if marked or negative:
+        raise ValueError
+    return 1
+
+
+#: Powers of (force, length) of the columns of a record; all times are in s. Other columns stay as they are.
+_COLUMNS = {
+    "force": (1, 0),
+    "force_sd": (1, 0),
+    "amplitude": (0, 1),
+    "amplitude_sd": (0, 1),
+    "energy": (1, 1),
+    "mass": (1, -1),
+}
+_WITHOUT_UNIT = ("sweep", "frequency", "phase", "phase_sd", "time", "damping_ratio")
+#: Powers of force and length of the coefficient of each damping force (Table 2.I), without its exponent.
+_COEFFICIENTS: dict[str, tuple[float, float]] = {
+    "viscous": (1, -1),
+    "displacement": (1, -1),
+    "velocity-squared": (1, -2),
+    "displacement-velocity": (1, -2),
+    "quadratic-displacement": (1, -3),
+    "coulomb": (1, 0),
+}
+_CUBIC = ("stiffness-hardening", "stiffness-softening")
+
+
+@dataclass(frozen=True)
+class Factors:
+    """What a number in the old system is multiplied by, for one unit of force and one of length."""
+
+    force: float
+    length: float
+
+    def of(self, force: float, length: float) -> float:
+        """Factor of a quantity with these powers of force and length."""
+        return self.force**force * self.length**length
+
+
+def factors(units: Units, to: str, *, source: str) -> Factors:
+    """Factors from the named units to a system of ``SYSTEMS``.
+
+    Raises:
+        InputError: units that are not named or not understood, a time that is not in s, or no such system.
+    """
+    if to not in SYSTEMS:
+        raise InputError(f"--units {to!r} is unknown", expected=" or ".join(SYSTEMS))
+    for what, name in (("force", units.force), ("length", units.length)):
+        if not name:
+            raise InputError(f"the unit of {what} is not known", file=source, expected="[units] of a mode, or --from")
+    if units.time not in ("", "s", "sec"):
+        raise InputError(f"time in {units.time!r}", file=source, expected="s")
+    old = unit(units.force, what="unit of force"), unit(units.length, what="unit of length")
+    if old[0].powers != (1, 0, 0) or old[1].powers != (0, 1, 0):
+        raise InputError(f"{units.force} and {units.length} are no units of force and length", file=source)
+    new = tuple(unit(name).factor for name in SYSTEMS[to])
+    return Factors(old[0].factor / new[0], old[1].factor / new[1])
+
+
+def convert_record(record: Record, by: Factors) -> tuple[Record, list[str]]:
+    """The record in the new system, and notes on columns whose unit is not known."""
+    table = record.table.copy()
+    for name, powers in _COLUMNS.items():
+        if name in table:
+            table[name] = table[name] * by.of(*powers)
+    kept = [name for name in table if name not in _COLUMNS and name not in _WITHOUT_UNIT]
+    notes = [f"column {name} is kept as it is: its unit is not known" for name in kept]
+    return Record(table, record.source), notes
+
+
+def convert_loads(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
+    """Predictions (a row for each design force and law) in the new system: force, and amplitudes."""
+    changed = {name: table[name] * by.of(0, 1) for name in ("median", "low", "high", "linear")}
+    return table.assign(force=table["force"] * by.of(1, 0), **changed)
+
+
+def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
+    """The mode in the new system, its damping coefficients with it.
+
+    Raises:
+        AnalysisError: an effect whose parameters have units that are not known.
+    """
+    other = next((name for name in mode.effects if name not in _CUBIC), None)
+    if other is not None:
+        raise AnalysisError(f"{mode.source}: the units of effect {other!r} are not known, so it cannot be converted")
+    force, length = SYSTEMS[to]
+    damping = {name: _damping(name, parameters, by) for name, parameters in mode.damping.items()}
+    effects = {
+        name: {key: value * by.of(1, -3) for key, value in parameters.items()}
+        for name, parameters in mode.effects.items()
+    }
+    return replace(
+        mode, mass=mode.mass * by.of(1, -1), units=Units(force, length, "s"), damping=damping, effects=effects
+    )
+
+
+def _damping(name: str, parameters: Mapping[str, float], by: Factors) -> dict[str, float]:
+    """Parameters of one force."""
+    if name == "slip":
+        return {"stiffness": parameters["stiffness"] * by.of(1, -1), "limit": parameters["limit"] * by.of(0, 1)}
+    powers = _COEFFICIENTS.get(name)
+    if powers is None:  # a power p of velocity, times displacement in the second law
+        p = parameters["exponent"]
+        powers = (1.0, -p if name == "velocity-power" else -1.0 - p)
+    return {**parameters, "coefficient": parameters["coefficient"] * by.of(*powers)}

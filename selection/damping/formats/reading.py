@@ -1,0 +1,206 @@
+"""Any file of a laboratory to series: the format by its first bytes or as stated."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+from damping.errors import InputError
+from damping.formats.arrays import read_arrays
+from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
+from damping.formats.named import COLUMNS as LOCKIN_COLUMNS
+from damping.formats.named import ROLES, once, to_series
+from damping.formats.quantity import SYSTEMS
+from damping.formats.series import RESPONSES, SCALINGS, Series, Stated, Summary
+from damping.formats.uff import read_uff
+from damping.records.keys import nearest
+from damping.records.text import DEFAULT_MAX_SIZE, read_bytes, shortened
+
+FORMATS = ("auto", "uff", "mat", "hdf5", "csv", "lock-in")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
+#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
+_OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
+    "x": ("x", "real", "re"),
+    "y": ("y", "imag", "im"),
+}
+#: What the unit in the header of a role's column belongs to.
+_UNIT_OF = (
+    dict.fromkeys(("force", "force_x", "force_y"), "force")
+    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
+    | {"energy": "energy", "mass": "mass"}
+)
+
+
+def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
+    """The series of a file, and what was understood so far.
+
+    Raises:
+        InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not
+            understood, or something that neither the file nor the user says.
+    """
+    check(stated)
+    summary = Summary()
+    kind = _format(path, stated, summary)
+    _heeded(stated, kind, path)
+    if kind in ("mat5", "mat73", "hdf5"):
+        return _arrays(path, kind, stated, summary, max_size), summary
+    data = read_bytes(path, max_size)
+    if kind == "uff":
+        return read_uff(data, path, summary, stated.datasets, stated.labels), summary
+    known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
+    found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
+    for role, name in found.names.items():
+        if role in numbers or role == "sweep":
+            whence = "stated" if stated.columns else "by its name"
+            summary.add(f"column {shortened(name)!r}", f"{role}: {ROLES[role]}", whence)
+    units: dict[str, str] = {}
+    for role, text in found.units.items():
+        if role in numbers and role in _UNIT_OF:
+            units.setdefault(_UNIT_OF[role], text)
+    return to_series(numbers, found.sweep, units, path, Path(path).stem, peak=kind == "csv"), summary
+
+
+def check(stated: Stated) -> None:
+    """InputError for a statement that is not understood, naming what is."""
+    _one_of("--format", stated.format, FORMATS)
+    _one_of("--response", stated.response, RESPONSES)
+    _one_of("--scaling", stated.scaling, SCALINGS)
+    _one_of("--to", stated.system, SYSTEMS)
+    _one_of("--delimiter", stated.delimiter, DELIMITERS)
+    _one_of("--decimal", stated.decimal, DECIMALS)
+    if stated.decimal == stated.delimiter:
+        raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
+    for option, known, given in (
+        ("--column", tuple(ROLES), stated.columns),
+        ("--unit", ("force", "response", "energy", "mass"), stated.units),
+        ("--scale", ("force", "response"), stated.scale),
+    ):
+        for key in given:
+            _one_of(option, key, known)
+    if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
+        raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
+    if stated.consistent and stated.units:
+        raise InputError("--consistent beside --unit", expected="one of them")
+
+
+def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
+    """InputError for a statement that nothing in a file of this kind would heed."""
+    layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
+    if kind == "uff":
+        unheeded = {"columns": "--column"} | layout
+    else:
+        unheeded = {"datasets": "--dataset"} | (layout if kind in ("mat5", "mat73", "hdf5") else {})
+    for name, option in unheeded.items():
+        if getattr(stated, name) != getattr(Stated(), name):
+            raise InputError(f"{option} means nothing in a file of format {kind}", file=path, expected=f"no {option}")
+
+
+def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
+    if value is not None and value not in known:
+        alike = nearest(value, known, likeness=0.5)
+        hint = f" (is {alike!r} meant?)" if alike else ""
+        raise InputError(f"{option} {shortened(value)!r} is unknown{hint}", expected=", ".join(known))
+
+
+def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
+    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``csv`` or ``lock-in``."""
+    start = _start(path)
+    hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
+    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
+    if start.startswith(b"MATLAB 5.0"):
+        found = "mat5"
+    elif hdf:
+        found = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
+    elif first == b"-1":
+        found = "uff"
+    else:
+        found = "csv"
+    if stated.format == "auto":
+        if found == "csv" and _is_binary(start):
+            raise InputError(
+                "neither UFF, MAT 5 to 7.3, HDF5 nor text",
+                file=path,
+                expected="a file of one of these (save a MAT file of version 4 again with -v7)",
+            )
+        summary.add("format", _TITLES[found], "found in the file")
+        return found
+    if stated.format == "mat" and found not in ("mat5", "mat73"):
+        raise InputError("not a MAT file", file=path, expected="a MAT file of version 5 to 7.3")
+    if stated.format == "hdf5":
+        found = "hdf5"
+    kind = found if stated.format == "mat" else stated.format
+    summary.add("format", _TITLES[kind], "stated")
+    return kind
+
+
+def _is_binary(start: bytes) -> bool:
+    """Whether these are no lines of text, of whatever encoding: one byte in twenty is a control character."""
+    controls = len(start) - len(start.translate(None, _CONTROLS))
+    return not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
+
+
+_TITLES = {
+    "uff": "universal file (UFF, UNV)",
+    "mat5": "MAT file, version 5",
+    "mat73": "MAT file, version 7.3",
+    "hdf5": "HDF5",
+    "csv": "CSV",
+    "lock-in": "readings of a lock-in amplifier",
+}
+
+
+def _start(path: str | Path) -> bytes:
+    """The first bytes of a file."""
+    try:
+        if stat.S_ISREG(os.stat(path).st_mode):
+            with Path(path).open("rb") as stream:
+                return stream.read(2100)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
+    raise InputError("is no regular file", file=path, expected="a file")
+
+
+def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+    names = dict(stated.columns) or {role: name for role, own in _OWN_NAMES.items() for name in own}
+    wanted = list(names.values()) if stated.columns else [name for own in _OWN_NAMES.values() for name in own]
+    found = read_arrays(path, kind, wanted, max_size)
+    arrays, known = found.arrays, found.known
+    if stated.columns:
+        missing = next((name for name in wanted if name not in arrays), None)
+        if missing is not None:
+            raise InputError(f"no array {shortened(missing)!r}", file=path, expected=_has(known))
+    else:
+        names = {role: name for role, own in _OWN_NAMES.items() for name in own if name in arrays}
+        if not names:
+            raise InputError(
+                "no array has the name of a role", file=path, expected=f"--column ROLE=NAME; it has {_has(known)}"
+            )
+    for role, name in names.items():
+        shape = " x ".join(str(n) for n in arrays[name].shape) or "1"
+        summary.add(
+            f"array {shortened(name)!r}",
+            f"{role}: {ROLES[role]} ({shape})",
+            "stated" if stated.columns else "by its name",
+        )
+    labels = None
+    if "sweep" in names:
+        labels = [f"{value:g}" for value in arrays[names["sweep"]].real.reshape(-1)]
+        names = {role: name for role, name in names.items() if role != "sweep"}
+    units: dict[str, str] = {}
+    for role, name in names.items():
+        if role in _UNIT_OF and name in found.units:
+            units.setdefault(_UNIT_OF[role], found.units[name])
+    of_role = {role: arrays[name] for role, name in names.items()}
+    return to_series(of_role, labels, units, path, Path(path).stem, peak=True)
+
+
+def _has(known: Mapping[str, tuple[int, ...]]) -> str:
+    listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
+    return listed or "arrays of numbers"

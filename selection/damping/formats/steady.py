@@ -1,0 +1,246 @@
+"""Sweeps to a record: displacement amplitude, its lag behind the force, and the force, in one system of units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.errors import InputError
+from damping.formats.conversion import Conversion, conversion, other_factor, scaling
+from damping.formats.quantity import SYSTEMS, unit
+from damping.formats.series import Imported, Series, Stated, Summary
+from damping.records.keys import record_schema
+from damping.records.record import Record
+
+#: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
+MOST_ROWS = 100_000
+_POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
+
+
+def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Imported:
+    """The record of some sweeps.
+
+    A response of order n (0 displacement, 1 velocity, 2 acceleration) is R exp(i omega t) with complex R; the
+    displacement is X = R/(i omega)^n, times the force where R is a ratio. Amplitude |X|, phase arg F - arg X, within
+    -pi/2..3 pi/2. Rows that are no steady state (0 Hz, no force, no response, no number) are left out and counted.
+
+    Raises:
+        InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
+    """
+    _not_too_many(series, stated, file)
+    labels, forces = _labels(series, stated, file), _stated_forces(series, stated, file)
+    with np.errstate(all="ignore"):  # what overflows is found by the range check below
+        tables = [
+            _table(one, label, force, stated, str(file), summary)
+            for one, label, force in zip(series, labels, forces, strict=True)
+        ]
+    if len({"phase" in table for table in tables}) > 1:
+        raise InputError("some sweeps have phases and some have none", file=file, expected="sweeps of one kind")
+    table = pd.concat(tables, ignore_index=True)
+    _checked(table, file)
+    if stated.system in SYSTEMS and not stated.consistent:
+        force, length = SYSTEMS[stated.system]
+        summary.add(
+            "record", f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}", "stated"
+        )
+    summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
+    _phases(table, summary)
+    return Imported(Record(table, str(file)), summary)
+
+
+def _not_too_many(series: Sequence[Series], stated: Stated, file: str | Path) -> None:
+    low, high = stated.band or (0.0, np.inf)
+    rows = sum(int(np.count_nonzero((one.abscissa >= low) & (one.abscissa <= high))) for one in series)
+    if rows > MOST_ROWS:
+        raise InputError(
+            f"{rows} rows", file=file, expected=f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
+        )
+
+
+def _labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
+    """Label of each sweep, all different."""
+    if stated.labels:
+        if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
+            raise InputError(
+                f"{len(stated.labels)} labels", file=file, expected=f"{len(series)} different ones, one a sweep"
+            )
+        return list(stated.labels)
+    labels: dict[str, None] = {}  # in order
+    for one in series:
+        base, number = " ".join(one.label.split()) or "sweep", 2
+        label = base
+        while label in labels:
+            label, number = f"{base} ({number})", number + 1
+        labels[label] = None
+    return list(labels)
+
+
+def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -> list[float | None]:
+    """Stated force amplitude of each sweep; None where the file has it."""
+    if not stated.forces:
+        return [None] * len(series)
+    if len(stated.forces) not in (1, len(series)):
+        raise InputError(f"{len(stated.forces)} forces", file=file, expected=f"1 or {len(series)}, one a sweep")
+    if any(not (np.isfinite(force) and force > 0.0) for force in stated.forces):
+        raise InputError("--force is no force amplitude", expected="numbers > 0")
+    many: list[float | None] = list(stated.forces)
+    return many if len(many) == len(series) else many * len(series)
+
+
+def _table(one: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary) -> pd.DataFrame:
+    """Rows of one sweep."""
+    to = conversion(one.found, stated, file, summary)
+    frequency = np.asarray(one.abscissa, dtype=np.float64)
+    keep = _usable(one, stated, label, file, summary)
+    omega = RAD_S_PER_HZ * frequency[keep]
+    F = _force(one, keep, level, to, stated, file, summary)
+    X = one.response[keep] * (to.response * (-1.0 if stated.reverse else 1.0)) / (1j * omega) ** to.order
+    X = X * (np.abs(F) if to.per_force else scaling(one.found, stated, file, summary))
+    columns: dict[str, FloatArray | list[str]] = {
+        "sweep": [label] * len(omega),
+        "force": np.abs(F),
+        "frequency": frequency[keep],
+        "amplitude": np.abs(X),
+    }
+    if one.has_phase:
+        drive = np.ones_like(F) if to.per_force else F
+        columns["phase"] = _wrapped(np.angle(drive) - np.angle(X))
+    for name, values in one.extra.items():
+        columns[name] = _extra(name, values[keep], one, columns, keep, stated, file, summary)
+    return pd.DataFrame(columns)
+
+
+def _usable(one: Series, stated: Stated, label: str, file: str, summary: Summary) -> BoolArray:
+    """Rows that are steady states within the band."""
+    f = one.abscissa
+    reasons = _left_out(one)
+    keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
+    lost = int(np.count_nonzero(~keep))
+    counts = _counted(reasons)
+    if lost:
+        summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
+    if stated.band is not None:
+        low, high = stated.band
+        summary.add("band", f"{low:g} to {high:g} Hz", "stated")
+        keep &= (f >= low) & (f <= high)
+    if not keep.any():
+        within = "" if stated.band is None else f" within {stated.band[0]:g} to {stated.band[1]:g} Hz"
+        why = f": of {len(f)}, {counts}" if lost else ""
+        raise InputError(f"no row of {label!r} is a steady state{within}{why}", file=file, expected="at least one")
+    return keep
+
+
+def _left_out(one: Series) -> dict[str, BoolArray]:
+    """Rows that are no steady states, by the first reason that holds of each."""
+    columns = {"response": one.response, **({} if one.force is None else {"force": one.force}), **one.extra}
+    f = one.abscissa
+    reasons: dict[str, BoolArray] = {"at 0 Hz": f == 0.0, "without a frequency > 0": ~(np.isfinite(f) & (f > 0.0))}
+    for name, values in columns.items():
+        reasons[f"with no finite {name}"] = ~np.isfinite(values)
+    for name in ("response", "force"):
+        if name in columns:
+            reasons[f"with a {name} of 0"] = columns[name] == 0.0
+    seen = np.zeros(len(one.abscissa), dtype=np.bool_)
+    for reason, rows in reasons.items():
+        reasons[reason] = rows & ~seen
+        seen |= rows
+    return reasons
+
+
+def _counted(reasons: Mapping[str, BoolArray]) -> str:
+    counts = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
+    return ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
+
+
+def _force(
+    one: Series, keep: BoolArray, level: float | None, to: Conversion, stated: Stated, file: str, summary: Summary
+) -> FloatArray:
+    """Force amplitude of each row (complex where the file has its phase)."""
+    if level is None and one.force is None:
+        raise InputError(
+            "no force in the file: how hard the structure was driven decides what its damping is",
+            file=file,
+            expected="--force AMPLITUDE of each sweep",
+        )
+    if to.force is None:
+        raise InputError(
+            "the unit of the force is neither in the file nor stated", file=file, expected="--unit force=N"
+        )
+    if level is not None:
+        summary.add("force", f"{level:g} at every row", "stated")
+        return np.full(int(np.count_nonzero(keep)), level * to.force)
+    summary.add("force", "measured at every row", "found in the file")
+    assert one.force is not None  # checked above
+    values: FloatArray = one.force[keep] * to.force * scaling(one.found, stated, file, summary)
+    return values
+
+
+def _extra(
+    name: str,
+    values: FloatArray,
+    one: Series,
+    columns: dict[str, FloatArray | list[str]],
+    keep: BoolArray,
+    stated: Stated,
+    file: str,
+    summary: Summary,
+) -> FloatArray:
+    """A further column in units of the record: standard uncertainties go with what they belong to."""
+    if name == "amplitude_sd":
+        return values / np.abs(one.response[keep]) * np.asarray(columns["amplitude"])
+    if name == "force_sd":
+        if one.force is None:
+            raise InputError("force_sd without a force", file=file, expected="a column of the force")
+        return values / np.abs(one.force[keep]) * np.asarray(columns["force"])
+    if name in _POWERS:
+        return values * other_factor(name, _POWERS[name], one.found, stated, file, summary)
+    return values
+
+
+def _wrapped(phase: FloatArray) -> FloatArray:
+    """Angles within -pi/2..3 pi/2, so that noise about 0 and pi does not jump."""
+    return (phase + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
+
+
+def _phases(table: pd.DataFrame, summary: Summary) -> None:
+    """Say so when the response mostly moves with the wrong sign."""
+    if "phase" not in table:
+        summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
+        return
+    wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
+    if wrong > len(table) / 2:
+        summary.note(
+            f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
+            "mounted against the force, or the phase of the other sign? --reverse turns the response"
+        )
+
+
+def _checked(table: pd.DataFrame, file: str | Path) -> None:
+    """InputError for what no record may hold."""
+    import pandera.errors  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    try:
+        record_schema().validate(table, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        case = errors.failure_cases.iloc[0]
+        message = f"{float(case['failure_case']):g} in row {int(case['index']) + 1} of the record"
+        raise InputError(message, file=file, column=str(case["column"]), expected=str(case["check"])) from None
+    repeats = table.duplicated().to_numpy()
+    if repeats.any():
+        row = int(np.argmax(repeats))
+        label = table["sweep"].iloc[row]
+        raise InputError(
+            f"sweep {label!r} has a row twice, at {table['frequency'].iloc[row]:g} Hz",
+            file=file,
+            expected="each measured state once",
+        )
+
+
+def system_factors(system: str) -> tuple[float, float]:
+    """N in one unit of force, and m in one unit of length, of a system."""
+    force, length = SYSTEMS[system]
+    return unit(force).factor, unit(length).factor

@@ -1,0 +1,264 @@
+"""Universal files (UFF, UNV), data set 58: frequency responses, spectra and time histories, text or binary, to series.
+
+The format is read here and not by the pyuff package, which is the reference of the tests: for any bytes a reader must
+end with a result or one line, in memory of a few times the file (pyuff takes twelve times a binary file of single
+precision), and must read what laboratories have: touching columns, letters D, exponents without a letter, wide
+abscissas, padded last lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.series import Found, Samples, Series, Summary
+from damping.formats.uff_blocks import Block, Header, blocks, header
+from damping.formats.uff_values import abscissa, binary_form, units, values
+from damping.formats.uff_write import PEAK
+from damping.records.text import shortened
+
+_FUNCTIONS = {
+    0: "general",
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response",
+    5: "transmissibility",
+    6: "coherence",
+    9: "power spectral density",
+    10: "energy spectral density",
+    12: "spectrum",
+}
+_TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
+_QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
+_PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
+_TIME, _FREQUENCY = 17, 18
+_MOST_LISTED = 12
+_MOST_SWEEPS = 1000
+
+
+@dataclass(frozen=True)
+class _Set:
+    """One data set 58 of a file: its number from 1, where it is, its header, the units code before it."""
+
+    number: int
+    block: Block
+    header: Header
+    units_code: int
+
+    @property
+    def quantity(self) -> str:
+        return _QUANTITIES.get(self.header.numerator.code, "")
+
+    @property
+    def per(self) -> str:
+        return _QUANTITIES.get(self.header.denominator.code, "")
+
+    @property
+    def is_time(self) -> bool:
+        return self.header.function == 1 or self.header.abscissa.code == _TIME
+
+    @property
+    def is_force(self) -> bool:
+        return self.quantity == "force" and not self.per and self.header.function != 4
+
+    @property
+    def point(self) -> str:
+        (node, direction), (at, along) = self.header.response_point, self.header.reference_point
+        return f"node {node} direction {direction}" + (f" from node {at} direction {along}" if at or along else "")
+
+
+def read_uff(
+    data: bytes, file: str | Path, summary: Summary, datasets: tuple[int, ...] = (), labels: tuple[str, ...] = ()
+) -> list[Series]:
+    """The responses of a universal file, each with its measured force where the file has one.
+
+    Args:
+        data: the file. file: its name, for messages.
+        summary: grows by what was found.
+        datasets: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces.
+        labels: not empty where the user labels the sweeps, so that ID lines need not tell them apart.
+
+    Raises:
+        InputError: no data set 58, a broken one, none that is a response, or responses at several points unchosen.
+    """
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    sets, others = _sets(data, file)
+    if not sets:
+        has = f" (it has {', '.join(map(str, others))})" if others else ""
+        raise InputError(f"no data set 58{has}", file=file, expected="a universal file with functions at nodal DOF")
+    _listed(sets, others, summary)
+    chosen = _chosen(sets, datasets, file)
+    forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
+    _one_point(responses, datasets, file)
+    series = [_series(one, data, file, summary) for one in responses]
+    if not labels:
+        series = _labelled(series, responses)
+    return _with_forces(series, forces, data, file, summary)
+
+
+def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
+    """The data sets 58, and the numbers of all other data sets."""
+    sets: list[_Set] = []
+    others: list[int] = []
+    code = 0
+    for block in blocks(data, file, lambda found: binary_form(data, found, header(found, file), file)[1]):
+        if block.kind == 58:
+            sets.append(_Set(len(sets) + 1, block, header(block, file), code))
+        elif block.kind not in others and len(others) < _MOST_LISTED:
+            others.append(block.kind)
+        if block.kind == 164:
+            field = data[block.start : block.start + 10].split(b"\n")[0].strip()
+            code = int(field) if field.isdigit() else 0
+    return sets, others
+
+
+def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
+    for one in sets[:_MOST_LISTED]:
+        head = one.header
+        of = f"{one.quantity or 'unknown quantity'}{f' per {one.per}' if one.per else ''}"
+        what = _FUNCTIONS.get(head.function, f"function type {head.function}")
+        form = "bytes" if one.block.binary else "text"
+        title = f", {shortened(head.title, 40)!r}" if head.title else ""
+        summary.add(
+            f"data set {one.number}",
+            f"{what}, {of}, {head.points} points ({form}), {one.point}{title}",
+            "found in the file",
+        )
+    if len(sets) > _MOST_LISTED:
+        summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
+    if others:
+        summary.note(f"data sets {', '.join(map(str, others))} are passed over")
+
+
+def _chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) -> list[_Set]:
+    """The sets asked for, or all functions of time or frequency that are motions or forces."""
+    bad = next((number for number in datasets if not 1 <= number <= len(sets)), None)
+    if bad is not None:
+        raise InputError(f"no data set {bad}", file=file, expected=f"numbers from 1 to {len(sets)}")
+    chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.header.function in _TAKEN]
+    for one in chosen:
+        problem = _unfit(one)
+        if problem and datasets:
+            raise InputError(f"data set {one.number} is {problem}", file=file, line=one.block.line, expected=_EXPECTED)
+    chosen = [one for one in chosen if not _unfit(one)]
+    if not any(not one.is_force for one in chosen):
+        raise InputError("no data set is a response", file=file, expected=_EXPECTED)
+    has_ratio = any(one.header.function == 4 for one in chosen)
+    if has_ratio and not datasets:  # the spectra of responses beside their frequency responses say the same twice
+        chosen = [one for one in chosen if one.header.function == 4 or (one.is_force and not one.is_time)]
+    if len({one.is_time for one in chosen}) > 1:
+        raise InputError("both time histories and spectra", file=file, expected="--dataset numbers of one kind")
+    return chosen
+
+
+_EXPECTED = "a frequency response (type 4), spectrum (12), general function (0) or time response (1) of a motion"
+
+
+def _unfit(one: _Set) -> str:
+    """Why a data set is neither a response nor a force; '' if it is one."""
+    head = one.header
+    if head.function not in _TAKEN:
+        return _FUNCTIONS.get(head.function, f"of function type {head.function}")
+    if head.function == 4 and (one.quantity == "force" or one.per not in ("", "force")):
+        return f"a ratio of {one.quantity or 'unknown'} to {one.per or 'unknown'}"
+    if head.function == 4 and head.ordinate in (2, 4):
+        return "a frequency response of real values, whose phase is lost"
+    if one.is_time and head.ordinate in (5, 6):
+        return "a time history of complex values"
+    if not one.is_time and head.function != 4 and head.abscissa.code not in (_FREQUENCY, 0):
+        return f"a function of abscissa type {head.abscissa.code}"
+    if head.function == 0 and head.abscissa.code == 0:
+        return "a function whose abscissa is neither said to be frequency nor time"
+    return ""
+
+
+def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Path) -> None:
+    if len(responses) > _MOST_SWEEPS:
+        raise InputError(
+            f"{len(responses)} responses", file=file, expected=f"--dataset numbers of at most {_MOST_SWEEPS}"
+        )
+    points = list(dict.fromkeys(one.point for one in responses))
+    if len(points) > 1 and not datasets:
+        raise InputError(
+            f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)",
+            file=file,
+            expected="--dataset numbers of the sweeps of one point",
+        )
+
+
+def _series(one: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
+    x, y = values(data, one.block, one.header, file)
+    head = one.header
+    response = (_PER_FORCE.get(one.quantity) if one.per == "force" else None) if head.function == 4 else one.quantity
+    (_, along), (_, against) = head.response_point, head.reference_point
+    if along * against < 0:
+        summary.note(f"data set {one.number}: response and reference directions are opposite ({along}, {against})")
+    return Series(
+        label=head.title or f"set {one.number}",
+        abscissa=abscissa(x, head.abscissa, one.is_time, file, summary),
+        response=y,
+        is_time=one.is_time,
+        has_phase=bool(np.iscomplexobj(y)),
+        found=Found(
+            response or None,
+            per_force=head.function == 4,
+            scaling="peak" if PEAK in head.notes else None,
+            units=units(head, one.quantity, one.per, one.units_code, summary),
+        ),
+    )
+
+
+def _labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
+    """ID lines as labels where they tell the sweeps apart, else numbers of data sets."""
+    if len({one.label for one in series}) == len(series):
+        return series
+    return [replace(one, label=f"set {found.number}") for one, found in zip(series, sets, strict=True)]
+
+
+def _with_forces(
+    series: list[Series], forces: list[_Set], data: bytes, file: str | Path, summary: Summary
+) -> list[Series]:
+    """Each response with its force: as many forces as responses, in order, at the same abscissas."""
+    if not forces:
+        return series
+    if len(forces) != len(series):
+        raise InputError(
+            f"{len(forces)} forces and {len(series)} responses",
+            file=file,
+            expected="a force for each response, in the same order; choose them with --dataset",
+        )
+    pairs = zip(series, _forces(forces, data, file, summary), strict=True)
+    return [_joined(one, one_force, number, file) for (one, one_force), number in zip(pairs, forces, strict=True)]
+
+
+def _forces(
+    forces: list[_Set], data: bytes, file: str | Path, summary: Summary
+) -> Iterator[tuple[FloatArray, Samples, dict[str, str]]]:
+    for one in forces:
+        x, y = values(data, one.block, one.header, file)
+        head = one.header
+        yield (
+            abscissa(x, head.abscissa, one.is_time, file, summary),
+            y,
+            units(head, one.quantity, one.per, one.units_code, summary),
+        )
+
+
+def _joined(one: Series, force: tuple[FloatArray, Samples, dict[str, str]], found: _Set, file: str | Path) -> Series:
+    x, y, named = force
+    if len(x) != len(one.abscissa) or not np.allclose(x, one.abscissa, rtol=1e-4, atol=0.0):
+        raise InputError(
+            f"the force of data set {found.number} is at other abscissas than response {one.label!r}",
+            file=file,
+            line=found.block.line,
+            expected="the same frequencies",
+        )
+    known = dict(one.found.units) | ({"force": named["force"]} if "force" in named else {})
+    return replace(one, force=y, found=replace(one.found, units=known))

@@ -1,0 +1,160 @@
+"""Parameters of an explanation, and the simulation corrected by it, ready to run.
+
+Posterior of the leading explanation's parameters: importance draws, then emcee ensembles until they have settled.
+
+The deviations of the sweeps are integrated out: the residuals are linear in them, with the robust weights of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.gap.effects.contract import Effect
+from damping.gap.fit import Fit
+from damping.gap.model import Part, within_tolerance
+from damping.infer.chains import Chains, Settings, Start, Target, run
+from damping.infer.importance import importance
+from damping.infer.law import by_blocks
+from damping.records.mode import Mode
+
+
+def refitted_values(one: Fit) -> dict[str, float]:
+    """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
+    simulation = one.model.problem.simulation
+    replaced = {part.form.replaces for part in one.model.parts}
+    x = one.y[: len(simulation.names)]
+    values = np.exp(within_tolerance(x) * simulation.tolerance) - 1.0
+    return {name: float(v) for name, v in zip(simulation.names, values, strict=True) if name not in replaced}
+
+
+def effect_values(one: Fit) -> dict[str, dict[str, float]]:
+    """Parameters of every effect of a fit, as a model file holds them."""
+    start = len(one.model.problem.simulation.names)
+    found = {}
+    for part in one.model.parts:
+        found[part.form.effect] = reported(part, one.y[start : start + part.size])
+        start += part.size
+    return found
+
+
+def reported(part: Part, x: np.ndarray) -> dict[str, float]:
+    """Parameters of one part at its variables x (size,)."""
+    values = [float(value[0, 0]) for value in part.values(x[np.newaxis])]
+    return {name: float(value) for name, value in part.form.report(*values).items()}
+
+
+def corrected_mode(one: Fit, effects: Mapping[str, Effect]) -> Mode:
+    """The simulation with its refitted parameters and the effects of a fit.
+
+    Damping forces go to ``damping`` (beside one of the same name, its coefficients add), corrected parameters take the
+    place of the nominal ones, everything else goes to ``effects``.
+    """
+    mode = one.model.problem.simulation.mode
+    refit = refitted_values(one)
+    damping = {name: _scaled(table, refit.get(name, 0.0)) for name, table in mode.damping.items()}
+    frequency = mode.frequency * (1.0 + refit.get("frequency", 0.0))
+    others: dict[str, Mapping[str, Any]] = dict(mode.effects)
+    for name, values in effect_values(one).items():
+        if name == "natural-frequency":
+            frequency = mode.frequency * (1.0 + values["relative"])
+        elif name == "viscous-coefficient":
+            damping["viscous"] = _scaled(mode.damping["viscous"], values["relative"])
+        elif effects[name].force:
+            force = effects[name].force
+            damping[force] = _together(damping.get(force, {}), values)
+        else:
+            others[name] = values
+    mass = mode.mass * (1.0 + refit.get("mass", 0.0))
+    return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
+
+
+def _scaled(table: Mapping[str, float], relative: float) -> dict[str, float]:
+    """A damping force with its leading coefficient changed by a share of itself."""
+    leading = next(iter(table))
+    return {key: value * (1.0 + relative) if key == leading else value for key, value in table.items()}
+
+
+def _together(simulated: Mapping[str, float], added: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients of one force, simulated and added."""
+    leading = next(iter(added))
+    return {key: value + (simulated.get(key, 0.0) if key == leading else 0.0) for key, value in added.items()}
+
+
+_SETTINGS = Settings(budget=4000)
+
+
+@dataclass(frozen=True)
+class EffectPosterior:
+    """Draws of the explanation's parameters.
+
+    Attributes:
+        names: parameters as ``effect: parameter`` (``simulation: parameter``: relative to nominal).
+        draws: (draws, names).
+        log_evidence: with its Monte Carlo standard error, by importance sampling. chains: the run and its convergence.
+    """
+
+    names: tuple[str, ...]
+    draws: FloatArray
+    log_evidence: float
+    standard_error: float
+    chains: Chains
+
+
+def sample_effects(leading: Fit, seed: int) -> EffectPosterior:
+    """Sample the parameters of an explanation (those of the simulation where there is none)."""
+    density = partial(log_density, leading)
+    k = leading.model.size
+    start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
+    target = Target(density, k, partial(parameters, leading))
+    chains = run(target, Start(start.draws, start.proposal), lambda x: {}, seed, _SETTINGS)
+    values = parameters(leading, chains.x.reshape(-1, k))
+    table = np.column_stack(list(values.values()))
+    return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)
+
+
+def log_density(leading: Fit, x: FloatArray) -> FloatArray:
+    """ln of likelihood times N(x; 0, 1), the deviations of sweeps integrated out; x (points, variables)."""
+    return by_blocks(partial(_log_density, leading), x, len(leading.weights))
+
+
+def parameters(leading: Fit, x: FloatArray) -> dict[str, FloatArray]:
+    """Parameters at variables x (points, variables), each (points,)."""
+    simulation = leading.model.problem.simulation
+    start = len(simulation.names)
+    replaced = {part.form.replaces for part in leading.model.parts}
+    relative = np.exp(within_tolerance(x[:, :start]) * simulation.tolerance) - 1.0
+    found = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
+    for part in leading.model.parts:
+        values = [value[:, 0] for value in part.values(x[:, start : start + part.size])]
+        start += part.size
+        reported = part.form.report(*values)
+        found |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}
+    return found
+
+
+def _log_density(leading: Fit, x: FloatArray) -> FloatArray:
+    model, W = leading.model, leading.weights
+    z = np.tile(leading.y[model.size :], (len(x), 1))
+    found = model.residuals(np.hstack([x, z]))
+    rows = model.problem.rows
+    one_hot = (np.tile(rows.sweep, len(W) // len(rows))[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
+    gain, frequency = found.by_gain * model.scatter.amplitude, found.by_frequency * model.scatter.frequency
+    sweep = np.tile(rows.sweep, len(W) // len(rows))
+    t = found.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
+    # per sweep: the 2 x 2 matrix 1 + C^T W C and the vector C^T W t
+    gg, ff = 1.0 + (W * gain**2) @ one_hot, 1.0 + (W * frequency**2) @ one_hot
+    gf, gt, ft = (W * gain * frequency) @ one_hot, (W * gain * t) @ one_hot, (W * frequency * t) @ one_hot
+    det = gg * ff - gf**2
+    fitted = (ff * gt**2 - 2.0 * gf * gt * ft + gg * ft**2) / det
+    value = (
+        -0.5 * (t**2 @ W)
+        + 0.5 * np.sum(fitted - np.log(det), axis=1)
+        - 0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
+    )
+    return np.where(np.isfinite(value), value, -np.inf)

@@ -1,0 +1,227 @@
+"""The diagnosis of one record: every question in turn, one result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from damping.errors import AnalysisError
+from damping.gap.directed import Test, directed_tests, unexplained
+from damping.gap.effects import CATALOGUE
+from damping.gap.effects.contract import Effect
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
+from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
+from damping.gap.rows import spread
+from damping.gap.search import Hypothesis, Search
+from damping.gap.size import Gap, HeldOut, gap, held_out
+from damping.gap.unnamed import Group, Stranger, equivalents, strangers
+from damping.gap.where import (
+    FootprintCell,
+    LocalEstimate,
+    ResidualCell,
+    Trend,
+    footprint_cells,
+    local_estimates,
+    residual_cells,
+    trend,
+)
+from damping.records.mode import Mode
+from damping.records.record import Record
+
+#: Probability that the list of explanations reaches.
+COVER = 0.95
+#: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
+DISPERSED, MOST_DISPERSIONS = 4.0, 3
+#: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
+FEW_ROWS = 40
+#: Rows that are diagnosed at most: it takes minutes, not hours.
+MOST_ROWS = 5_000
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A hypothesis with its probability among all that were fitted."""
+
+    effects: tuple[str, ...]
+    probability: float
+    hypothesis: Hypothesis
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything found.
+
+    Attributes:
+        record, mode, setting: what was compared, and how noise and repeatability were taken.
+        hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
+            the most probable that reaches ``COVER``.
+        groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
+        strangers: causes that the library does not name, the most probable first.
+        unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
+        local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
+        cautions: what the record cannot say.
+    """
+
+    record: Record
+    mode: Mode
+    setting: Setting
+    hypotheses: tuple[Explanation, ...]
+    explanations: tuple[Explanation, ...]
+    groups: tuple[Group, ...]
+    tests: tuple[Test, ...]
+    strangers: tuple[Stranger, ...]
+    unexplained: bool
+    gap: Gap
+    where: tuple[ResidualCell, ...]
+    footprint: tuple[FootprintCell, ...]
+    held_out: HeldOut | None
+    local: tuple[LocalEstimate, ...]
+    damping_trend: Trend | None
+    frequency_trend: Trend | None
+    cautions: tuple[str, ...]
+
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable hypothesis."""
+        return self.hypotheses[0].hypothesis
+
+    @cached_property
+    def next_tests(self) -> tuple[NextTest, ...]:
+        """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
+        return ranked_tests(self.leading.best, rivals(self.hypotheses))
+
+    @property
+    def next_test(self) -> NextTest | None:
+        """The best of the candidate tests."""
+        return self.next_tests[0] if self.next_tests else None
+
+
+def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
+    """Diagnose the gap between a simulation and a record.
+
+    Args:
+        effects: the library, by name; all of `CATALOGUE` where not given.
+
+    Raises:
+        AnalysisError: model and record are of different modes, or there are too many rows.
+    """
+    if len(record) > MOST_ROWS:
+        raise AnalysisError(
+            f"{record.source}: {len(record)} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+        )
+    library = CATALOGUE if effects is None else effects
+    start = setting(record, mode)
+    rows = start.problem.rows
+    refuse_other_mode(rows, mode)
+    cautions = record_cautions(rows, record, mode)
+    guess = guess_unit(rows, start.problem.simulation)
+    if guess is not None:
+        cautions.insert(0, _unit_caution(guess.name, guess.factor))
+        start = replace(start, problem=replace(start.problem, rows=rescaled(rows, guess)))
+    known, search = searched(start, library)
+    hypotheses = weighed(search.ranked())
+    leading = hypotheses[0].hypothesis
+    tests = tuple(directed_tests(leading.best))
+    others = strangers(known.problem, known.unknowns, leading)
+    local = local_estimates(known.problem.rows, mode)
+    A = np.array([one.amplitude for one in local])
+    return Diagnosis(
+        record=record,
+        mode=mode,
+        setting=known,
+        hypotheses=hypotheses,
+        explanations=shortest(hypotheses),
+        groups=equivalents([one.hypothesis for one in hypotheses]),
+        tests=tests,
+        strangers=tuple(others),
+        unexplained=known.dispersion > 1.0
+        or unexplained(leading.best, tests, library)
+        or any(one.log_odds > 0.0 for one in others),
+        gap=gap(leading.best),
+        where=residual_cells(leading.best),
+        footprint=footprint_cells(leading.best),
+        held_out=held_out(known, search, leading.best),
+        local=local,
+        damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
+        frequency_trend=trend(
+            A, np.array([one.frequency for one in local]), np.array([one.frequency_sd for one in local])
+        ),
+        cautions=tuple(cautions),
+    )
+
+
+def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
+    """The explanations beside the leading one that are alive; the most probable of the others where none is."""
+    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE] or list(hypotheses[1:2])
+    return [Rival(one.hypothesis.best, one.probability) for one in alive]
+
+
+def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
+
+    Where even the best explanation misses by more than noise, all are compared once more with a noise so much larger:
+    among explanations of which none is the whole truth the one that leaves least is sought, not the one that happens
+    to agree with a part of the rows.
+    """
+    known, search = _with_noise(start, effects)
+    for _ in range(MOST_DISPERSIONS):
+        r = search.ranked()[0].best.r
+        rest = spread(r)
+        if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
+            break
+        known = replace(known, dispersion=known.dispersion * rest)
+        search = search.again(known.problem, known.unknowns)
+    return known, search
+
+
+def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """A search with the noise as stated; else with that of what the simulation alone leaves, or the best single effect.
+
+    A combination of effects could take in some of the noise itself.
+    """
+    if start.noise_known:
+        return start, _run(start, effects)
+    for _ in range(2):
+        start = start.with_noise_of(_run(start, {}).ranked()[0].best)
+    search = _run(start, effects)
+    if len(start.problem.rows) < FEW_ROWS:
+        return start, search
+    simple = next(one for one in search.ranked() if len(one.effects) < 2)
+    better = start.with_noise_of(simple.best)
+    return (start, search) if _much_the_same(start, better) else (better, _run(better, effects))
+
+
+def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
+    search = Search(known.problem, effects, known.unknowns)
+    search.run()
+    return search
+
+
+def weighed(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
+    """Probabilities among all hypotheses that were fitted, most probable first."""
+    logarithms = np.array([one.log_posterior for one in hypotheses])
+    weights = np.exp(logarithms - logarithms.max())
+    weights /= weights.sum()
+    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+def shortest(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
+    """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
+    reached = np.cumsum([one.probability for one in hypotheses])
+    return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
+
+
+def _much_the_same(one: Setting, other: Setting) -> bool:
+    """Whether two settings have the same noise within a tenth."""
+    a, b = one.problem.rows, other.problem.rows
+    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
+    return bool(np.sqrt(np.mean(changes**2)) < 0.1)
+
+
+def _unit_caution(name: str, factor: float) -> str:
+    size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
+    return f"forces seem to be {size} ({name}): that factor was taken out before anything else; check the unit"

@@ -1,0 +1,260 @@
+"""Is there more than noise left? Directed tests of what a fit leaves, and the free-form curves that picture it.
+
+Each test asks whether a free-form addition to the fitted model, with a handful of linear coefficients a, improves it:
+with the columns D of the change of the residuals r, freed of what the fitted variables can do,
+
+    2 gain = g^T M^-1 g,   g = D^T W r,   M = D^T W D - D^T W J H^-1 J^T W D,
+
+which for noise alone is chi-square with as many degrees of freedom as coefficients. Families: stiffness k(A) and
+damping c(A); a second path, any smooth complex function of frequency; gain and phase of the instrument with amplitude
+or with frequency; drift in the order of measurement. Two tests have no columns: of windows of frequency (a local
+disturbance) and of neighbours.
+
+What is missing, in free form: the change of natural frequency and damping with amplitude that a fit still lacks.
+
+Both are quadratic splines of ln A added to a fit to first order; with M and g of their columns (see
+`damping.gap.directed`) the coefficients are a = -M^-1 g, with covariance M^-1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.stats import chi2, norm
+
+from damping.arrays import FloatArray
+from damping.gap.effects.contract import Effect
+from damping.gap.fit import Fit
+from damping.gap.model import Residuals
+from damping.gap.rows import Rows
+from damping.gap.terms import ComplexArray
+
+#: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
+ALARM = 0.003
+#: Most missing forces that an explanation may name and still count as one.
+MOST_FORCES = 2
+#: Residuals beyond this count as so large in tests of sums of squares: wild points say nothing of a model.
+CLIP = 3.0
+#: Splines of stiffness, and of damping, with amplitude.
+SPLINES = 6
+#: Rows in a window of frequency.
+_WINDOWS = (4, 8, 16)
+
+
+@dataclass(frozen=True)
+class Test:
+    """One test: what it looks for, its chi-square gain, degrees of freedom, and probability under noise alone."""
+
+    __test__ = False  # no test case
+
+    name: str
+    gain: float
+    freedom: int
+    p_value: float
+
+
+def directed_tests(one: Fit) -> list[Test]:
+    """All tests of what a fit leaves, in no order."""
+    found = [_linear(one, name, columns(one)) for name, columns in FAMILIES.items()]
+    return [*found, _windows(one), _neighbours(one)]
+
+
+def smallest_p(tests: Sequence[Test]) -> float:
+    """The smallest p-value, times the number of tests."""
+    return min(1.0, len(tests) * min(test.p_value for test in tests))
+
+
+def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
+    """``size`` quadratic B-splines over the range of x with knots at its quantiles, (size, n); they add to 1.
+
+    ``at``: where they are taken, x itself if not given.
+    """
+    inner = np.quantile(x, np.linspace(0.0, 1.0, size - 1))
+    span = max(float(np.ptp(x)), 1e-12)
+    inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, len(inner)) * span)
+    knots = np.concatenate([[inner[0]] * 2, inner, [inner[-1]] * 2])
+    place = np.clip(x if at is None else at, inner[0], inner[-1])
+    return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
+
+
+def _stiffness(one: Fit) -> FloatArray:
+    _, found = _at(one)
+    return found.answer.columns(basis(motion(one), SPLINES) * found.found.by_frequency)
+
+
+def _damping(one: Fit) -> FloatArray:
+    _, found = _at(one)
+    return found.answer.columns(1j * basis(motion(one), SPLINES) * found.found.by_frequency)
+
+
+def stiffness_and_damping(one: Fit) -> FloatArray:
+    """Columns of a natural frequency (relative change) and a damping ratio that change with amplitude in free form."""
+    return np.concatenate([_stiffness(one), _damping(one)])
+
+
+def _path(one: Fit) -> FloatArray:
+    """A compliance that is a smooth complex function of frequency beside the model's."""
+    rows, found = _at(one)
+    relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - found.found.P)
+    return found.answer.columns(_complex(relative))
+
+
+def _gain(one: Fit) -> FloatArray:
+    """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
+    _, found = _at(one)
+    return found.answer.columns(basis(motion(one), 4).astype(complex))
+
+
+def _instrument(one: Fit) -> FloatArray:
+    """Gain and phase that depend on amplitude."""
+    _, found = _at(one)
+    return found.answer.columns(_complex(basis(motion(one), 4)))
+
+
+def _transfer(one: Fit) -> FloatArray:
+    """Gain and phase that depend on frequency."""
+    rows, found = _at(one)
+    return found.answer.columns(_complex(basis(rows.omega, 6)))
+
+
+def _drift(one: Fit) -> FloatArray:
+    """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
+    rows, found = _at(one)
+    whole = rows.row / max(len(rows) - 1, 1) - 0.5
+    within = np.zeros(len(rows))
+    for number in range(len(rows.sweeps)):
+        own = rows.sweep == number
+        within[own] = (rows.row[own] - rows.row[own].mean()) / max(np.ptp(rows.row[own]), 1)
+    time = np.stack([whole, within])
+    return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
+
+
+def _at(one: Fit) -> tuple[Rows, Residuals]:
+    return one.model.problem.rows, one.model.residuals(one.y[np.newaxis])
+
+
+def motion(one: Fit) -> FloatArray:
+    """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
+    return one.model.problem.rows.u if one.model.at is None else one.model.at
+
+
+def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
+    """Real and imaginary multiples of shapes (k, n): (2 k, n)."""
+    return np.concatenate([shape, 1j * shape])
+
+
+#: Columns of every family at a fit, (coefficients, m).
+FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
+    "stiffness with amplitude": _stiffness,
+    "damping with amplitude": _damping,
+    "stiffness and damping with amplitude": stiffness_and_damping,
+    "second path": _path,
+    "gain with amplitude": _gain,
+    "instrument with amplitude": _instrument,
+    "instrument with frequency": _transfer,
+    "drift": _drift,
+}
+
+
+def information(one: Fit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """M and g of columns D (coefficients, m): what the residuals say of them beside the fitted variables."""
+    W = one.weights
+    weighted = one.J * W[:, np.newaxis]
+    along = D @ weighted
+    M = (D * W) @ D.T - along @ one.covariance @ along.T
+    g = (D * W) @ one.r - along @ one.covariance @ (weighted.T @ one.r + one.y)
+    return np.asarray(M), np.asarray(g)
+
+
+def _linear(one: Fit, name: str, D: FloatArray) -> Test:
+    norms = np.sqrt(np.sum(D**2 * one.weights, axis=1))
+    seen = norms > 1e-9 * norms.max()
+    M, g = information(one, D[seen] / norms[seen, np.newaxis])
+    values, vectors = np.linalg.eigh(M)
+    seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
+    gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))
+    freedom = int(seen.sum())
+    return Test(name, gain, freedom, float(chi2.sf(gain, freedom)) if freedom else 1.0)
+
+
+def _clipped(one: Fit) -> tuple[FloatArray, float, float]:
+    """Squares of clipped residuals with their mean and standard deviation under noise."""
+    x = np.linspace(-8.0, 8.0, 4001)
+    p = norm.pdf(x) * (x[1] - x[0])
+    square = np.minimum(x * x, CLIP**2)
+    mean = float(p @ square)
+    return np.minimum(one.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
+
+
+def _windows(one: Fit) -> Test:
+    """The most disturbed window of frequency over all sweeps; window sums are about normal."""
+    rows = one.model.problem.rows
+    squares, mean, sd = _clipped(one)
+    excess = ((squares - mean) / sd).reshape(-1, len(rows)).sum(axis=0)[np.argsort(rows.omega)]
+    quantities = len(one.r) // len(rows)
+    total = np.concatenate([[0.0], np.cumsum(excess)])
+    best, tried = 0.0, 1
+    for width in _WINDOWS:
+        if width < len(rows):
+            z = (total[width:] - total[:-width]) / np.sqrt(width * quantities)
+            best, tried = max(best, float(z.max())), tried + 2 * len(z) // width
+    freedom = min(_WINDOWS) * quantities
+    p = chi2.sf(freedom + best * np.sqrt(2.0 * freedom), freedom)  # skew as a sum of so many squares
+    return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
+
+
+def _neighbours(one: Fit) -> Test:
+    """Whether neighbours along a sweep deviate alike."""
+    rows = one.model.problem.rows
+    r = np.clip(one.r, -CLIP, CLIP).reshape(-1, len(rows))
+    same = rows.sweep[1:] == rows.sweep[:-1]
+    product = (r[:, 1:] * r[:, :-1])[:, same]
+    z = float(product.sum() / np.sqrt(max(product.size, 1)))
+    return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(norm.sf(z)))
+
+
+def unexplained(one: Fit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
+    """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
+
+    It does where some test is below ``ALARM``, all of them taken together. It is where it needs more than
+    ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not have.
+    """
+    forces = sum(effects[name].kind == "force" for name in one.effects)
+    return smallest_p(tests) < ALARM or forces > MOST_FORCES
+
+
+#: Splines that the record determines to less than this share of the best determined one are left out.
+_SEEN = 1e-4
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """Curves over amplitude A, (n,): relative change of the natural frequency, change of the damping ratio; and sds."""
+
+    A: FloatArray
+    frequency: FloatArray
+    frequency_sd: FloatArray
+    damping: FloatArray
+    damping_sd: FloatArray
+
+
+def free_form(one: Fit, points: int = 80) -> FreeForm:
+    """The curves of free form that a fit lacks, at ``points`` amplitudes of the record."""
+    D = stiffness_and_damping(one)
+    M, g = information(one, D)
+    values, vectors = np.linalg.eigh(M)
+    seen = values > _SEEN * values.max()
+    covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    a = -covariance @ g
+    u = motion(one)
+    at = np.linspace(u.min(), u.max(), points)
+    B = basis(u, SPLINES, at)
+    half = len(B)
+    parts = [
+        (a[own] @ B, np.sqrt(np.sum(B * (covariance[own, own] @ B), axis=0)))
+        for own in (slice(half), slice(half, None))
+    ]
+    return FreeForm(np.exp(at), *parts[0], *parts[1])

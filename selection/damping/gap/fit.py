@@ -1,0 +1,278 @@
+"""Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
+
+The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2); the weights are those of
+expectation maximisation for this mixture. The evidence is Laplace's: with standard normal priors on every variable
+
+    ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
+
+Repeatability and noise that are not stated: evidence of a fit over a grid of both.
+
+Gain and frequency of each sweep deviate by b = scatter z, z ~ N(0, 1), and the noise is a factor s times its estimate.
+Around the mode of a fit the residuals are linear in (x, b), so the evidence of any scatter and noise is a Gaussian
+integral in closed form, with the fit's robust weights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.special import logsumexp
+
+from damping.arrays import FloatArray
+from damping.gap.model import Model, Scatter
+
+#: Share of wild points and their standard deviation in units of noise.
+WILD, WIDE = 0.02, 10.0
+_INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
+#: Robust weight below which a residual is taken for wild and left out of every number.
+WILD_WEIGHT = 0.5
+#: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
+_MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
+#: Median residual, over that of noise, from which a fit is far off.
+_FAR_OFF = 1.5
+#: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
+_TRIED, _PATIENCE, _SURVIVORS = 4, 5, 2
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A mode of the posterior of a model.
+
+    Attributes:
+        model: what was fitted. y: variables at the mode (size + 2 sweeps,). r: residuals (m,), J: Jacobian (m, .),
+        weights (m,): robust weights, 1 for a regular point. log_posterior, log_evidence: natural logarithms.
+        covariance: of y. log_likelihood: without the prior.
+    """
+
+    model: Model
+    y: FloatArray
+    r: FloatArray
+    J: FloatArray
+    weights: FloatArray
+    log_posterior: float
+    log_evidence: float
+    covariance: FloatArray
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.model.effects
+
+
+def fit(model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None) -> list[Fit]:
+    """Distinct modes reached from starts x (starts, size), best first.
+
+    Args:
+        z: deviations of the sweeps to start from, (starts, 2 sweeps); zero where not given.
+        weights: of the residuals (m,), for plain least squares; robust ones where not given.
+    """
+    deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
+    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
+    rough = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
+    found = [_polished(one, weights) for one in _distinct(rough)]
+    return _distinct(found)
+
+
+def _polished(one: Fit, weights: FloatArray | None) -> Fit:
+    """The fit made again with predictions at the motion that it found: free of the noise of measured amplitudes."""
+    model = one.model.at_motion(one.y)
+    y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
+    return _fit(model, y[0], r[0], J[0], weights)
+
+
+def _distinct(found: list[Fit]) -> list[Fit]:
+    """Fits that differ, best first, without those that are far behind."""
+    found = sorted(found, key=lambda one: -one.log_posterior)
+    distinct: list[Fit] = []
+    for one in found:
+        if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):
+            distinct.append(one)
+    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - 15.0]
+
+
+def log_likelihood(r: FloatArray) -> FloatArray:
+    """ln p of residuals (..., m) less that of m residuals of zero without wild points: sum over the last axis."""
+    inlier = _INLIER - 0.5 * r * r
+    outlier = _OUTLIER - 0.5 * (r / WIDE) ** 2
+    return np.asarray(np.sum(np.logaddexp(inlier, outlier), axis=-1))
+
+
+def robust_weights(r: FloatArray) -> FloatArray:
+    """Expected inverse variance of each residual: 1 for a regular point, 1/WIDE^2 for a wild one."""
+    odds = np.exp(np.minimum(_OUTLIER - _INLIER + 0.5 * (1.0 - WIDE**-2) * r * r, 50.0))
+    wild = odds / (1.0 + odds)
+    return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
+
+
+def _sd(one: Fit) -> FloatArray:
+    return np.asarray(np.sqrt(np.diag(one.covariance)))
+
+
+def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
+
+    In the first steps what counts as wild is measured by the spread of the residuals themselves.
+    """
+    if len(y) > _TRIED:
+        r = model.residuals(y).r
+        y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
+    r, J = model.jacobian(y)
+    damping = np.full(len(y), 1e-2)
+    active = np.ones(len(y), dtype=bool)
+    for step in range(_MOST_STEPS):
+        if step == _PATIENCE:
+            keep = np.argsort(_cost(r, y, np.ones(len(y)), weights))[:_SURVIVORS]
+            y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
+        at = np.flatnonzero(active)
+        if at.size == 0:
+            break
+        scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
+        new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
+        new_r, new_J = model.jacobian(new)
+        cost = _cost(r[at], y[at], scale, weights)
+        gain = cost - _cost(new_r, new, scale, weights)
+        better = gain > 0.0
+        won = at[better]
+        y[won], r[won], J[won] = new[better], new_r[better], new_J[better]
+        damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
+        little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
+        settled = (better & (gain < little)) | (damping[at] > 1e6)
+        active[at[settled & (scale == 1.0)]] = False
+    return y, r, J
+
+
+def _spread(r: FloatArray) -> FloatArray:
+    """Scale of the residuals of each start, 1 unless it is far off: what counts as wild meanwhile."""
+    scale = 1.4826 * np.median(np.abs(r), axis=1)
+    return np.where(scale > _FAR_OFF, scale, 1.0)
+
+
+def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:
+    """Minus the log posterior."""
+    prior = 0.5 * np.sum(y * y, axis=1)
+    if weights is not None:
+        return np.asarray(prior + 0.5 * r**2 @ weights)
+    return np.asarray(prior - scale**2 * log_likelihood(r / scale[:, np.newaxis]))
+
+
+def _step(
+    r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
+) -> FloatArray:
+    counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
+    weighted = J * counts[..., np.newaxis]
+    H = np.swapaxes(weighted, 1, 2) @ J
+    diagonal = np.arange(H.shape[1])
+    H[:, diagonal, diagonal] += 1.0
+    gradient = np.einsum("bmk,bm->bk", weighted, r) + y
+    H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
+    step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
+    return np.clip(step, -1.5, 1.5)
+
+
+def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> Fit:
+    posterior = -float(_cost(r[np.newaxis], y[np.newaxis], np.ones(1), weights)[0])
+    counts = robust_weights(r) if weights is None else weights
+    H = (J * counts[:, np.newaxis]).T @ J + np.eye(len(y))
+    return Fit(
+        model,
+        y,
+        r,
+        J,
+        counts,
+        posterior,
+        posterior - 0.5 * float(np.linalg.slogdet(H)[1]),
+        np.asarray(np.linalg.inv(H)),
+    )
+
+
+#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
+AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
+FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
+#: Nodes and weights of N(0, 1) in five points (Gauss-Hermite).
+_NODES = ((-2.857, 0.01126), (-1.3556, 0.22208), (0.0, 0.53333), (1.3556, 0.22208), (2.857, 0.01126))
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Every scatter and noise considered with its prior probability; one where both are stated.
+
+    Attributes:
+        all: the candidates. log_prior: logarithms of their probabilities. first: the one that a search begins with.
+    """
+
+    all: tuple[Scatter, ...]
+    log_prior: FloatArray
+    first: Scatter
+
+    @property
+    def known(self) -> bool:
+        """Whether there is nothing to choose."""
+        return len(self.all) == 1
+
+
+def unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float, dispersion: float) -> Unknowns:
+    """The candidates.
+
+    Args:
+        scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
+        noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
+        dispersion: by how much every explanation misses the record by more than noise.
+    """
+    noises = [(float(np.exp(noise_error * x)), p) for x, p in _NODES] if noise_error > 0.0 else [(1.0, 1.0)]
+    if scatter is not None:
+        found = [(replace(scatter, noise=s, dispersion=dispersion), p) for s, p in noises]
+        first = replace(scatter, dispersion=dispersion)
+    else:
+        found = [
+            (Scatter(a, f * bandwidth, s, dispersion), p_a * p_f * p_s)
+            for (a, p_a), (f, p_f), (s, p_s) in product(AMPLITUDE_GRID, FREQUENCY_GRID, noises)
+        ]
+        first = Scatter(0.003, 0.03 * bandwidth, 1.0, dispersion)
+    return Unknowns(tuple(one for one, _ in found), np.log([p for _, p in found]), first)
+
+
+def evidences(one: Fit, scatters: tuple[Scatter, ...]) -> FloatArray:
+    """ln evidence of the model of a fit with each scatter and noise, (scatters,)."""
+    k, sweeps = one.model.size, one.model.sweeps
+    own = _scales(one.model.scatter, k, sweeps)
+    J = one.J / own
+    weighted = J * one.weights[:, np.newaxis]
+    start = one.r - J @ (one.y * own)  # residuals at x = 0, b = 0
+    N, h = weighted.T @ J, weighted.T @ start
+    scale = np.stack([_scales(scatter, k, sweeps) for scatter in scatters])
+    precision = (one.model.scatter.noise / np.array([scatter.noise for scatter in scatters])) ** 2
+    H = N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :] * precision[:, np.newaxis, np.newaxis] + np.eye(len(own))
+    g = h * scale * precision[:, np.newaxis]
+    solved = np.linalg.solve(H, g[:, :, np.newaxis])[:, :, 0]
+    regular = float(np.sum(one.weights > WILD_WEIGHT))
+    robust = float(log_likelihood(one.r)) + 0.5 * float(one.weights @ one.r**2) + 0.5 * regular * np.log(precision)
+    least = 0.5 * float(one.weights @ start**2) * precision - 0.5 * np.sum(g * solved, axis=1)
+    return np.asarray(robust - least - 0.5 * np.linalg.slogdet(H)[1] - regular * np.log(one.model.scatter.noise))
+
+
+def settled(one: Fit, unknown: Unknowns, least: float) -> Fit:
+    """The fit at the most probable scatter and noise, its evidence averaged over all of them.
+
+    It is made again at these where its evidence comes up to ``least``: others do not matter.
+    """
+    if unknown.known:
+        return one
+    found = evidences(one, unknown.all) + unknown.log_prior
+    best = unknown.all[int(np.argmax(found))]
+    if best != one.model.scatter and float(logsumexp(found)) > least:
+        one = _refitted(one, best)
+        found = evidences(one, unknown.all) + unknown.log_prior
+    return replace(one, log_evidence=float(logsumexp(found)))
+
+
+def _refitted(one: Fit, scatter: Scatter) -> Fit:
+    k, sweeps = one.model.size, one.model.sweeps
+    z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
+    model = replace(one.model, scatter=scatter)
+    return fit(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+
+
+def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:
+    return np.repeat([1.0, scatter.amplitude, scatter.frequency], [variables, sweeps, sweeps])

@@ -1,0 +1,266 @@
+"""The simulation that is judged: its terms, with omega_n, M and every damping coefficient free within tolerance.
+
+A hypothesis as a model of the record: standard normal variables in, whitened residuals and their Jacobian out.
+
+Variables y = (x, z): x are the simulation's parameters in units of tolerance and the effects' strengths and shapes,
+z the deviations of gain and frequency of every sweep in units of repeatability. All have the prior N(0, 1).
+
+Residuals are those of ln amplitude and of phase in units of noise. The prediction P is taken at an ln amplitude u0: the
+measured one, or (``at``) where an earlier fit found the motion, which is free of noise. Its own steady amplitude
+u* = Re P(u*) is, to first order,
+
+    u0 - u* = (u0 - Re P(u0))/d,   d = 1 - Re P'(u0),      phase* = -Im P(u0) + Im P'(u0) (u0 - u*).
+
+Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` bounds it there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.forces import make, parameter_names
+from damping.gap.effects import with_effects
+from damping.gap.effects.contract import Form, Scales
+from damping.gap.rows import Rows, wrapped
+from damping.gap.terms import ComplexArray, Prediction, Terms, predict
+from damping.records.mode import Mode
+
+#: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
+MOST_TOLERANCES = 3.0
+_SHARPNESS = 8
+
+
+def within_tolerance(x: FloatArray) -> FloatArray:
+    """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
+    return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
+
+    The variables are those of ``names``: ``frequency``, ``mass`` and the damping forces of the mode by name (their
+    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping).
+    """
+
+    mode: Mode
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        return ("frequency", "mass", *self.mode.damping)
+
+    @property
+    def tolerance(self) -> FloatArray:
+        """Relative standard uncertainty of each variable."""
+        stated = self.mode.tolerance
+        return np.array([stated.frequency, stated.mass] + [stated.viscous] * len(self.mode.damping))
+
+    def terms(self, x: FloatArray) -> Terms:
+        """The terms at variables x (batch, k), as arrays (batch, 1)."""
+        factor = np.exp(within_tolerance(x) * self.tolerance)[..., np.newaxis]
+        forces = []
+        for number, (name, parameters) in enumerate(self.mode.damping.items()):
+            leading, *others = parameter_names(name)
+            values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
+            forces.append(make(name, **values))
+        return Terms(
+            M=self.mode.mass * factor[:, 1],
+            omega_n=self.mode.omega_n * factor[:, 0],
+            forces=tuple(forces),
+            simulated=len(forces),
+        )
+
+
+#: Least |d| that counts: noise of force and frequency hides a sharper fold.
+FOLD = 0.05
+#: Predictions are taken at the motion within so many units of noise of the measured amplitude.
+NEAR = 5.0
+#: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
+STEP = 1e-4
+#: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
+TYPICAL_GAP, SPREAD = 3.0, 1.5
+
+
+#: Stands for none, where one divides by it.
+NO_SCATTER = 1e-9
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
+
+    ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
+    explanation misses by more than noise.
+    """
+
+    amplitude: float
+    frequency: float
+    noise: float = 1.0
+    dispersion: float = 1.0
+
+    @property
+    def factor(self) -> float:
+        """Both factors on noise."""
+        return self.noise * self.dispersion
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A record, the simulation it is compared with, and the scales of both."""
+
+    rows: Rows
+    simulation: Simulation
+    scales: Scales
+
+
+@dataclass(frozen=True)
+class Part:
+    """A form with the strength ``unit`` that opens a gap of one unit of noise."""
+
+    form: Form
+    unit: float
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return 1 + len(self.form.shapes)
+
+    def values(self, x: FloatArray) -> list[FloatArray]:
+        """Strength and shapes at variables x (batch, size), each (batch, 1)."""
+        strength = self.unit * TYPICAL_GAP * np.exp(SPREAD * x[:, :1])
+        if np.isfinite(self.form.largest):
+            strength = strength / (1.0 + strength / self.form.largest)
+        shapes = [shape.value(x[:, k + 1 : k + 2]) for k, shape in enumerate(self.form.shapes)]
+        return [strength, *(np.asarray(value) for value in shapes)]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
+
+    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T.
+    """
+
+    per_sd: FloatArray
+    follow: FloatArray
+    sd_phase: FloatArray | None
+
+    def columns(self, T: ComplexArray) -> FloatArray:
+        """Changes of the residuals, (.., m), by changes T (.., n) of ln(prediction)."""
+        amplitude = -T.real * self.per_sd
+        if self.sd_phase is None:
+            return amplitude
+        return np.concatenate([amplitude, (T.imag + self.follow * T.real) / self.sd_phase], axis=-1)
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals r (batch, m) in units of noise, amplitudes first, and their derivatives by gain and frequency.
+
+    ``answer`` says how they change with the prediction, ``found`` is the prediction, ``motion`` its ln amplitude u*.
+    """
+
+    r: FloatArray
+    by_gain: FloatArray
+    by_frequency: FloatArray
+    answer: Sensitivity
+    found: Prediction
+    motion: FloatArray
+
+
+@dataclass(frozen=True)
+class Model:
+    """The simulation with effects, on a record; ``at`` are the ln amplitudes (n,) at which predictions are taken."""
+
+    problem: Problem
+    parts: tuple[Part, ...]
+    scatter: Scatter
+    at: FloatArray | None = field(default=None, compare=False)
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(part.form.effect for part in self.parts)
+
+    @property
+    def size(self) -> int:
+        """Number of variables x."""
+        return len(self.problem.simulation.names) + sum(part.size for part in self.parts)
+
+    @property
+    def sweeps(self) -> int:
+        """Number of sweeps; z has twice as many entries, gains first."""
+        return len(self.problem.rows.sweeps)
+
+    def terms(self, x: FloatArray) -> Terms:
+        """The terms at variables x (batch, size)."""
+        simulation = self.problem.simulation
+        start = len(simulation.names)
+        terms = simulation.terms(x[:, :start])
+        for part in self.parts:
+            terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
+            start += part.size
+        return with_effects(terms, simulation.mode)
+
+    def residuals(self, y: FloatArray) -> Residuals:
+        """Residuals at variables y (batch, size + 2 sweeps)."""
+        z = y[:, self.size :]
+        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at)
+
+    def at_motion(self, y: FloatArray) -> Model:
+        """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
+        rows = self.problem.rows
+        found = self.residuals(y[np.newaxis])
+        near = np.clip(found.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
+        return replace(self, at=near)
+
+    def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): differences by x, closed form by z."""
+        batch, size = len(y), self.size
+        points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
+        points[:, np.arange(1, size + 1), np.arange(size)] += STEP
+        found = self.residuals(points.reshape(batch * (size + 1), -1))
+        r = found.r.reshape(batch, size + 1, -1)
+        by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
+        at = np.arange(batch) * (size + 1)
+        one_hot = self.problem.rows.sweep[:, np.newaxis] == np.arange(self.sweeps)
+        one_hot = np.tile(one_hot, (r.shape[2] // len(self.problem.rows), 1))
+        by_gain = found.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
+        by_frequency = found.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
+        return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
+
+
+def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None) -> Residuals:
+    """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
+
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given.
+    """
+    u0 = rows.u if at is None else at
+    found = predict(deviated(terms, rows, z, scatter), u0, rows.drive)
+    d = 1.0 - found.by_u.real
+    squared = d * d + FOLD**2
+    misfit = u0 - found.P.real
+    motion = u0 - misfit * d / squared
+    sd_phase = rows.sd_phase * scatter.factor
+    per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
+    follow = found.by_u.imag * d / squared
+    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None)
+    by_frequency = answer.columns(found.by_frequency)
+    amplitude, by_gain = (misfit + (rows.u - u0) * d) * per_sd, -d * per_sd
+    if not rows.has_phase:
+        return Residuals(amplitude, by_gain, by_frequency, answer, found, motion)
+    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / sd_phase
+    both = np.concatenate([amplitude, phase], axis=1)
+    by_gain = np.concatenate([by_gain, np.zeros_like(phase)], axis=1)
+    return Residuals(both, by_gain, by_frequency, answer, found, motion)
+
+
+def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
+    """The terms with each sweep's deviation of gain and frequency, values (batch, n)."""
+    sweeps = len(rows.sweeps)
+    gain = terms.gain + scatter.amplitude * z[:, :sweeps][:, rows.sweep]
+    return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))

@@ -1,0 +1,228 @@
+"""A record and a mode as a problem: rows, simulation, the scales of both, what is known of noise and repeatability.
+
+What a record cannot say, and inputs that look wrong: found before any fit, said in plain words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log, pi
+
+import numpy as np
+
+from damping.arrays import POUND_FORCE_N, RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.errors import AnalysisError
+from damping.forces import from_damping
+from damping.gap.effects import check_effects
+from damping.gap.effects.contract import Scales
+from damping.gap.fit import Fit, Unknowns, unknowns
+from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
+from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
+from damping.gap.terms import predict
+from damping.records.mode import Mode
+from damping.records.record import Record
+
+#: Standard deviation of the ln of a noise that is no more than a guess.
+GUESS_ERROR = 0.2
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A problem with what is known about it.
+
+    Attributes:
+        scatter: repeatability from sweep to sweep as stated; None where it is to be estimated.
+        amplitude_noise, phase_noise: whether the record states them.
+        dispersion: by how much the best explanation of the library misses by more than noise.
+    """
+
+    problem: Problem
+    scatter: Scatter | None
+    amplitude_noise: bool
+    phase_noise: bool
+    dispersion: float = 1.0
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n)."""
+        rows = self.problem.rows
+        error = 0.0 if self.noise_known else GUESS_ERROR if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))
+        return unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether all noise that counts is stated."""
+        return self.amplitude_noise and (self.phase_noise or not self.problem.rows.has_phase)
+
+    def with_noise_of(self, reference: Fit) -> Setting:
+        """The setting with noise that is not stated taken from the roughness of a fit's residuals."""
+        rows, factor = reference.model.problem.rows, reference.model.scatter.factor
+        n = len(rows)
+        if not self.amplitude_noise:
+            rows = replace(rows, sd_amplitude=roughness(rows, reference.r[:n] * rows.sd_amplitude * factor))
+        if rows.has_phase and not self.phase_noise:
+            rows = replace(rows, sd_phase=roughness(rows, reference.r[n:] * rows.sd_phase * factor))
+        return replace(self, problem=replace(self.problem, rows=rows))
+
+
+def setting(record: Record, mode: Mode) -> Setting:
+    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
+
+    Raises:
+        InputError: the mode has an effect that is not known.
+    """
+    check_effects(mode)
+    rows = stated_noise(read_rows(record, mode), record)
+    problem = Problem(rows, Simulation(mode), scales(rows, mode))
+    return Setting(problem, _scatter(mode, rows), *is_stated(record))
+
+
+def scales(rows: Rows, mode: Mode) -> Scales:
+    """The scales of a problem."""
+    A_high = float(rows.A.max())
+    stiffness = mode.mass * mode.omega_n**2
+    simulated = float(from_damping(mode.damping).quadrature(A_high, mode.omega_n)) / A_high
+    measured = float((rows.F / rows.A).min())  # the dynamic stiffness at resonance is that of the damping
+    return Scales(
+        A_low=float(np.quantile(rows.A, 0.1)),
+        A_high=A_high,
+        omega_n=mode.omega_n,
+        M=mode.mass,
+        viscous=mode.damping.get("viscous", {}).get("coefficient", 0.0),
+        bandwidth=0.5 * (simulated or measured) / stiffness,
+        reach=float(np.abs(rows.omega / mode.omega_n - 1.0).max()),
+        frequency=mode.tolerance.frequency,
+        damping=mode.tolerance.viscous,
+    )
+
+
+def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
+    """As stated; none with one sweep, where it cannot be seen; else to be estimated."""
+    stated = mode.repeatability
+    if stated.amplitude is None and stated.frequency is None:
+        return Scatter(NO_SCATTER, NO_SCATTER) if len(rows.sweeps) < 2 else None
+    return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
+
+
+#: Factors by which forces (or amplitudes) in a wrong unit are off, and what they mean.
+UNIT_FACTORS: dict[str, float] = {
+    "N for lb": POUND_FORCE_N,
+    "kgf for N, or g for m/s^2": STANDARD_GRAVITY_M_S2,
+    "g for in/s^2": STANDARD_GRAVITY_REPORT_IN_S2,
+    "g for ft/s^2": 32.174,
+    "lb for kg": 2.20462,
+    "mm for in": 25.4,
+    "in for m": 39.3701,
+    "in for ft": 12.0,
+    "m for ft": 3.28084,
+    "milli": 1000.0,
+    "micro": 1.0e6,
+    "Hz for rad/s": 2.0 * pi,
+}
+#: A scale error is looked into beyond this factor; a unit factor is believed within so much of it.
+_SUSPICIOUS, _NEAR = 2.0, 0.08
+#: A resonance farther from the simulated one than this is that of another mode.
+_ANOTHER_MODE = 0.12
+#: Rows without which a sweep says nothing of a resonance.
+_FEW_ROWS = 3
+
+
+@dataclass(frozen=True)
+class UnitGuess:
+    """The unit factor ``name`` by which recorded forces are too large (``factor`` > 1) or too small."""
+
+    name: str
+    factor: float
+
+
+def refuse_other_mode(rows: Rows, mode: Mode) -> None:
+    """Refuse a record that was plainly not made of the mode.
+
+    Raises:
+        AnalysisError: the record's frequencies, or its largest amplitude per force, lie far from the mode's frequency.
+    """
+    hertz = rows.omega / RAD_S_PER_HZ
+    peak = float(hertz[np.argmax(rows.A / rows.F)])
+    inside = hertz.min() * (1.0 - _ANOTHER_MODE) < mode.frequency < hertz.max() * (1.0 + _ANOTHER_MODE)
+    edge = peak in (hertz.min(), hertz.max())
+    if inside and (edge or abs(peak / mode.frequency - 1.0) < _ANOTHER_MODE):
+        return
+    message = (
+        f"model and record are of different modes: simulated resonance {mode.frequency:g} Hz, "
+        f"record {hertz.min():g} to {hertz.max():g} Hz with its largest response at {peak:g} Hz"
+    )
+    for factor, meaning in ((2.0 * pi, "rad/s"), (1.0 / 60.0, "1/min")):
+        if abs(peak / (mode.frequency * factor) - 1.0) < 0.5 * _ANOTHER_MODE:
+            message += f" (are the record's frequencies in {meaning}?)"
+    raise AnalysisError(message)
+
+
+def guess_unit(rows: Rows, simulation: Simulation) -> UnitGuess | None:
+    """The unit factor by which forces seem to be off, if amplitudes disagree with the simulation by a plain factor.
+
+    The ratio of recorded force to the one the simulation needs is taken where it depends least on damping, off
+    resonance; it must be beyond 2 (or below 1/2), the same over all rows, and near a factor of ``UNIT_FACTORS``.
+    """
+    found = predict(simulation.terms(np.zeros((1, len(simulation.names)))), rows.u, rows.drive)
+    ratio = found.P.real[0] - rows.u
+    stiff = np.argsort(rows.A / rows.F)[: max(4, len(rows) // 2)]
+    middle = float(np.median(ratio[stiff]))
+    spread = float(np.median(np.abs(ratio[stiff] - middle)))
+    if abs(middle) < log(_SUSPICIOUS) or spread > 0.2 * abs(middle):
+        return None
+    for name, factor in UNIT_FACTORS.items():
+        if abs(abs(middle) - log(factor)) < _NEAR:
+            return UnitGuess(name, factor if middle > 0.0 else 1.0 / factor)
+    return None
+
+
+def rescaled(rows: Rows, guess: UnitGuess) -> Rows:
+    """The rows with the forces that the guess implies."""
+    return replace(rows, F=rows.F / guess.factor)
+
+
+def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
+    """What this record cannot say."""
+    found = []
+    if rows.at_resonance:
+        found.append(
+            "each sweep is one row without a phase: it is taken to be at phase resonance, where the force balances the "
+            "damping; effects that only move the resonance cannot be asked for"
+        )
+    elif not rows.has_phase:
+        found.append(
+            "no phase: phase lag, and conservative against dissipative, are told from the shape of amplitudes only"
+        )
+    if rows.levels < 2:
+        found.append("one force level: dependence on amplitude is seen only along the sweep; nothing can be held out")
+    few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
+    if few and not rows.at_resonance:
+        found.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
+    found += _resonance_cautions(rows)
+    if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
+        found.append("repeatability is not stated and cannot be seen in so few sweeps")
+    if "amplitude_sd" not in record.table.columns:
+        found.append("noise is not stated: it was estimated from the roughness along each sweep")
+    if not mode.damping:
+        found.append("the simulation has no damping")
+    return found
+
+
+def _resonance_cautions(rows: Rows) -> list[str]:
+    constant, beside = [], []
+    for number, sweep in enumerate(rows.sweeps):
+        own = rows.sweep == number
+        if own.sum() < _FEW_ROWS:
+            continue
+        if np.ptp(rows.u[own]) < 0.05:
+            constant.append(sweep)
+        peak = int(np.argmax((rows.u - np.log(rows.F))[own]))
+        passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
+        if peak in (0, int(own.sum()) - 1) and not passed:
+            beside.append(sweep)
+    found = []
+    if constant:
+        found.append(f"constant amplitude in sweep {', '.join(constant)}: its peak is in the force, not the amplitude")
+    if beside:
+        found.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
+    return found

@@ -1,0 +1,294 @@
+"""Where to start the fit of one more effect, and how much it could gain: its direction at a fit already made.
+
+Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
+
+import numpy as np
+from scipy.special import logsumexp
+
+from damping.arrays import FloatArray
+from damping.gap.effects import CONTRADICTORY
+from damping.gap.effects.contract import Effect, Form
+from damping.gap.fit import Fit, Unknowns, fit, settled
+from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
+
+#: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
+_SMALL, _NONE = 1e-3, -60.0
+#: Range of start values of the gap an effect opens, in units of noise.
+_LOW, _HIGH = 0.3, 60.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """A form tried at a fit: its part, the variables to start from, and its linear gain in ln p."""
+
+    part: Part
+    x: FloatArray
+    gain: float
+
+
+def starts(base: Fit, form: Form, unit: float | None = None) -> list[Start]:
+    """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
+
+    The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
+    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d). ``unit`` is the strength that opens
+    a gap of one unit of noise, d.d unit^2 = number of residuals; found here when not given.
+    """
+    shapes = _grid(form)
+    r, d = _direction(base, form, shapes)
+    squared, pull = _projected(base, form, r, d)
+    strength = -pull / squared
+    gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
+    if unit is None:
+        middle = int(np.argmin(np.sum(shapes**2, axis=1)))
+        unit = float(np.sqrt(base.r.size / squared[middle]))
+    s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
+    part = Part(form, unit)
+    found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
+    return sorted(found, key=lambda start: -start.gain)
+
+
+def at_gap(start: Start, gap: float) -> FloatArray:
+    """Variables of a start with the strength that opens a gap of so many units of noise."""
+    return np.array([np.log(np.clip(gap, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
+
+
+def _grid(form: Form) -> FloatArray:
+    """All combinations of the shapes' start values, (starts, shapes)."""
+    if not form.shapes:
+        return np.zeros((1, 0))
+    axes = np.meshgrid(*(shape.starts for shape in form.shapes), indexing="ij")
+    return np.column_stack([axis.ravel() for axis in axes])
+
+
+def _direction(base: Fit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
+    k = base.model.size
+    model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
+    y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
+    strengths = [np.full((len(shapes), 1), size / SPREAD) for size in (np.log(_SMALL), _NONE)]
+    small, none = (model.residuals(np.hstack([y[:, :k], s, shapes, y[:, k:]])).r for s in strengths)
+    return none, (small - none) / (_SMALL * form.natural)
+
+
+def _projected(base: Fit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
+    keep = np.ones(len(base.y), dtype=bool)
+    if form.replaces:
+        keep[base.model.problem.simulation.names.index(form.replaces)] = False
+    J = base.J[:, keep]
+    weighted_J = J * base.weights[:, np.newaxis]
+    inverse = np.linalg.inv(weighted_J.T @ J + np.eye(J.shape[1]))
+    weighted = d * base.weights
+    along = weighted @ J
+    squared = np.einsum("bm,bm->b", weighted, d) - np.einsum("bk,kl,bl->b", along, inverse, along)
+    gradient = r @ weighted_J + base.y[keep]
+    pull = np.einsum("bm,bm->b", weighted, r) - np.einsum("bk,kl,bl->b", along, inverse, gradient)
+    return np.maximum(squared, 1e-9 / form.natural**2), pull
+
+
+#: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
+PRIOR_NULL = 25.0
+#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
+#: so near the best.
+_GAIN, _NEAR = 2.5, 4.0
+#: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
+MOST_EFFECTS, ROWS_PER_EFFECT, _MOST_FITS = 3, 15, 14
+#: Modes whose evidence is within this of the best are weighed.
+_CLOSE_MODES = 10.0
+#: Another form of an effect whose evidence is within this is kept when effects are added.
+_CLOSE = 3.0
+#: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
+_WORTH = 15.0
+#: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
+#: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
+_STARTS, _ROUGH, _SLIGHT = 4, 1.5, 0.2
+#: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
+_HOPELESS, _SURE = 0.01, 50.0
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects with their best fit.
+
+    Attributes:
+        effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
+        plain: the best mode before scatter and noise were chosen, in which scatter cannot hide what an effect would
+            explain. others: the best plain modes of other forms that are about as good.
+        log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
+        log_posterior: with the prior of so many effects, not normalised.
+        forms: number of forms of the last effect, over which the evidence is averaged.
+    """
+
+    effects: tuple[str, ...]
+    best: Fit
+    plain: Fit
+    others: tuple[Fit, ...]
+    log_evidence: float
+    log_posterior: float
+    forms: int
+
+    @property
+    def near(self) -> tuple[Fit, ...]:
+        """The best plain fit and those about as good."""
+        return (self.plain, *self.others)
+
+    @property
+    def key(self) -> frozenset[str]:
+        """The effects as a set."""
+        return frozenset(self.effects)
+
+
+@dataclass
+class Search:
+    """The hypotheses of a problem, fitted on demand.
+
+    Attributes:
+        problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
+        found: hypotheses fitted so far. units: the strength of each form that opens a gap of one unit of noise.
+    """
+
+    problem: Problem
+    effects: Mapping[str, Effect]
+    unknown: Unknowns
+    found: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    units: dict[Form, float] = field(default_factory=dict)
+    forms: dict[str, tuple[Form, ...]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        rows = self.problem.rows
+        lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance}
+        asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
+        forms = {name: effect.forms(self.problem.scales) for name, effect in asked.items()}
+        self.forms = {name: own for name, own in forms.items() if own}
+
+    def run(self) -> list[Hypothesis]:
+        """Fit the simulation alone, every effect, and combinations; most probable first."""
+        self.singles()
+        for size in range(1, self._most_effects()):
+            before = len(self.found)
+            self._combine(size)
+            if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
+                break
+        return self.ranked()
+
+    def singles(self) -> None:
+        """Fit the simulation alone and every effect that could explain something."""
+        null = self._null()
+        tried = {name: self._starts(null, name) for name in self.forms}
+        gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
+        for name, some in tried.items():
+            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
+                self._extend(null, name, some)
+
+    def again(self, problem: Problem, unknown: Unknowns) -> Search:
+        """The same hypotheses fitted to another problem, from the modes found: no other is tried.
+
+        Strengths keep their units, so that priors stay what they are.
+        """
+        other = Search(problem, self.effects, unknown, units=self.units)
+        for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
+            models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
+            fits = [fit(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)]
+            other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
+        return other
+
+    def ranked(self) -> list[Hypothesis]:
+        """All hypotheses, most probable first."""
+        return sorted(self.found.values(), key=lambda one: -one.log_posterior)
+
+    def _most_effects(self) -> int:
+        """Effects that so many rows can carry; at phase resonance only, a level less than there are."""
+        rows = self.problem.rows
+        return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
+
+    def _null(self) -> Hypothesis:
+        """The simulation alone, refitted within its tolerance; sets the units of strength."""
+        model = Model(self.problem, (), self.unknown.first)
+        first = fit(model, np.zeros((1, model.size)))[0]
+        for form in chain.from_iterable(self.forms.values()):
+            self.units[form] = starts(first, form)[0].part.unit
+        return self._store((), [first], 1)
+
+    def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
+        return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
+
+    def _combine(self, size: int) -> None:
+        """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
+        best = self.ranked()[0].log_posterior
+        price = np.log(len(self.forms) + 1.0)
+        wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
+        for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+            for name in self.forms:
+                key = base.key | {name}
+                if name in base.effects or key in self.found or any(pair <= key for pair in CONTRADICTORY):
+                    continue
+                tried = self._starts(base, name)
+                gain = max(start.gain for start in chain.from_iterable(tried))
+                hope = base.log_posterior + 2.0 * gain - price
+                if gain > _GAIN and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                    wanted[key] = (hope, base, name, tried)
+        for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+            self._extend(base, name, tried)
+
+    def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
+        """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
+        rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
+        if found:
+            self._store((*base.effects, name), found, len(candidates))
+
+    def _fits(self, one: Fit, tried: list[Start], rough: float, base: Hypothesis) -> list[Fit]:
+        """Modes of a fit's model with one more form."""
+        own = [start.x for start in tried[:_STARTS]]
+        if rough > _ROUGH:
+            own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
+        head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
+        x = np.array([np.concatenate([head, start]) for start in own])
+        parts = (*one.model.parts, tried[0].part)
+        models = [replace(one.model, parts=parts, at=None)]
+        if not models[0].terms(x[:1]).linear:
+            models += [replace(models[0], parts=other) for other in _twins(parts)]
+        return list(chain.from_iterable(fit(model, x) for model in models))
+
+    def _store(self, effects: tuple[str, ...], fits: list[Fit], forms: int) -> Hypothesis:
+        """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
+        top = max(one.log_evidence for one in fits)
+        plain = [one for one in fits if one.log_evidence > top - _CLOSE_MODES]
+        least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
+        near = [settled(one, self.unknown, least) for one in plain]
+        first = int(np.argmax([one.log_evidence for one in near]))
+        evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
+        prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        others = _other_forms(plain[first], plain) if effects else ()
+        hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
+        self.found[hypothesis.key] = hypothesis
+        return hypothesis
+
+
+def _twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
+    """The parts with each form that has a twin replaced by it, one at a time."""
+    return [
+        (*parts[:i], replace(part, form=part.form.twin), *parts[i + 1 :])
+        for i, part in enumerate(parts)
+        if part.form.twin is not None
+    ]
+
+
+def _other_forms(best: Fit, near: list[Fit]) -> tuple[Fit, ...]:
+    """The best mode of the one other set of forms that comes nearest, if it is near."""
+    rest = [
+        one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
+    ]
+    return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
+
+
+def _total(logarithms: Iterable[float]) -> float:
+    return float(logsumexp(list(logarithms)))

@@ -1,0 +1,186 @@
+"""How large the gap is: residuals whitened by noise and repeatability, and their root mean square.
+
+How far the gap shrinks on levels that neither chose nor fitted the explanation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from damping.arrays import BoolArray, FloatArray
+from damping.gap.fit import WILD_WEIGHT, Fit, fit
+from damping.gap.model import Model, Problem
+from damping.gap.problem import Setting
+from damping.gap.search import Search
+
+#: A larger share of wild values than this is no error of measurement: then none counts as wild.
+MOST_WILD = 0.08
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Root mean squares (1 = noise alone) and the share of the gap that the leading explanation closes.
+
+    Attributes:
+        nominal: the simulation as given. before: refitted within its tolerance. after: with the explanation.
+        shrinkage: 1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is within its sampling error.
+    """
+
+    nominal: float
+    before: float
+    after: float
+    shrinkage: float | None
+
+
+def gap(leading: Fit) -> Gap:
+    """The gap of a record before and after its leading explanation, without wild points."""
+    regular = regular_values(leading)
+    nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
+    before = root_mean_square(refitted(leading), regular)
+    after = root_mean_square(leading, regular)
+    return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
+
+
+def regular_values(one: Fit) -> BoolArray:
+    """Values (m,) that a fit does not take for wild points; all, where they would be more than a few."""
+    found = one.weights > WILD_WEIGHT
+    return found if found.mean() >= 1.0 - MOST_WILD else np.ones_like(found)
+
+
+def shrinkage(before: float, after: float, values: int) -> float | None:
+    """1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is below two of its standard errors."""
+    if before**2 - 1.0 < 2.0 * np.sqrt(2.0 / values):
+        return None
+    return float(1.0 - max(after**2 - 1.0, 0.0) / (before**2 - 1.0))
+
+
+def root_mean_square(one: Fit, regular: BoolArray) -> float:
+    """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
+    z = one.y[one.model.size :]
+    r = one.r[regular] * one.model.scatter.dispersion
+    return float(np.sqrt((r @ r + z @ z) / regular.sum()))
+
+
+def refitted(leading: Fit) -> Fit:
+    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
+    model = _alone(leading)
+    weights = regular_values(leading).astype(float)
+    return fit(model, np.zeros((1, model.size)), weights=weights)[0]
+
+
+def nominal_residuals(leading: Fit) -> FloatArray:
+    """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
+    model = _alone(leading)
+    r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
+    return whitened(r[0], J[0, :, model.size :])
+
+
+def _alone(leading: Fit) -> Model:
+    """The simulation alone, with the leading fit's repeatability and the noise as it is."""
+    return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
+
+
+def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
+    """(1 + C C^T)^(-1/2) r, the symmetric root: each entry stays as near to its own row as it can.
+
+    Args:
+        r: residuals in units of noise, (m,). C: their changes by the deviations of sweeps in units of repeatability.
+    """
+    U, S, _ = np.linalg.svd(C, full_matrices=False)
+    return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))
+
+
+#: Most levels held out, the highest first; content of the interval.
+MOST_FOLDS, CONTENT = 3, 0.9
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
+
+    sweeps: tuple[str, ...]
+    effects: tuple[str, ...]
+    count: int
+    nominal: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Held-out shrinkage over all folds.
+
+    Attributes:
+        scheme: in words. nominal, before, after: root mean squares of the simulation as given, refitted on the other
+            levels, and with the explanation found there. shrinkage, low, high: with its interval; None where before
+            is within its sampling error.
+    """
+
+    scheme: str
+    folds: tuple[Fold, ...]
+    nominal: float
+    before: float
+    after: float
+    shrinkage: float | None
+    low: float | None
+    high: float | None
+
+
+def held_out(setting: Setting, search: Search, leading: Fit) -> HeldOut | None:
+    """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
+
+    Every hypothesis of ``search`` is fitted again to the other levels, and the most probable of them is chosen there.
+    ``leading`` is the fit to the whole record: its wild points are left out of the comparison, and nothing else.
+    """
+    rows = setting.problem.rows
+    levels = np.unique(rows.level)[::-1][:MOST_FOLDS]
+    if rows.levels < 2:
+        return None
+    regular = regular_values(leading)
+    folds = tuple(_fold(setting, search, int(level), regular) for level in levels)
+    values = sum(fold.count for fold in folds)
+    nominal, before, after = (
+        float(np.sqrt(sum(getattr(fold, name) for fold in folds) / values)) for name in ("nominal", "before", "after")
+    )
+    scheme = f"each of the {len(folds)} highest force levels predicted from all others, the highest first"
+    if len(folds) == rows.levels:
+        scheme = "each force level predicted from all others, the highest first"
+    return HeldOut(scheme, folds, nominal, before, after, *_interval(before, after, values))
+
+
+def _interval(before: float, after: float, values: int) -> tuple[float | None, float | None, float | None]:
+    """Shrinkage with the interval from the sampling errors of the two mean squares."""
+    middle = shrinkage(before, after, values)
+    if middle is None:
+        return None, None, None
+    gained = before**2 - 1.0
+    error = np.hypot(after**2, (1.0 - middle) * before**2) * np.sqrt(2.0 / values) / gained
+    reach = float(norm.ppf(0.5 + 0.5 * CONTENT) * error)
+    raw = 1.0 - (after**2 - 1.0) / gained
+    return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
+
+
+def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> Fold:
+    """Choose and fit without a level, and predict it."""
+    whole = setting.problem
+    out = whole.rows.level[whole.rows.sweep] == level
+    train = replace(whole, rows=whole.rows.where(~out))
+    test = replace(whole, rows=whole.rows.where(out))
+    chosen = search.again(train, setting.unknowns).ranked()[0].best
+    counted = regular[np.tile(out, regular.size // out.size)]
+    after = _predicted(chosen, test)
+    before = _predicted(refitted(chosen), test)
+    nominal = nominal_residuals(replace(chosen, model=replace(chosen.model, problem=test)))
+    sums = [float(np.sum(r[counted] ** 2)) for r in (nominal, before, after)]
+    return Fold(test.rows.sweeps, chosen.effects, int(counted.sum()), *sums)
+
+
+def _predicted(chosen: Fit, test: Problem) -> FloatArray:
+    """Whitened residuals of rows that a fit has not seen."""
+    model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
+    y = np.concatenate([chosen.y[: chosen.model.size], np.zeros(2 * model.sweeps)])
+    r, J = model.jacobian(y[np.newaxis])
+    return whitened(r[0], J[0, :, model.size :])

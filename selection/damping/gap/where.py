@@ -1,0 +1,217 @@
+"""Where the gap lies: cells of contiguous rows of one sweep, by residual and by footprint of the explanation.
+
+Local estimates: natural frequency and damping ratio from each row alone, gathered by level and amplitude.
+
+Every row with a phase measures Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. With the simulation's mass it gives
+
+    omega_local^2 = (Re Y)/M + omega^2,    zeta_local = Im Y/(2 M omega omega_n),
+
+whatever the law. A constant zeta is viscous damping; a change with amplitude as A^p is a force C ~ A^(p + 1), and the
+same for the stiffness: p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.gap.fit import Fit
+from damping.gap.rows import Rows, wrapped
+from damping.gap.size import nominal_residuals, regular_values
+from damping.gap.steady import fitted_terms, steady
+from damping.records.mode import Mode
+
+#: Cells of a sweep, each of at least so many rows.
+MOST_CELLS, FEWEST_ROWS = 8, 4
+#: A footprint is where the explanation changes the prediction by more than this, in units of noise.
+VISIBLE = 1.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Contiguous rows of one sweep and one quantity; frequencies in Hz."""
+
+    sweep: str
+    frequency_low: float
+    frequency_high: float
+    quantity: str
+
+
+@dataclass(frozen=True)
+class ResidualCell(Cell):
+    """``share`` of the squared residual at nominal parameters; ``z`` = (sum of squares - n)/sqrt(2 n)."""
+
+    share: float
+    z: float
+
+
+@dataclass(frozen=True)
+class FootprintCell(Cell):
+    """``size``: root mean square change of the prediction, in units of noise."""
+
+    size: float
+
+
+def residual_cells(leading: Fit) -> tuple[ResidualCell, ...]:
+    """All cells by share of the squared residual of the simulation as given, largest first; shares add to 1.
+
+    Wild points do not count.
+    """
+    rows = leading.model.problem.rows
+    regular = regular_values(leading).astype(float)
+    squares = by_quantity(rows, nominal_residuals(leading) ** 2 * regular)
+    counts = by_quantity(rows, regular)
+    total = max(sum(float(values.sum()) for values in squares.values()), 1e-300)
+    found = []
+    for quantity, values in squares.items():
+        for own in _chunks(rows):
+            n, sum_of_squares = counts[quantity][own].sum(), values[own].sum()
+            z = (sum_of_squares - n) / np.sqrt(2.0 * max(n, 1.0))
+            found.append(ResidualCell(*_place(rows, own, quantity), float(sum_of_squares / total), float(z)))
+    return tuple(sorted(found, key=lambda cell: -cell.share))
+
+
+def footprint(leading: Fit) -> dict[str, FloatArray]:
+    """Change of the prediction by the explanation, in units of noise, (n,) by quantity; all else the same."""
+    rows = leading.model.problem.rows
+    with_effects = steady(fitted_terms(leading), rows, rows.u)
+    without = steady(fitted_terms(leading, effects=False), rows, with_effects.u)
+    changes = {"amplitude": (with_effects.u - without.u) / rows.sd_amplitude}
+    if rows.has_phase:
+        changes["phase"] = wrapped(with_effects.phase - without.phase) / rows.sd_phase
+    return changes
+
+
+def footprint_cells(leading: Fit) -> tuple[FootprintCell, ...]:
+    """Runs of rows that the explanation changes visibly, largest first; none without an explanation."""
+    if not leading.model.parts:
+        return ()
+    rows = leading.model.problem.rows
+    found = []
+    for quantity, change in footprint(leading).items():
+        for own in _runs(rows, np.abs(change) > VISIBLE):
+            size = float(np.sqrt(np.mean(change[own] ** 2)))
+            found.append(FootprintCell(*_place(rows, own, quantity), size))
+    return tuple(sorted(found, key=lambda cell: -cell.size))
+
+
+def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
+    """Values (m,) split into amplitude and, where there are any, phase."""
+    parts = values.reshape(-1, len(rows))
+    return dict(zip(("amplitude", "phase"), parts, strict=False))
+
+
+def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float, str]:
+    hertz = rows.omega[own] / RAD_S_PER_HZ
+    return rows.sweeps[rows.sweep[own[0]]], float(hertz.min()), float(hertz.max()), quantity
+
+
+def _chunks(rows: Rows) -> Iterator[IntArray]:
+    """Rows of each sweep in contiguous parts of about one size."""
+    for number in range(len(rows.sweeps)):
+        own = np.flatnonzero(rows.sweep == number)
+        yield from np.array_split(own, min(MOST_CELLS, max(1, len(own) // FEWEST_ROWS)))
+
+
+def _runs(rows: Rows, marked: BoolArray) -> Iterator[IntArray]:
+    """Longest runs of marked rows within a sweep."""
+    for number in range(len(rows.sweeps)):
+        own = np.flatnonzero(rows.sweep == number)
+        ends = np.flatnonzero(np.diff(marked[own].astype(int))) + 1
+        for part in np.split(own, ends):
+            if len(part) and marked[part[0]]:
+                yield part
+
+
+#: How near to phase resonance a row is taken that stands for it, rad.
+RESONANCE_FOUND = 0.1
+#: Bands of amplitude in every sweep.
+BANDS = 4
+#: With fewer values only growth in proportion is tried.
+FEW = 6
+#: Powers of amplitude that are tried.
+POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+
+
+@dataclass(frozen=True)
+class LocalEstimate:
+    """Mean of the rows of one sweep in one band of amplitude, with standard errors; frequency in Hz."""
+
+    sweep: str
+    amplitude: float
+    frequency: float
+    frequency_sd: float
+    damping: float
+    damping_sd: float
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How an estimate depends on amplitude: as A^``power``, better than a constant by ``gain`` in chi-square.
+
+    ``change`` is what it changes by from the smallest to the largest amplitude.
+    """
+
+    power: float
+    gain: float
+    change: float
+
+
+def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
+    """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases.
+
+    A row that is at phase resonance has a phase, pi/2; it is taken to be found within 0.1 rad.
+    """
+    if not (rows.has_phase or rows.at_resonance):
+        return ()
+    sd_phase = rows.sd_phase if rows.has_phase else np.full(len(rows), RESONANCE_FOUND)
+    M = mode.mass * rows.mass
+    size = rows.F / rows.A
+    Y = size * np.exp(1j * rows.phase)
+    squared, zeta = Y.real / M + rows.omega**2, Y.imag / (2.0 * M * rows.omega * mode.omega_n)
+    cos, sin = np.cos(rows.phase), np.sin(rows.phase)
+    sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
+    sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)
+    found = []
+    for number, sweep in enumerate(rows.sweeps):
+        own = np.flatnonzero(rows.sweep == number)
+        for band in np.array_split(own[np.argsort(rows.u[own])], min(BANDS, max(1, len(own) // 4))):
+            omega2, omega2_sd, _ = _mean(squared[band], (sd_real / M)[band])
+            damping, damping_sd, weights = _mean(
+                zeta[band], (sd_imaginary / (2.0 * M * rows.omega * mode.omega_n))[band]
+            )
+            omega = float(np.sqrt(max(omega2, 0.0)))
+            frequency_sd = omega2_sd / max(2.0 * omega, 1e-300) / RAD_S_PER_HZ
+            amplitude = float(weights @ rows.A[band] / weights.sum())  # where the mean damping is that of a law
+            found.append(LocalEstimate(sweep, amplitude, omega / RAD_S_PER_HZ, frequency_sd, damping, damping_sd))
+    return tuple(found)
+
+
+def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | None:
+    """The power of amplitude with which values (n,) go, by weighted least squares of 1 and A^p; None below 3 values."""
+    if len(value) < 3:
+        return None
+    relative = amplitude / amplitude.max()
+    constant = _chi_square(np.ones((len(value), 1)), value, sd)[0]
+    found = []
+    for power in POWERS if len(value) >= FEW else [1.0]:
+        chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
+        change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
+        found.append(Trend(float(power), float(constant - chi_square), float(change)))
+    return max(found, key=lambda one: one.gain)
+
+
+def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:
+    """Weighted mean, its sd and the weights; values beyond 4 sd from the median, wild ones, are left out."""
+    near = np.abs(values - np.median(values)) < 4.0 * np.hypot(sd, np.median(sd))
+    weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
+    return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5), weights
+
+
+def _chi_square(design: FloatArray, value: FloatArray, sd: FloatArray) -> tuple[float, FloatArray]:
+    scaled = design / sd[:, np.newaxis]
+    coefficients = np.linalg.lstsq(scaled, value / sd)[0]
+    return float(np.sum((value / sd - scaled @ coefficients) ** 2)), np.asarray(coefficients)

@@ -1,0 +1,113 @@
+"""Does a sampled law describe its own data? PSIS-LOO (arviz) and posterior predictive checks."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.infer.chains import Posterior
+from damping.infer.diagnostics import load_arviz
+from damping.infer.law import Coordinates, by_blocks, pointwise_log_likelihood, residuals
+from damping.infer.observations import Observations
+
+#: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).
+PARETO_LIMIT = 0.7
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """PSIS-LOO of a law.
+
+    Attributes:
+        elpd: expected log predictive density, standard_error of it; p: effective number of parameters.
+        pareto_k: of each unit left out (a sweep; a row where there is one sweep only). unit: ``level`` or ``row``.
+        caution: arviz's warning in words, empty when none.
+    """
+
+    elpd: float
+    standard_error: float
+    p: float
+    pareto_k: FloatArray
+    unit: str
+    caution: str
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Replicated against measured: the chi-square discrepancy T = sum(n^2/scatter^2) over rows.
+
+    Attributes:
+        p_value: share of draws whose replicated T exceeds the measured one; near 0 the law fits worse than its own
+            scatter explains, near 1 better.
+        median, low, high: predictive resonant amplitude of each tested sweep, per cent of the measured one, (sweeps,).
+    """
+
+    p_value: float
+    median: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def inference_data(posterior: Posterior, data: Observations) -> Any:
+    """Draws, log likelihood and data as ArviZ groups; chains are the independent ensembles.
+
+    Single precision: seven digits are far more than the Monte Carlo error leaves.
+    """
+    chains, kept = posterior.x.shape[:2]
+    by_unit = pointwise_log_likelihood(posterior.draws, posterior.coordinates, data)
+    values = {name.replace(" ", "_").replace("*", "."): value for name, value in posterior.parameters().items()}
+    return load_arviz().from_dict(
+        posterior={name: value.astype(np.float32) for name, value in values.items()},
+        log_likelihood={"resonance": by_unit.reshape(chains, kept, -1).astype(np.float32)},
+        observed_data={"amplitude": data.A, "omega": data.omega, "force_in_quadrature": data.D},
+        attrs={"law": posterior.coordinates.law.name, "converged": str(posterior.converged)},
+    )
+
+
+def leave_one_out(posterior: Posterior, data: Observations) -> LeaveOneOut:
+    """PSIS-LOO; arviz's own warnings are kept as the caution."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = load_arviz().loo(inference_data(posterior, data), pointwise=True)
+    k = np.atleast_1d(np.asarray(result.pareto_k))
+    unit = "level" if len(data.sweeps) > 1 else "row"
+    bad = int(np.sum(k > PARETO_LIMIT))
+    caution = (
+        f"{bad} of {len(k)} {unit}s with Pareto k > {PARETO_LIMIT}: influential, the value is rough" if bad else ""
+    )
+    if not caution and any("Pareto" in str(w.message) for w in caught):
+        caution = "arviz warns of large Pareto k"
+    return LeaveOneOut(float(result.elpd_loo), float(result.se), float(result.p_loo), k, unit, caution)
+
+
+def predictive_check(
+    posterior: Posterior, data: Observations, amplitude: FloatArray, level: float, seed: int
+) -> PredictiveCheck:
+    """Compare replicated data with the measured.
+
+    Args:
+        amplitude: resonant amplitude of each draw at each tested force, (draws, sweeps).
+        level: content of the predictive intervals.
+    """
+    rng = np.random.default_rng(seed)
+    x = posterior.draws
+    row, level_scatter = posterior.coordinates.scatter(x)
+    measured = by_blocks(lambda block: _discrepancy(block, posterior.coordinates, data), x, len(data.A))
+    replicated = rng.chisquare(len(data.A), size=len(x))
+    scatter = np.hypot(row, level_scatter)[:, None]
+    percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))
+    tail = 50.0 * (1.0 - level)
+    low, median, high = np.nanpercentile(percent, [tail, 50.0, 100.0 - tail], axis=0)
+    return PredictiveCheck(float(np.mean(replicated > measured)), median, low, high)
+
+
+def _discrepancy(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """T at points (points, dimension)."""
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level_scatter = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
+    return np.asarray(np.sum(n**2 / variance, axis=1))

@@ -1,0 +1,287 @@
+"""A candidate damping law and its parameters: a sum of forces whose coefficients (and shapes) are unknown.
+
+The parameters are dimensionless and every one of them is a known function of a standard normal variable, so that the
+prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
+
+- ``total``: the law's damping force at the reference (geometric means over the tested resonances) relative to the
+  force measured there; log-normal about 1.
+- ``share`` of each force in that total: uniform over the simplex (stick-breaking), so no force is favoured and
+  coefficients are >= 0.
+- shapes: ``exponent`` uniform in ``EXPONENT_RANGE``; ``limit`` of a slip joint log-uniform in a range set by the
+  tested amplitudes.
+- ``scatter``: relative scatter of one measured row; ``level_scatter``: relative scatter of the resonant amplitude from
+  sweep to sweep. Both log-normal. Where there is one sweep, or one row in every sweep, only their sum can be seen, and
+  ``scatter`` is that.
+
+Prior and likelihood of a damping law, pure and vectorised over points of parameter space.
+
+Residual of a row, the distance of the measured phasor (ln A, phi) from the curve C(A, omega) = F sin(phi):
+
+    n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
+
+(The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
+At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
+by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
+record's own uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which
+moves its rows by h = g / sqrt(g^2 + R^2) each:
+
+    cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from scipy.special import ndtr
+
+from damping.arrays import FloatArray
+from damping.forces import CATALOGUE, parameter_names
+from damping.forces.contract import Force, Sum
+from damping.forces.powers import EnergyTerm
+from damping.infer.observations import Observations
+
+#: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
+TOTAL_LOG_SD = 1.0
+#: Exponents of velocity from 0 (Coulomb-like, case II) to 3; Table 2.I spans 0 to 2.
+EXPONENT_RANGE = (0.0, 3.0)
+#: A slip limit lies between a tenth of the smallest and the largest tested amplitude.
+LIMIT_RANGE = (0.1, 1.0)
+#: Median and log standard deviation of a relative scatter: 90 % of the prior lies between 0.6 % and 7 %, the range of
+#: repeat tests of large structures.
+SCATTER_MEDIAN, SCATTER_LOG_SD = 0.02, 0.75
+
+
+@dataclass(frozen=True)
+class Component:
+    """One force of a law: its name and the shape parameters that are free beside the coefficient."""
+
+    name: str
+    shapes: tuple[str, ...]
+    build: Callable[..., Force]
+
+    def unit(self, shapes: dict[str, FloatArray]) -> Force:
+        """The force with coefficient 1."""
+        return self.build(1.0, **shapes)
+
+
+def component(name: str) -> Component:
+    """The component for a force name of the catalogue or an energy term ``A^m*omega^n`` that has no named force."""
+    if name in CATALOGUE:
+        return Component(name, parameter_names(name)[1:], CATALOGUE[name])
+    powers = {symbol: float(power or 1) for symbol, _, power in (factor.partition("^") for factor in name.split("*"))}
+    m, n = powers.get("A", 0.0), powers.get("omega", 0.0)
+    return Component(name, (), partial(EnergyTerm, amplitude_power=m, frequency_power=n))
+
+
+@dataclass(frozen=True)
+class Law:
+    """A candidate: a sum of components. Two laws with the same components are the same law."""
+
+    components: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Component names joined by ``+``."""
+        return " + ".join(self.components)
+
+    @cached_property
+    def parts(self) -> tuple[Component, ...]:
+        """The components with their builders."""
+        return tuple(component(name) for name in self.components)
+
+    @property
+    def has_resonance(self) -> bool:
+        """Whether the law can set a resonant amplitude: constant friction alone cannot."""
+        return any(part.name != "coulomb" for part in self.parts)
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters of a law on given observations.
+
+    Attributes:
+        law: the candidate. reference: amplitude, omega, damping force. limit_range: bounds of a slip limit.
+        with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
+    """
+
+    law: Law
+    reference: tuple[float, float, float]
+    limit_range: tuple[float, float]
+    with_level_scatter: bool
+
+    @classmethod
+    def of(cls, law: Law, observations: Observations) -> Coordinates:
+        """Scales taken from the observations."""
+        low, high = observations.tested_amplitude.min(), observations.tested_amplitude.max()
+        limits = (float(LIMIT_RANGE[0] * low), float(LIMIT_RANGE[1] * high))
+        scatters = observations.has_repeats and len(observations.sweeps) > 1
+        return cls(law, observations.reference, limits, scatters)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables, in order."""
+        shapes = [f"{part.name} {shape}" for part in self.law.parts for shape in part.shapes]
+        shares = [f"share {part.name}" for part in self.law.parts[:-1]]
+        scatters = ["scatter", "level_scatter"] if self.with_level_scatter else ["scatter"]
+        return ("total", *shares, *shapes, *scatters)
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return len(self.names)
+
+    def shares(self, x: FloatArray) -> FloatArray:
+        """Shares of the components (..., parts), uniform over the simplex: Beta(1, k) fractions of what is left."""
+        n = len(self.law.parts)
+        left = np.ones(x.shape[:-1])
+        shares = []
+        for i in range(n - 1):
+            # the share's complement is U^(1/k): Beta(1, k) by inversion
+            fraction = -np.expm1(np.log(ndtr(-x[..., 1 + i])) / (n - 1 - i))
+            shares.append(left * fraction)
+            left = left * (1.0 - fraction)
+        return np.stack([*shares, left], axis=-1)
+
+    def shapes(self, x: FloatArray) -> list[dict[str, FloatArray]]:
+        """Shape parameters of each component, arrays of shape ``x.shape[:-1]``."""
+        position = len(self.law.parts)
+        result = []
+        for part in self.law.parts:
+            values = {}
+            for shape in part.shapes:
+                u = ndtr(x[..., position])
+                low, high = EXPONENT_RANGE if shape == "exponent" else np.log(self.limit_range)
+                values[shape] = low + u * (high - low) if shape == "exponent" else np.exp(low + u * (high - low))
+                position += 1
+            result.append(values)
+        return result
+
+    def coefficients(self, x: FloatArray) -> list[FloatArray]:
+        """Leading coefficient of each component (stiffness of a slip joint), in the units of the record."""
+        amplitude, omega, force = self.reference
+        total = force * np.exp(TOTAL_LOG_SD * x[..., 0])
+        shares = self.shares(x)
+        return [
+            shares[..., i] * total / _scale(part, shapes, amplitude, omega)
+            for i, (part, shapes) in enumerate(zip(self.law.parts, self.shapes(x), strict=True))
+        ]
+
+    def force(self, x: FloatArray) -> Sum:
+        """The damping force of the law; its parameters have shape (..., 1) so that they broadcast with rows."""
+        column = lambda value: np.asarray(value)[..., None]  # noqa: E731 - shorthand for one expression
+        return Sum(
+            tuple(
+                part.build(column(c), **{name: column(value) for name, value in shapes.items()})
+                for part, c, shapes in zip(self.law.parts, self.coefficients(x), self.shapes(x), strict=True)
+            )
+        )
+
+    def scatter(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Row scatter and level scatter (0 where it is not a parameter), relative; arrays ``x.shape[:-1]``."""
+        value = lambda column: SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * x[..., column])  # noqa: E731 - used three times
+        if self.with_level_scatter:
+            return value(-2), value(-1)
+        return value(-1), np.zeros(x.shape[:-1])
+
+    def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
+        """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""
+        values: dict[str, FloatArray] = {}
+        for part, coefficient, shapes in zip(self.law.parts, self.coefficients(x), self.shapes(x), strict=True):
+            values[part.name] = coefficient
+            values |= {f"{part.name} {name}": value for name, value in shapes.items()}
+        row, level = self.scatter(x)
+        values["scatter"] = row
+        if self.with_level_scatter:
+            values["level_scatter"] = level
+        return values
+
+
+def _scale(part: Component, shapes: dict[str, FloatArray], amplitude: float, omega: float) -> FloatArray:
+    """Damping force at the reference for coefficient 1; a slip joint's is its saturation 4 A1/pi, never zero."""
+    if part.name == "slip":
+        return 4.0 * shapes["limit"] / np.pi
+    return np.asarray(part.unit(shapes).quadrature(amplitude, omega))
+
+
+#: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
+REACH = 8.0
+#: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
+MOST, BLOCK = 250_000, 60_000
+#: Sweeps up to which a product with their matrix is the quickest way to sums over each.
+_FEW = 32
+
+
+def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
+    with np.errstate(all="ignore"):
+        C = force.quadrature(data.A, data.omega)
+        g = force.slope(data.A, data.omega) * np.minimum(1.0, np.abs(data.D / C))
+        spread = g**2 + data.R**2
+        n = (data.D - C) / np.sqrt(spread)
+        known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
+        return n, g / np.sqrt(spread), known
+
+
+def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
+    return by_blocks(lambda block: _log_likelihood(block, coordinates, data), x, len(data.A))
+
+
+def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
+    """``work(x)``, a value a point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
+    if len(x) * rows <= MOST:
+        return work(x)
+    step = max(1, BLOCK // rows)
+    return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
+
+
+def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known
+    with np.errstate(all="ignore"):
+        value = -0.5 * np.sum(n**2 / variance + np.log(2.0 * np.pi * variance), axis=-1)
+        if coordinates.with_level_scatter:
+            hh, hn = _by_sweep(h**2 / variance, data), _by_sweep(h * n / variance, data)
+            gain = level[:, None] ** 2 / (1.0 + level[:, None] ** 2 * hh)
+            value += 0.5 * np.sum(hn**2 * gain - np.log1p(level[:, None] ** 2 * hh), axis=-1)
+    return np.where(np.isfinite(value), value, -np.inf)
+
+
+def _by_sweep(values: FloatArray, data: Observations) -> FloatArray:
+    """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
+    if len(data.sweeps) <= _FEW:
+        return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
+    order = np.argsort(data.sweep, kind="stable")
+    first = np.searchsorted(data.sweep[order], np.arange(len(data.sweeps)))
+    return np.asarray(np.add.reduceat(values[:, order], first, axis=1))
+
+
+def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Log likelihood of each sweep given the parameters, (points, sweeps); of each row where there is one sweep only.
+
+    Rows of one sweep share their level's scatter, so a sweep is the unit that can be left out.
+    """
+    if len(data.sweeps) > 1:
+        one = np.eye(len(data.sweeps), dtype=bool)
+        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in one], axis=-1)
+    n, h, known = residuals(coordinates.force(x), data)
+    row, level = coordinates.scatter(x)
+    variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2
+    return -0.5 * (n**2 / variance + np.log(2.0 * np.pi * variance))
+
+
+def log_prior(x: FloatArray) -> FloatArray:
+    """Standard normal in every variable, shape (points,)."""
+    return -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+
+
+def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
+    x = np.atleast_2d(x)
+    inside = np.all(np.abs(x) < REACH, axis=-1)
+    x = np.clip(x, -REACH, REACH)
+    return np.where(inside, log_prior(x) + log_likelihood(x, coordinates, data), -np.inf)

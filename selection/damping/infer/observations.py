@@ -1,0 +1,137 @@
+"""What a record says about damping: one balance of force against damping force at each row.
+
+At a steady state the damping force in phase with velocity balances the applied force in quadrature (Eq. 3.2.9 divided
+by pi A):
+
+    D = E / (pi A) = F sin(phi)          to be explained by   C(A, omega) of a damping law,
+
+while ``R = sqrt(F^2 - D^2) = |F cos(phi)|`` is taken by stiffness and inertia and says nothing on damping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.errors import AnalysisError
+from damping.records.record import Record
+from damping.records.resonance import energy_per_cycle, resonances
+
+#: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
+MOST_ROWS, MOST_SWEEPS = 20_000, 100
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Rows of a record that say something about damping; arrays of shape (rows,) unless stated.
+
+    Attributes:
+        A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
+        sweep: index of the row's sweep into ``sweeps``.
+        sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
+        sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
+    """
+
+    A: FloatArray
+    omega: FloatArray
+    D: FloatArray
+    R: FloatArray
+    sweep: IntArray
+    sd_amplitude: FloatArray
+    sd_force: FloatArray
+    sd_phase: FloatArray
+    sweeps: tuple[str, ...]
+    tested_force: FloatArray
+    tested_amplitude: FloatArray
+    tested_omega: FloatArray
+
+    @property
+    def rows_per_sweep(self) -> IntArray:
+        """Number of rows of each sweep, shape (sweeps,)."""
+        return np.bincount(self.sweep, minlength=len(self.sweeps)).astype(np.int64)
+
+    @property
+    def has_repeats(self) -> bool:
+        """Whether any sweep has several rows, so that row noise and level scatter can be told apart."""
+        return bool(np.any(self.rows_per_sweep > 1))
+
+    @property
+    def reference(self) -> tuple[float, float, float]:
+        """Amplitude, frequency (rad/s) and damping force that set the scale of the priors.
+
+        Geometric means over the sweeps' resonances.
+        """
+        means = [
+            float(np.exp(np.mean(np.log(x)))) for x in (self.tested_amplitude, self.tested_omega, self.tested_force)
+        ]
+        return means[0], means[1], means[2]
+
+    @property
+    def top(self) -> int:
+        """Index of the sweep with the largest tested force."""
+        return int(np.argmax(self.tested_force))
+
+    def keep_sweeps(self, keep: BoolArray) -> Observations:
+        """The rows of the sweeps marked in ``keep`` (shape (sweeps,)); order is kept."""
+        rows = keep[self.sweep]
+        number = np.cumsum(keep) - 1
+        per_row = {name: getattr(self, name)[rows] for name in _PER_ROW}
+        per_sweep = {name: getattr(self, name)[keep] for name in _PER_SWEEP}
+        labels = tuple(label for label, kept in zip(self.sweeps, keep, strict=True) if kept)
+        return replace(self, **per_row, **per_sweep, sweep=number[self.sweep[rows]], sweeps=labels)
+
+
+_PER_ROW = ("A", "omega", "D", "R", "sd_amplitude", "sd_force", "sd_phase")
+_PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega")
+
+
+def observe(record: Record) -> Observations:
+    """Turn a record into damping observations.
+
+    Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
+    :func:`damping.records.resonance.resonances` is not removed here: ``D`` is what was measured.
+
+    Raises:
+        AnalysisError: no row says anything about damping, or there are too many.
+    """
+    table = record.table
+    sweeps = table["sweep"].nunique()
+    if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
+        raise AnalysisError(
+            f"{record.source}: {len(table)} rows of {sweeps} sweeps; laws are weighed on {MOST_ROWS} rows"
+            f" of {MOST_SWEEPS} sweeps at most: keep the rows near resonance, or every second one"
+        )
+    energy = energy_per_cycle(record)
+    usable = np.isfinite(energy)
+    if not usable.any():
+        raise AnalysisError(f"{record.source}: no row gives an energy per cycle, so damping cannot be judged")
+    rows = table.loc[usable]
+    A, force = rows["amplitude"].to_numpy(float), rows["force"].to_numpy(float)
+    D = energy[usable] / (np.pi * A)
+    labels = list(dict.fromkeys(rows["sweep"].astype(str)))
+    number = {label: i for i, label in enumerate(labels)}
+    peaks = resonances(record).set_index("sweep").loc[labels]
+    return Observations(
+        A=A,
+        omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
+        D=D,
+        R=np.sqrt(np.maximum(force**2 - D**2, 0.0)),
+        sweep=np.array([number[label] for label in rows["sweep"].astype(str)], dtype=np.int64),
+        sd_amplitude=_relative_sd(rows, "amplitude"),
+        sd_force=_relative_sd(rows, "force"),
+        sd_phase=rows["phase_sd"].to_numpy(float) if "phase_sd" in rows else np.zeros_like(A),
+        sweeps=tuple(labels),
+        tested_force=peaks["force"].to_numpy(float),
+        tested_amplitude=peaks["amplitude"].to_numpy(float),
+        tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
+    )
+
+
+def _relative_sd(rows: pd.DataFrame, name: str) -> FloatArray:
+    """Standard uncertainty of a column relative to its value; 0 where the record gives none."""
+    if f"{name}_sd" not in rows:
+        return np.zeros(len(rows))
+    return (rows[f"{name}_sd"] / rows[name]).to_numpy(float)

@@ -1,0 +1,227 @@
+"""Maps over sweep and frequency, one panel a quantity: residuals of the simulation, or footprint of an explanation.
+
+Measured amplitude and phase of every sweep with the simulation before and after the explanation.
+
+Local estimates of natural frequency and damping ratio over amplitude, with what simulation and explanation say.
+
+Resonant amplitude of every sweep over force, with the simulation before and after the explanation.
+
+Probabilities of the explanations as bars.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import SymLogNorm
+from matplotlib.figure import Figure
+
+from damping.plots.style import (
+    ALERT,
+    AVERAGE,
+    INK,
+    MEASURED,
+    MUTED,
+    WIDTH,
+    plain_log,
+    plain_rows,
+    styled,
+    weight_text,
+    with_unit,
+)
+
+#: Marks of the colour bar, in units of noise.
+_TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
+
+
+@styled
+def gap_map(rows: pd.DataFrame, label: str) -> Figure:
+    """Draw one coloured mark a row of the record, sweeps one below the other.
+
+    Args:
+        rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.
+        label: what the colour is.
+    """
+    quantities = list(rows["quantity"].unique())
+    sweeps = list(rows["sweep"].unique())
+    figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(sweeps)))
+    axes = figure.subplots(1, len(quantities), sharey=True, squeeze=False)[0]
+    reach = max(3.0, float(np.nanquantile(rows["value"].abs(), 0.99)))
+    norm = SymLogNorm(linthresh=2.0, vmin=-reach, vmax=reach)
+    drawn = None
+    for ax, quantity in zip(axes, quantities, strict=True):
+        own = rows[rows["quantity"] == quantity]
+        heights = [sweeps.index(sweep) for sweep in own["sweep"]]
+        drawn = ax.scatter(own["frequency"], heights, c=own["value"], norm=norm, cmap="RdBu_r", marker="s", s=26)
+        ax.set_title(quantity)
+        ax.set_xlabel("frequency (Hz)")
+        ax.locator_params(axis="x", nbins=5)
+        plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
+        bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
+        bar.outline.set_visible(False)
+        if bar.solids is not None:
+            bar.solids.set(rasterized=False, edgecolor="face")  # a page shows no pictures inside of drawings
+    return figure
+
+
+LINES = {"nominal": (MUTED, (0, (1, 1.2))), "refitted": (MUTED, "-"), "explained": (ALERT, "-")}
+NAMES = {
+    "nominal": "simulation as given",
+    "refitted": "refitted within its tolerance",
+    "explained": "with the explanation",
+}
+
+
+@styled
+def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, per_row: int = 3) -> Figure:
+    """Draw one pair of panels a sweep: amplitude above phase, over frequency.
+
+    Args:
+        measured: ``sweep, frequency (Hz), amplitude, phase (rad, NaN where none), wild`` (left out of the fit).
+        predicted: ``sweep, model, frequency, amplitude, phase``; models are nominal, refitted, explained.
+        length: unit of the amplitude.
+    """
+    sweeps = list(measured["sweep"].unique())
+    with_phase = bool(measured["phase"].notna().any())
+    bands = -(-len(sweeps) // per_row)
+    kinds = 2 if with_phase else 1
+    ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
+    figure = Figure(figsize=(WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
+    axes = figure.subplots(bands * kinds, min(per_row, len(sweeps)), squeeze=False, height_ratios=ratios)
+    for ax in axes.flat:
+        ax.set_visible(False)
+    for number, sweep in enumerate(sweeps):
+        band, column = divmod(number, per_row)
+        points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
+        upper = axes[band * kinds, column]
+        _panel(upper, points, curves, "amplitude")
+        upper.set_title(f"sweep {sweep}")
+        if column == 0:
+            upper.set_ylabel(with_unit("amplitude", length))
+        lowest = upper
+        if with_phase:
+            lowest = axes[band * kinds + 1, column]
+            _panel(lowest, points, curves, "phase")
+            upper.tick_params(axis="x", labelbottom=False)
+            if column == 0:
+                lowest.set_ylabel("phase lag (rad)")
+        lowest.set_xlabel("frequency (Hz)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
+    ax.set_visible(True)
+    for model, (colour, line) in LINES.items():
+        rows = curves[curves["model"] == model]
+        ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=NAMES[model])
+    regular, wild = points[~points["wild"]], points[points["wild"]]
+    ax.plot(regular["frequency"], regular[quantity], "o", color=MEASURED, markersize=2.6, label="measured", zorder=3)
+    ax.plot(wild["frequency"], wild[quantity], "x", color=AVERAGE, markersize=4, zorder=3)
+    ax.tick_params(axis="both", labelsize=7)
+    ax.locator_params(axis="x", nbins=4)
+
+
+#: Amplitudes beyond this ratio are drawn on a logarithmic axis.
+_WIDE = 4.0
+_MARKS = "os^Dv<>P*X"
+
+
+@styled
+def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Figure:
+    """Draw frequency (left) and damping ratio (right) over amplitude.
+
+    Args:
+        estimates: ``sweep, amplitude, frequency, frequency_sd, damping, damping_sd``.
+        curves: ``model`` (refitted, explained, free)``, amplitude, frequency, damping``; ``free`` has limits
+            ``frequency_low`` and so on.
+        length: unit of the amplitude.
+    """
+    figure = Figure(figsize=(WIDTH, 2.9))
+    axes = figure.subplots(1, 2)
+    for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
+        for model, colour in (("refitted", MUTED), ("explained", ALERT)):
+            rows = curves[curves["model"] == model]
+            ax.plot(rows["amplitude"], rows[quantity], color=colour, label=_NAMES[model])
+        free = curves[curves["model"] == "free"]
+        if len(free):
+            low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
+            ax.fill_between(free["amplitude"], low, high, color=ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"])
+        for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
+            ax.errorbar(
+                rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
+                markersize=3, linewidth=0.8, color="#1f2328", markerfacecolor="white", label=f"sweep {sweep}",
+            )  # fmt: skip
+        if estimates["amplitude"].max() > _WIDE * estimates["amplitude"].min():
+            ax.set_xscale("log")
+            plain_log(ax.xaxis)
+        ax.set_ylim(*_range(estimates[quantity], curves.loc[curves["model"] != "free", quantity]))
+        ax.set_xlabel(with_unit("amplitude", length))
+        ax.set_ylabel(label)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _range(*values: pd.Series[float]) -> tuple[float, float]:
+    """Limits that hold estimates and curves, with a margin; the band of free form may leave them."""
+    every = pd.concat(values)
+    margin = 0.1 * float(every.max() - every.min()) or 0.1 * float(every.max())
+    return float(every.min()) - margin, float(every.max()) + margin
+
+
+_NAMES = {
+    "refitted": "simulation, refitted",
+    "explained": "with the explanation",
+    "free": "with a curve of free form, 90 % band",
+}
+
+
+@styled
+def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, length: str) -> Figure:
+    """Draw amplitude at phase resonance over force.
+
+    Args:
+        measured: ``sweep, force, amplitude, sd`` (relative). predicted: ``model, force, amplitude``; models are
+            nominal, refitted, explained. force, length: units.
+    """
+    figure = Figure(figsize=(WIDTH, 3.0))
+    ax = figure.subplots()
+    for model, (colour, line) in LINES.items():
+        rows = predicted[predicted["model"] == model].sort_values("force")
+        ax.plot(rows["force"], rows["amplitude"], color=colour, linestyle=line, label=NAMES[model])
+    bars = measured["sd"] * measured["amplitude"]
+    ax.errorbar(
+        measured["force"], measured["amplitude"], bars, fmt="o", color=MEASURED, markersize=3.5, label="measured"
+    )
+    ax.set_xlabel(with_unit("force", force))
+    ax.set_ylabel(with_unit("resonant amplitude", length))
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+@styled
+def gap_probabilities(table: pd.DataFrame) -> Figure:
+    """Draw one bar an explanation, most probable on top.
+
+    Args:
+        table: ``explanation, probability, listed`` (among those that together reach 0.95).
+    """
+    figure = Figure(figsize=(WIDTH, 0.7 + 0.24 * len(table)))
+    ax = figure.subplots()
+    plain_rows(ax, table["explanation"].tolist())
+    colours = [ALERT if listed else MUTED for listed in table["listed"]]
+    ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
+    for row, probability in enumerate(table["probability"]):
+        ax.annotate(
+            weight_text(float(probability)), (probability, row), (4, 0), textcoords="offset points",
+            va="center", fontsize=7.5, color=INK,
+        )  # fmt: skip
+    ax.set_xlim(0.0, 1.12)
+    ax.set_xlabel("probability")
+    return figure

@@ -1,0 +1,268 @@
+"""Corner plot: every parameter of a posterior alone, and every pair.
+
+What was believed before the test against what is believed after it.
+
+Have the chains said enough? R-hat, effective size and length of every quantity of every law.
+
+Would the law have predicted the tests it was fitted to?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from scipy.ndimage import gaussian_filter
+
+from damping.arrays import FloatArray
+from damping.plots.style import (
+    ALERT,
+    AVERAGE,
+    CREDIBLE,
+    INK,
+    LINEAR,
+    MEASURED,
+    MUTED,
+    PREDICTIVE,
+    WIDTH,
+    law_style,
+    plain_log,
+    plain_rows,
+    short,
+    styled,
+)
+
+#: Shares of the draws inside the contours of a pair.
+CONTENTS = (0.9, 0.5)
+_BINS = 24
+
+
+@styled
+def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> Figure:
+    """Draw a posterior.
+
+    Args:
+        draws: label of each parameter, with its unit, and its draws (draws,).
+        prior: draws of the prior under the same labels; its density is overlaid on the histograms.
+    """
+    labels = list(draws)
+    size = len(labels)
+    height = WIDTH * min(1.0, 0.32 + 0.16 * size)
+    figure = Figure(figsize=(WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
+    figure.subplots_adjust(left=0.13, right=0.985, bottom=0.11, top=0.95, wspace=0.1, hspace=0.1 + 0.03 * size)
+    axes = figure.subplots(size, size, squeeze=False)
+    limits = {label: _limits(draws[label]) for label in labels}
+    for i, row in enumerate(labels):
+        for j, column in enumerate(labels):
+            if j > i:
+                axes[i, j].remove()
+                continue
+            if i == j:
+                _alone(axes[i, i], draws[row], prior[row], limits[row])
+            else:
+                _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
+            _edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "")
+            axes[i, j].set_xlim(limits[column])
+    figure.align_labels()
+    axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
+    return figure
+
+
+def _limits(values: FloatArray) -> tuple[float, float]:
+    low, high = np.percentile(values, [0.25, 99.5])
+    return float(low), float(high)
+
+
+def _alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple[float, float]) -> None:
+    """Histogram with the prior density over it; both integrate to 1 over all values, also those out of sight."""
+    edges = np.linspace(*limits, _BINS + 1)
+    heights = _density(values, edges)
+    axes.stairs(heights, edges, fill=True, color=CREDIBLE, label="posterior")
+    axes.stairs(_density(prior, edges), edges, color=LINEAR, linewidth=1.3, baseline=None, label="prior")
+    low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
+    axes.vlines([low, high], 0.0, heights.max(), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
+    said = f"{median:.3g} ({low:.3g} to {high:.3g})"
+    axes.set_title(said, fontsize=7, fontweight="normal", loc="center", pad=3)
+    axes.set_ylim(0.0, 1.08 * heights.max())
+    axes.grid(visible=False)
+
+
+def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
+    return np.asarray(np.histogram(values, edges)[0] / (len(values) * np.diff(edges)))
+
+
+def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[tuple[float, float], tuple[float, float]]) -> None:
+    """Filled contours that hold the shares ``CONTENTS`` of the draws, from a smoothed histogram."""
+    counts, x_edges, y_edges = np.histogram2d(x, y, bins=_BINS, range=limits)
+    smooth = gaussian_filter(counts, 1.3, mode="nearest")
+    ordered = np.sort(smooth.ravel())[::-1]
+    share = np.cumsum(ordered) / ordered.sum()
+    levels = [float(ordered[np.searchsorted(share, content)]) for content in CONTENTS]
+    centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (x_edges, y_edges)]
+    if levels[0] < levels[1] < ordered[0]:
+        axes.contourf(*centres, smooth.T, [*levels, ordered[0]], colors=[PREDICTIVE, CREDIBLE])
+        axes.contour(*centres, smooth.T, levels, colors=[AVERAGE], linewidths=0.7)
+    axes.set_ylim(limits[1])
+
+
+def _edges(axes: Axes, x_label: str, y_label: str) -> None:
+    """Numbers and names on the outer axes only."""
+    axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
+    axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
+    axes.tick_params(labelbottom=bool(x_label), labelleft=bool(y_label), left=bool(y_label), labelsize=7, color=MUTED)
+    axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
+    axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
+
+
+_HISTOGRAM_BINS = 60
+#: Values below this share of the median are drawn at it.
+_FLOOR = 1e-3
+
+
+@styled
+def prior_posterior(prior: Mapping[str, FloatArray], posterior: Mapping[str, FloatArray]) -> Figure:
+    """Draw the densities of each parameter of one law.
+
+    Args:
+        prior, posterior: label of each parameter, with its unit, and its draws. A positive parameter that spans more
+            than a decade is drawn on a logarithmic axis with its density per unit of ln.
+    """
+    columns = min(3, len(posterior))
+    rows = -(-len(posterior) // columns)
+    figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.3))
+    for number, (label, draws) in enumerate(posterior.items()):
+        axes = figure.add_subplot(rows, columns, number + 1)
+        _densities(axes, prior[label], draws)
+        axes.set_xlabel(label)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2)
+    return figure
+
+
+def _densities(axes: Axes, prior: FloatArray, posterior: FloatArray) -> None:
+    low, high = np.percentile(prior, [1.0, 99.0])
+    low, high = min(low, np.percentile(posterior, 0.5)), max(high, np.percentile(posterior, 99.5))
+    logarithmic = low > 0.0 and high / low > 10.0
+    edges = np.geomspace(low, high, _HISTOGRAM_BINS + 1) if logarithmic else np.linspace(low, high, _HISTOGRAM_BINS + 1)
+    widths = np.diff(np.log(edges) if logarithmic else edges)
+    if logarithmic:
+        axes.set_xscale("log")
+        axes.set_xlim(low, high)
+        plain_log(axes.xaxis)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+    for draws, style in ((posterior, {"fill": True, "color": CREDIBLE}), (prior, {"color": LINEAR, "linewidth": 1.3})):
+        density = np.histogram(draws, edges)[0] / (len(draws) * widths)
+        axes.stairs(density, edges, label="prior" if draws is prior else "posterior", **style)  # type: ignore[arg-type]  # mixed keywords
+    axes.set_yticks([])
+    axes.grid(visible=False)
+    axes.set_ylim(bottom=0.0)
+
+
+@styled
+def prior_posterior_summary(table: pd.DataFrame) -> Figure:
+    """Draw the intervals of every parameter of every law, each relative to its posterior median.
+
+    Args:
+        table: ``law, parameter, prior_low, prior_high, low, median, high``, rows of a law together.
+    """
+    rows = table[table["median"] > 0.0].reset_index(drop=True)
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.165 * len(rows)))
+    axes = figure.add_subplot()
+    plain_rows(axes, _row_labels(rows))
+    scaled = rows[["prior_low", "prior_high", "low", "high"]].div(rows["median"], axis=0)
+    axes.set_xscale("log")
+    scaled = scaled.clip(lower=_FLOOR)
+    axes.hlines(rows.index, scaled["prior_low"], scaled["prior_high"], color=MUTED, alpha=0.35, linewidth=4)
+    colours = [law_style(law).colour for law in rows["law"]]
+    axes.hlines(rows.index, scaled["low"], scaled["high"], color=colours, linewidth=2.2)
+    axes.plot(np.ones(len(rows)), rows.index, "|", color=INK, markersize=6)
+    axes.set_xlabel("relative to the posterior median: prior grey, posterior coloured", x=0.4)
+    axes.set_xlim(0.8 * scaled["prior_low"].min(), 1.25 * scaled["prior_high"].max())
+    plain_log(axes.xaxis)
+    starts = np.flatnonzero(rows["law"].ne(rows["law"].shift()))
+    axes.hlines(starts[1:] - 0.5, 0.0, 1.0, transform=axes.get_yaxis_transform(), color=MUTED, linewidth=0.4)
+    axes.axvline(1.0, color=AVERAGE, linewidth=0.5)
+    return figure
+
+
+def _row_labels(rows: pd.DataFrame) -> list[str]:
+    """The law where its first parameter stands, then the parameters."""
+    return [
+        f"{law}:  {parameter}" if law != before else str(parameter)
+        for law, before, parameter in zip(rows["law"], rows["law"].shift(), rows["parameter"], strict=True)
+    ]
+
+
+@styled
+def convergence(table: pd.DataFrame, r_hat: float, effective_size: float, lengths: float) -> Figure:
+    """Draw a dot for each quantity, a row for each law, and the limit to be met; what fails it is an orange cross.
+
+    Args:
+        table: ``law, quantity, r_hat, effective_size, lengths``.
+        r_hat, effective_size, lengths: the limits (at most, at least, at least).
+    """
+    laws = list(table["law"].unique())
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.2 * len(laws)))
+    panels = figure.subplots(1, 3, sharey=True)
+    limits = (
+        ("r_hat", r_hat, "R-hat"),
+        ("effective_size", effective_size, "effective size"),
+        ("lengths", lengths, "length / τ"),
+    )
+    for axes, (column, limit, title) in zip(panels, limits, strict=True):
+        plain_rows(axes, [str(law) for law in laws])
+        failed = table[column] > limit if column == "r_hat" else table[column] < limit
+        _dots(axes, table[column], table["law"].map(laws.index), failed | table[column].isna())
+        axes.axvline(limit, color=ALERT, linewidth=1.0, linestyle=(0, (3, 2)))
+        if column != "r_hat":
+            axes.set_xscale("log")
+            axes.set_xlim(0.7 * min(limit, table[column].min()), 1.4 * max(limit, table[column].max()))
+            plain_log(axes.xaxis)
+        else:
+            axes.set_xlim(0.999, max(1.013, 1.002 * float(table[column].max())))
+        axes.set_xlabel(f"{title} {'≤' if column == 'r_hat' else '≥'} {limit:g}")
+    return figure
+
+
+def _dots(axes: Axes, values: pd.Series, rows: pd.Series, failed: pd.Series) -> None:
+    for row, of_law in values.groupby(rows):
+        axes.hlines(row, of_law.min(), of_law.max(), color=MUTED, linewidth=0.8)
+    axes.plot(values[~failed], rows[~failed], "o", color=AVERAGE, markersize=4, alpha=0.6)
+    axes.plot(values[failed], rows[failed], "X", color=ALERT, markersize=6)
+
+
+#: Panels beside one another.
+_COLUMNS = 4
+
+
+@styled
+def predictive_check(table: pd.DataFrame, level: float) -> Figure:
+    """Draw predictive intervals of resonant amplitude, in per cent of the measured: a panel a sweep, a row a law.
+
+    Args:
+        table: ``law, sweep, median, low, high``; 100 is the measured amplitude. level: content of the intervals.
+    """
+    laws = [str(law) for law in table["law"].unique()]
+    sweeps = list(table["sweep"].unique())
+    columns = min(_COLUMNS, len(sweeps))
+    rows = -(-len(sweeps) // columns)
+    figure = Figure(figsize=(WIDTH, 0.5 + rows * (0.5 + 0.19 * len(laws))))
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes in panels[len(sweeps) :]:
+        axes.remove()
+    for axes, sweep in zip(panels, sweeps, strict=False):
+        of_sweep = table[table["sweep"] == sweep]
+        plain_rows(axes, laws)
+        axes.axvline(100.0, color=MEASURED, linewidth=1.2)
+        for law, median, low, high in of_sweep[["law", "median", "low", "high"]].itertuples(index=False):
+            row, colour = laws.index(str(law)), law_style(str(law)).colour
+            axes.plot([low, high], [row, row], color=colour, linewidth=2.0)
+            axes.plot(median, row, "o", color=colour, markersize=4.5, markeredgecolor="white")
+        axes.set_title(f"sweep {short(sweep)}")
+    figure.supxlabel(f"{100 * level:g} % predictive interval of resonant amplitude (% of the measured)", fontsize=8.5)
+    return figure

@@ -1,0 +1,232 @@
+"""Many bracketed roots at once.
+
+First-harmonic (Ritz, Klotter) steady states of M q'' + K q + g(q, q') = F sin(omega t), K = M omega_n^2 (sec. 4.2).
+
+With q = A sin(omega t - phi) the averages S, C of the force (`damping.forces.contract`) give
+
+    (K - M omega^2) A + S = F cos(phi),    C = F sin(phi),
+
+that is, F exp(i phi) = Z A with the complex stiffness Z = K - M omega^2 + (S + i C)/A. For pure damping these are
+Eqs 4.2.3 and 4.2.4 with G = C/(M omega_n^2 A); the printed residuals before them and the factor in 4.2.2 do not lead
+there (errata E421, E422). Every function takes numbers or arrays that broadcast, parameters of the force included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from damping.arrays import FloatArray, Floats
+from damping.forces.contract import Force, Sum
+
+#: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
+SMALL_STEP = 1e-8
+#: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
+MOST_STEPS = 200
+
+
+def bracketed_newton(
+    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Roots by Newton's method, bisecting wherever a step would leave the bracket; NaN where a bracket is NaN.
+
+    Args:
+        function: value and derivative at an array of the shape of ``low``; each value changes sign in its bracket.
+        low, high: ends of the brackets.
+    """
+    side = function(high)[0] >= 0.0
+    u = high
+    with np.errstate(all="ignore"):
+        for _ in range(MOST_STEPS):
+            value, derivative = function(u)
+            of_high = (value >= 0.0) == side
+            low, high = np.where(of_high, low, u), np.where(of_high, u, high)
+            newton = u - value / derivative
+            inside = (newton >= low) & (newton <= high)
+            previous, u = u, np.where(inside, newton, 0.5 * (low + high))
+            moving = (np.abs(u - previous) > SMALL_STEP) & (high - low > 1e-15 * np.abs(u))
+            if not np.any(moving):
+                break
+    return u
+
+
+def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Where the sign of ``function`` changes, by bisection to rounding."""
+    side = function(high) >= 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        of_high = (function(middle) >= 0.0) == side
+        low, high = np.where(of_high, low, middle), np.where(of_high, middle, high)
+    return 0.5 * (low + high)
+
+
+#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
+_FAR = 1e15
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """Amplitude of the displacement and its lag behind the force (rad, 0 to pi), arrays of one shape."""
+
+    amplitude: FloatArray
+    phase: FloatArray
+
+
+def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
+    """X = (K - M omega^2) A + S: the force in phase with displacement that the motion needs."""
+    return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
+
+
+def complex_stiffness(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> np.ndarray:
+    """Z = K - M omega^2 + (S + i C)/A, complex."""
+    return np.asarray((elastic(force, A, omega, M, omega_n) + 1j * force.quadrature(A, omega)) / A)
+
+
+def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
+    """F = |Z| A, the force amplitude that holds the amplitude A (Eq 4.2.4)."""
+    return np.asarray(np.hypot(elastic(force, A, omega, M, omega_n), force.quadrature(A, omega)))
+
+
+def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
+    """Phi = arg Z, 0 far below resonance and pi far above: Eq 4.2.3 with the quadrant kept."""
+    return np.asarray(np.arctan2(force.quadrature(A, omega), elastic(force, A, omega, M, omega_n)))
+
+
+def backbone(force: Force, A: Floats, M: Floats, omega_n: Floats) -> FloatArray:
+    """omega(A) at which the phase is pi/2: sqrt((K + S/A)/M); NaN where the joint stiffness is negative.
+
+    S of no force here depends on frequency, so it is taken at ``omega_n``.
+    """
+    squared = omega_n**2 + force.in_phase(A, omega_n) / (M * A)
+    return np.asarray(np.sqrt(np.where(squared > 0.0, squared, np.nan)))
+
+
+def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
+    """Amplitude at phase resonance under the force F: the solution of C(A, omega) = F (Eqs 4.1.7, 4.2.7, 4.3.9).
+
+    NaN where there is no resonance: friction holds (C >= F down to A = 0), or damping saturates and never reaches F
+    (friction or slip alone). Where a part of the force falls with amplitude (a negative coefficient), the smallest A
+    at which C rises through F, on a scan of 40 decades in steps of 0.25 in ln A.
+
+    Args:
+        force: damping force; its parameters may be arrays, such as posterior draws of shape (draws, 1).
+        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s.
+    """
+    shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
+    with np.errstate(all="ignore"):
+        exponents = force.energy_exponents
+        if exponents is not None:
+            return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
+        target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
+        low, high = _bracket(force, target, omega) if _grows(force, omega) else _scan(force, target, omega)
+
+        def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+            A = np.exp(u)
+            slope = force.slope(A, omega) / force.quadrature(A, omega)
+            return _excess(force, u, omega, target), np.broadcast_to(slope, shape)
+
+        return np.exp(bracketed_newton(excess, low, high))
+
+
+def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:
+    """Amplitude and frequency (rad/s) where both C(A, omega) = F and omega is on the backbone; NaN where there is none.
+
+    For pure damping the frequency is omega_n. Otherwise the two equations are solved in turn until the frequency
+    settles to rounding, as it does while the restoring force is a small share of K A.
+    """
+    omega = np.asarray(omega_n * np.ones(np.shape(F)), dtype=float)
+    for _ in range(MOST_STEPS):
+        amplitude = resonant_amplitude(force, F, omega)
+        previous, omega = omega, backbone(force, amplitude, M, omega_n)
+        if not np.any(np.abs(omega - previous) > 1e-15 * previous):
+            break
+    settled = np.abs(omega - previous) <= 1e-12 * previous
+    return np.where(settled, amplitude, np.nan), np.where(settled, omega, np.nan)
+
+
+def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Floats) -> SteadyState:
+    """The steady state where there is one only: linear spring and damping that does not fall with amplitude.
+
+    Newton's method in ln A on ln(|Z| A) = ln F, which is convex in ln A for sums of powers with coefficients >= 0, so
+    that it converges from any start. NaN where no steady state exists (friction holds, or no damping at resonance).
+    With a restoring force (slip, cubic stiffness) there may be several: use `damping.predict.branches`.
+    """
+    kappa = M * (omega_n**2 - omega**2)
+    static = np.asarray(F / (M * omega_n**2), dtype=float)
+    restoring = _restores(force)
+    with np.errstate(all="ignore"):
+        A = F / np.hypot(kappa, force.quadrature(static, omega) / static)
+        for _ in range(MOST_STEPS):
+            step = _newton_step(force, A, omega, kappa, F, restoring)
+            A = A * np.exp(-np.clip(step, -3.0, 3.0))
+            if not np.any(np.abs(step) > SMALL_STEP):
+                break
+        reached = np.abs(required_force(force, A, omega, M, omega_n) / F - 1.0) < 1e-9
+        A = np.where(reached, A, np.nan)
+        return SteadyState(amplitude=A, phase=phase_lag(force, A, omega, M, omega_n))
+
+
+def _newton_step(force: Force, A: FloatArray, omega: Floats, kappa: Floats, F: Floats, restoring: bool) -> FloatArray:
+    """h/h' of h = ln(|Z| A) - ln F in ln A."""
+    X = kappa * A
+    slope_X = X
+    if restoring:
+        X, slope_X = X + force.in_phase(A, omega), X + force.in_phase_slope(A, omega)
+    C = force.quadrature(A, omega)
+    squared = X * X + C * C
+    return np.asarray(0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * force.slope(A, omega)))
+
+
+def _restores(force: Force) -> bool:
+    """Whether some part has an in-phase average."""
+    if isinstance(force, Sum):
+        return any(_restores(part) for part in force.forces)
+    return type(force).in_phase is not Force.in_phase
+
+
+def _grows(force: Force, omega: Floats) -> bool:
+    """Whether no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes."""
+    if isinstance(force, Sum):
+        return all(_grows(part, omega) for part in force.forces)
+    return bool(np.all(np.asarray(force.slope(_FAR, omega)) >= 0.0))
+
+
+def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:
+    """Closed form where the energy is a A^m omega^n: A = (F/C(1, omega))^(1/(m - 1)); none for m <= 1."""
+    ratio = np.asarray(F / force.quadrature(1.0, omega))
+    power = np.asarray(m) - 1.0
+    return np.where((ratio > 0.0) & np.isfinite(ratio) & (power > 0.0), ratio ** (1.0 / power), np.nan)
+
+
+def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
+    """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
+    C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
+    return np.log(np.maximum(C, 0.0)) - target
+
+
+def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
+    """ln A below and above the root of a growing C, by steps that double, from A = 1; NaN where there is none."""
+    low, high = np.zeros(target.shape), np.zeros(target.shape)
+    for step in 2.0 ** np.arange(7):
+        below = _excess(force, low, omega, target) < 0.0
+        above = _excess(force, high, omega, target) >= 0.0
+        if np.all(below & above):
+            break
+        high, low = np.where(above, high, high + step), np.where(below, low, low - step)
+    found = (_excess(force, low, omega, target) < 0.0) & (_excess(force, high, omega, target) >= 0.0)
+    return np.where(found, low, np.nan), np.where(found, high, np.nan)
+
+
+def _scan(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
+    """ln A below and above the first rise of C through F; NaN where there is none."""
+    low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
+    below = np.zeros(target.shape, dtype=bool)
+    grid = np.arange(-46.0, 46.25, 0.25)
+    for before, u in zip(np.roll(grid, 1), grid, strict=True):
+        now_below = _excess(force, np.full(target.shape, u), omega, target) < 0.0
+        rises = below & ~now_below & np.isnan(low)
+        low[rises], high[rises] = before, u
+        below = now_below
+    return low, high

@@ -1,0 +1,230 @@
+"""What a record and a mode file may hold: column names, force and effect names, and the range of every number.
+
+TOML tables that know their file: each key is checked for name, type and range, and an error names its line.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from bisect import bisect_left
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from damping.errors import InputError
+from damping.records.text import DEFAULT_MAX_SIZE, decode, read_bytes, shortened
+
+if TYPE_CHECKING:
+    import pandera.pandas as pa
+
+#: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
+REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
+#: Columns of a record with a meaning that may be absent.
+OPTIONAL_COLUMNS = ("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
+#: Columns of a record that hold text.
+TEXT_COLUMNS = ("sweep",)
+#: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
+BLANK_COLUMNS = ("mass",)
+
+#: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
+SMALLEST, LARGEST = 1e-50, 1e50
+
+#: Least value of force parameters by name, and whether that value itself is allowed; of those not listed.
+PARAMETER_RANGES: dict[str, tuple[float, bool]] = {
+    "coefficient": (0.0, True),
+    "exponent": (0.0, False),
+    "stiffness": (0.0, True),
+    "limit": (0.0, False),
+}
+ANY_PARAMETER = (0.0, True)
+
+#: Names of effects (``selection/damping/gap/effects``): what a model file may carry in
+#: ``[effects.NAME]`` and what a gap may be called, in this order.
+EFFECT_NAMES: tuple[str, ...] = (
+    "viscous-coefficient",
+    "displacement",
+    "velocity-squared",
+    "displacement-velocity",
+    "quadratic-displacement",
+    "coulomb-friction",
+    "slip",
+    "stiffness-hardening",
+    "stiffness-softening",
+    "natural-frequency",
+    "planar-coupling",
+    "residual-modes",
+    "amplitude-scale",
+    "phase-lag",
+    "force-dropout",
+)
+
+
+def nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
+    """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
+
+
+def record_schema() -> pa.DataFrameSchema:
+    """Ranges of a record's columns; each check's ``error`` says what was expected.
+
+    Standard uncertainties may be zero: none is stated for that row. Empty cells (NaN) pass: whether a cell may be empty
+    is decided where the file is read.
+    """
+    import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    magnitude = pa.Check(
+        lambda values: (values <= 0.0) | values.between(SMALLEST, LARGEST),  # what is no number > 0 has its own check
+        error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
+    )
+
+    def positive(meaning: str, *, required: bool = False) -> pa.Column:
+        checks = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
+        return pa.Column(checks=checks, nullable=True, required=required)
+
+    def uncertainty() -> pa.Column:
+        checks = [pa.Check.ge(0.0, error="a standard uncertainty >= 0"), magnitude]
+        return pa.Column(checks=checks, nullable=True, required=False)
+
+    radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
+    return pa.DataFrameSchema(
+        {
+            "force": positive("a force amplitude", required=True),
+            "frequency": positive("a frequency in Hz", required=True),
+            "amplitude": positive("a displacement amplitude", required=True),
+            "phase": pa.Column(checks=radians, nullable=True, required=False),
+            "energy": positive("an energy per cycle"),
+            "mass": positive("a generalized mass"),
+            "amplitude_sd": uncertainty(),
+            "phase_sd": uncertainty(),
+            "force_sd": uncertainty(),
+        }
+    )
+
+
+#: Largest TOML file that is read, bytes (a mode takes less than one thousand).
+MAX_TOML_SIZE = 1_000_000
+
+_LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a key is looked for
+_PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
+
+
+def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> Table:
+    """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
+    content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)), path)
+    if broken is not None:
+        raise broken
+    content = content.replace("\r\n", "\n")
+    try:
+        return Table(tomllib.loads(content), (), str(path), content)
+    except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
+        raise _syntax_error(str(error), content, path) from None
+    except RecursionError:
+        raise InputError("not TOML: nested too deeply", file=path, expected="tables of a mode") from None
+
+
+def _syntax_error(reason: str, content: str, path: str | Path) -> InputError:
+    place = _PLACE.search(reason)
+    if place is None:
+        return InputError(f"not TOML: {reason}", file=path)
+    line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
+    return InputError(f"not TOML: {reason[: place.start()].strip()}", file=path, line=line, column=place[2])
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a TOML file: its ``values``, the keys that lead to it, and the text it was read from."""
+
+    values: dict[str, Any]
+    path: tuple[str, ...]
+    file: str
+    content: str
+
+    def only(self, *known: str) -> None:
+        """InputError for the first key that is not ``known``, naming the nearest one that is."""
+        for key in self.values:
+            if key not in known:
+                where = f" in [{'.'.join(self.path)}]" if self.path else ""
+                raise self._error(key, f"unknown key{where}", f"{nearest(key, known)} (nearest of {', '.join(known)})")
+
+    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> Table:
+        """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
+        if required and key not in self.values:
+            raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
+        value = self.values.get(key, {})
+        if not isinstance(value, dict):
+            raise self._error(key, f"is {_kind(value)}", expected)
+        return Table(value, (*self.path, key), self.file, self.content)
+
+    def text(self, key: str, *, default: str) -> str:
+        """The text under ``key``, or ``default``."""
+        value = self.values.get(key, default)
+        if not isinstance(value, str):
+            raise self._error(key, f"is {_kind(value)}", "a text in quotes")
+        return value
+
+    def number(
+        self, key: str, *, default: float | None = None, above: float = -math.inf, least: float = -math.inf
+    ) -> float:
+        """The finite number under ``key``, or ``default``; larger than ``above`` and not less than ``least``."""
+        value = self.values.get(key, default)
+        expected = f"a number > {above:g}" if above > -math.inf else f"a number >= {least:g}"
+        expected = "a finite number" if above == least else expected
+        if value is None:
+            raise InputError(
+                f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
+            )
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self._error(key, f"is {_kind(value)}", expected)
+        try:
+            number = float(value)
+        except OverflowError:  # an integer of more than 308 digits
+            number = math.inf
+        if not (math.isfinite(number) and number > above and number >= least):
+            raise self._error(key, f"is {number:g}", expected)
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            raise self._error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+        return number
+
+    def _error(self, key: str, message: str, expected: str) -> InputError:
+        line = line_of(self.content, (*self.path, key))
+        return InputError(message, file=self.file, line=line, column=shortened(key), expected=expected)
+
+    def _line(self) -> int | None:
+        return line_of(self.content, self.path) if self.path else None
+
+
+def line_of(content: str, path: tuple[str | int, ...]) -> int | None:
+    """Line of a TOML text on which the key at ``path`` is set: the first that, with all before it, sets the key.
+
+    A number in the path is a place in a list, from 0.
+    """
+    lines = content.split("\n")
+    line = bisect_left(range(len(lines)), True, key=lambda last: _sets(lines, last, path))
+    return line + 1 if line < len(lines) else None
+
+
+def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
+    """Whether the text up to line ``last``, and on to the end of a value that spans lines, sets the key at ``path``."""
+    for end in range(last + 1, min(len(lines), last + _LONGEST_VALUE) + 1):
+        try:
+            value: Any = tomllib.loads("\n".join(lines[:end]))
+        except ValueError:
+            continue
+        for key in path:
+            there = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+            if key not in there:
+                return False
+            value = value[key]
+        return True
+    return False
+
+
+def _kind(value: object) -> str:
+    """What a TOML value is, in words."""
+    kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
+    return kinds.get(type(value), "a date or time")

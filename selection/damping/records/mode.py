@@ -1,0 +1,176 @@
+"""A mode: what a simulation assumes of one vibration mode, read from and written to a TOML file."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from damping.arrays import RAD_S_PER_HZ
+from damping.forces import CATALOGUE, parameter_names
+from damping.records.keys import ANY_PARAMETER, EFFECT_NAMES, PARAMETER_RANGES, Table, read_toml
+from damping.records.text import DEFAULT_MAX_SIZE
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Relative standard uncertainty of what the simulation assumes."""
+
+    frequency: float = 0.001
+    mass: float = 0.02
+    viscous: float = 0.05
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Relative standard uncertainty of amplitude and frequency from sweep to sweep; None: to be estimated."""
+
+    amplitude: float | None = None
+    frequency: float | None = None
+
+
+@dataclass(frozen=True)
+class Units:
+    """Names of the units of the record and the mode; empty where none is named: one consistent system."""
+
+    force: str = ""
+    length: str = ""
+    time: str = ""
+
+    def __str__(self) -> str:
+        named = [f"{what} in {unit}" for what, unit in vars(self).items() if unit]
+        return ", ".join(named) if named else "one consistent system of units"
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One vibration mode as the simulation assumes it.
+
+    ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
+    mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
+    the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
+    parameters. ``source`` says where it is from, for messages.
+    """
+
+    name: str
+    frequency: float
+    mass: float
+    tolerance: Tolerance = Tolerance()
+    repeatability: Repeatability = Repeatability()
+    units: Units = Units()
+    damping: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    source: str = ""
+
+    @property
+    def omega_n(self) -> float:
+        """Undamped natural frequency, rad per unit of time: 2 pi times ``frequency``."""
+        return RAD_S_PER_HZ * self.frequency
+
+
+def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
+    """The mode in a TOML file, checked.
+
+    Raises InputError, naming file, line and key, for a file that cannot be read or is no TOML; a missing or unknown key
+    (the nearest known one is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
+    frequency or mass <= 0; a negative tolerance, repeatability, coefficient or stiffness; an exponent or slip limit
+    <= 0.
+    """
+    top = read_toml(path, max_size)
+    top.only("mode", "repeatability", "units", "damping", "effects")
+    mode = top.table("mode", required=True)
+    mode.only("name", "frequency", "mass", "tolerance")
+    units = top.table("units")
+    units.only("force", "length", "time")
+    return Mode(
+        name=mode.text("name", default=Path(path).stem),
+        frequency=mode.number("frequency", above=0.0),
+        mass=mode.number("mass", above=0.0),
+        tolerance=_tolerance(mode.table("tolerance")),
+        repeatability=_repeatability(top.table("repeatability")),
+        units=Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
+        damping=_damping(top.table("damping")),
+        effects=_effects(top.table("effects")),
+        source=str(path),
+    )
+
+
+def _tolerance(table: Table) -> Tolerance:
+    table.only("frequency", "mass", "viscous")
+    default = Tolerance()
+    return Tolerance(**{key: table.number(key, default=value, least=0.0) for key, value in vars(default).items()})
+
+
+def _repeatability(table: Table) -> Repeatability:
+    table.only("amplitude", "frequency")
+    return Repeatability(**{key: table.number(key, least=0.0) for key in table.values})
+
+
+def _damping(table: Table) -> dict[str, dict[str, float]]:
+    table.only(*CATALOGUE)
+    return {name: _force(table, name) for name in table.values}
+
+
+def _force(damping: Table, name: str) -> dict[str, float]:
+    """Parameters of one damping force; a bare number is its coefficient where it has nothing else."""
+    parameters = parameter_names(name)
+    if parameters == ("coefficient",) and not isinstance(damping.values[name], dict):
+        return {"coefficient": damping.number(name, least=0.0)}
+    force = damping.table(name, expected=f"{{{', '.join(f'{parameter} = ...' for parameter in parameters)}}}")
+    force.only(*parameters)
+    return {parameter: _parameter(force, parameter) for parameter in parameters}
+
+
+def _parameter(force: Table, parameter: str) -> float:
+    bound, included = PARAMETER_RANGES.get(parameter, ANY_PARAMETER)
+    return force.number(parameter, least=bound) if included else force.number(parameter, above=bound)
+
+
+def _effects(table: Table) -> dict[str, dict[str, float]]:
+    table.only(*EFFECT_NAMES)
+    effects = {name: table.table(name) for name in table.values}
+    return {name: {key: effect.number(key) for key in effect.values} for name, effect in effects.items()}
+
+
+def mode_to_toml(mode: Mode) -> str:
+    """The TOML file of a mode; reading it gives the same mode (but for ``source``), to the last digit."""
+    groups = {
+        "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass},
+        "mode.tolerance": vars(mode.tolerance),
+        "repeatability": {key: value for key, value in vars(mode.repeatability).items() if value is not None},
+        "units": {key: unit for key, unit in vars(mode.units).items() if unit},
+        "damping": {name: _inline(parameters) for name, parameters in mode.damping.items()},
+        **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
+    }
+    written = [_group(name, values) for name, values in groups.items() if values or name.startswith("effects.")]
+    return "\n".join(written)
+
+
+def _group(name: str, values: Mapping[str, Any]) -> str:
+    lines = [f"[{name}]", *(f"{_key(key)} = {_value(value)}" for key, value in values.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _inline(parameters: Mapping[str, float]) -> float | Mapping[str, float]:
+    """Parameters of a force as written: the bare coefficient where there is nothing else."""
+    return parameters["coefficient"] if set(parameters) == {"coefficient"} else parameters
+
+
+def _value(value: str | float | Mapping[str, float]) -> str:
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(key)} = {_value(number)}" for key, number in value.items()) + "}"
+    return repr(float(value))
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string: escapes are those of JSON, and the delete character is one more."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,230 @@
+"""Reading CSV tables and records: everything is checked before any work, and the first problem in file order is named.
+
+Nothing that is read is ever evaluated. A cell is a number, or it is text.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import IntArray
+from damping.errors import InputError
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, nearest, record_schema
+from damping.records.record import Record
+from damping.records.text import DEFAULT_MAX_SIZE, Cells, Rows, read_bytes, shortened, unguarded
+
+#: Most rows of a table and columns of its header.
+MOST_ROWS, MOST_COLUMNS = 250_000, 2000
+_BLOCK = 100_000  # cells that are looked at together
+
+
+def read_table(
+    path: str | Path,
+    *,
+    required: Iterable[str] = (),
+    text_columns: Iterable[str] = (),
+    max_size: int = DEFAULT_MAX_SIZE,
+) -> pd.DataFrame:
+    """The table of a CSV file (UTF-8, commas, one header row), rows in file order, index 0..n-1.
+
+    ``required`` columns must be there and, unless they are among ``text_columns``, hold a finite number in every cell.
+    Any other column becomes floats if all its cells are numbers and is otherwise kept as text; ``text_columns`` are
+    always text.
+
+    Raises InputError, naming file, line and column, for the first problem in file order: a file that is missing, a
+    folder, larger than ``max_size`` bytes, empty, not UTF-8 or without data rows; missing, doubled or nameless
+    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell where a number
+    belongs.
+    """
+    needed, text = tuple(required), tuple(text_columns)
+    columns = _Columns(required=needed, numbers=[name for name in needed if name not in text], text=text)
+    scan = _scan(path, columns, max_size)
+    scan.raise_first()
+    return scan.frame
+
+
+def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record:
+    """The record of a CSV file, checked.
+
+    Refused beside what ``read_table`` refuses: force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi
+    (degrees), a negative standard uncertainty (zero is allowed: none is stated for that row), numbers too large or
+    small to calculate with (magnitudes beyond 1e-50..1e50), an unlabelled sweep, and rows identical in every column. A
+    cell of ``mass`` may be empty: there the mode file's mass holds. Raises InputError.
+    """
+    numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
+    columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
+    scan = _scan(path, columns, max_size)
+    _find_out_of_range(scan)
+    _find_identical_rows(scan)
+    scan.raise_first()
+    return Record(scan.frame, str(path))
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Which columns must be there, hold numbers, hold text, and may have empty cells among their numbers."""
+
+    required: Sequence[str]
+    numbers: Collection[str]
+    text: Collection[str]
+    blank: Collection[str] = ()
+
+
+@dataclass
+class _Scan:
+    """What one pass over a file found: the table, the line on which each row starts, and problems by their place."""
+
+    file: str | Path
+    frame: pd.DataFrame
+    lines: IntArray
+    problems: list[tuple[int, int, InputError]] = field(default_factory=list)
+
+    def add(self, row: int, column: str | None, message: str, expected: str | None = None) -> None:
+        """Note a problem in a cell, or (``column`` None) with a row as a whole."""
+        line = int(self.lines[row])
+        position = -1 if column is None else list(self.frame.columns).index(column)
+        error = InputError(message, file=self.file, line=line, column=column, expected=expected)
+        self.problems.append((line, position, error))
+
+    def raise_first(self) -> None:
+        """Raise the first problem in file order, if there is one."""
+        if self.problems:
+            raise min(self.problems, key=lambda problem: problem[:2])[2]
+
+
+def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
+    """Read a table; problems with the file or its header are raised, those with rows are noted."""
+    rows = Rows(read_bytes(path, max_size), path)
+    header_line, header = next(rows, (1, []))
+    if not header:
+        raise rows.problem or InputError("the file is empty", file=path)
+    names = _names(header, header_line, path)
+    _require(columns.required, names, header_line, path)
+    growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
+    lines, problem = _data(rows, list(growing.values()), path)
+    if not len(lines):
+        raise problem or InputError("no data rows", file=path, expected="at least one row below the header")
+    scan = _Scan(path, pd.DataFrame(columns=names), lines)
+    if problem is not None:
+        scan.problems.append((problem.line or 0, -1, problem))
+    scan.frame = pd.DataFrame({name: _column(scan, name, growing.pop(name), columns) for name in names}, copy=False)
+    return scan
+
+
+def _names(header: list[str], line: int, file: str | Path) -> list[str]:
+    """Column names, stripped; each must be there and occur once."""
+    if len(header) > MOST_COLUMNS:
+        raise InputError(f"{len(header)} columns", file=file, line=line, expected=f"at most {MOST_COLUMNS}")
+    names = [unguarded(name.strip()) for name in header]
+    seen: set[str] = set()
+    for position, name in enumerate(names):
+        if not name:
+            raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
+        if name in seen:
+            raise InputError("occurs twice", file=file, line=line, column=shortened(name), expected="each column once")
+        seen.add(name)
+    return names
+
+
+def _require(required: Sequence[str], names: list[str], line: int, file: str | Path) -> None:
+    """InputError that names the required columns that are missing, if any are."""
+    missing = [name for name in required if name not in names]
+    if not missing:
+        return
+    alike = nearest(missing[0], names, likeness=0.6)
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        hint = " (the header is separated by semicolons or tabs)"
+    else:
+        hint = f" (is {shortened(alike)!r} meant?)" if alike else ""
+    message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
+    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
+
+
+def _data(rows: Rows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
+    """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
+
+    Cells go to their columns some thousand rows at a time.
+    """
+    lines = array("q")
+    block: list[list[str]] = []
+    problem = None
+    for line, row in rows:
+        if len(row) != len(growing):
+            message = f"{len(row)} cell{'s' if len(row) != 1 else ''} in the row"
+            problem = InputError(message, file=file, line=line, expected=f"{len(growing)} as in the header")
+            break
+        if len(lines) == MOST_ROWS:
+            problem = InputError(f"more than {MOST_ROWS} rows", file=file, line=line, expected="a smaller table")
+            break
+        lines.append(line)
+        block.append(row)
+        if len(block) * len(growing) >= _BLOCK:
+            _grow(growing, block)
+            block = []
+    _grow(growing, block)
+    return np.frombuffer(lines, dtype=np.int64) if lines else np.empty(0, np.int64), problem or rows.problem
+
+
+def _grow(growing: Sequence[Cells], block: list[list[str]]) -> None:
+    for column, cells in zip(growing, zip(*block, strict=True), strict=False):  # no block, nothing to add
+        column.add(cells)
+
+
+def _column(scan: _Scan, name: str, cells: Cells, columns: _Columns) -> pd.Series:
+    """One column as floats or as text; the first cell that does not hold what it should is noted."""
+    if name in columns.text:
+        text = cells.text()
+        if name in columns.required and "" in text:
+            scan.add(text.index(""), name, "empty cell", "text")
+        return pd.Series(text, dtype=object)
+    if name in columns.numbers:
+        bad = cells.bad
+        if name in columns.blank:
+            bad = [(row, cell) for row, cell in bad if cell.strip()]
+        if bad:
+            row, cell = bad[0]
+            scan.add(row, name, _wrong(cell), "a finite number")
+        return pd.Series(cells.numbers(), copy=False)
+    if cells.all_numbers:
+        return pd.Series(cells.numbers(), copy=False)
+    return pd.Series(cells.text(), dtype=object)
+
+
+def _wrong(cell: str) -> str:
+    text = cell.strip()
+    if not text:
+        return "empty cell"
+    try:
+        float(text)
+    except ValueError:
+        return f"{shortened(text)!r} is not a number"
+    return f"{shortened(text)!r} is not a finite number written with the digits 0-9"
+
+
+def _find_out_of_range(scan: _Scan) -> None:
+    """Note the first cell of each column outside the range that the record schema gives it."""
+    import pandera.errors  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    try:
+        record_schema().validate(scan.frame, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases
+        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
+            value = float(first["failure_case"])
+            scan.add(int(first["index"]), str(column), f"{value:g}", str(first["check"]))
+
+
+def _find_identical_rows(scan: _Scan) -> None:
+    """Note the first row that repeats an earlier one in every column."""
+    repeats = scan.frame.duplicated().to_numpy()
+    if repeats.any():
+        second = int(np.argmax(repeats))
+        first = int(np.argmax(scan.frame.iloc[: second + 1].duplicated(keep="last").to_numpy()))
+        message = f"identical in every column to line {int(scan.lines[first])}"
+        scan.add(second, None, message, "each measured state once")

@@ -1,0 +1,193 @@
+"""Energy per cycle of every row, and the phase resonance of every sweep.
+
+Both rest on the force per unit of displacement that a row measures, Z = F exp(i phase)/A. For first-harmonic averages
+S (in phase) and C (in quadrature) of the restoring and damping forces beyond the linear spring,
+
+    Z = K - M omega^2 + (S + i C)/A,    energy per cycle E = pi F A sin(phase) = pi A C,
+
+so Re Z = 0 at phase pi/2: phase resonance, where the force balances the damping alone (report, section 4.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from math import pi
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.errors import InputError
+from damping.records.record import Record
+
+#: Rows between the half-power points (|cot phase| <= 1) that make a fit of them better than two neighbours.
+ROWS_FOR_FIT = 5
+#: Two neighbours on either side of resonance are interpolated if one is within 60 degrees of it (|cot phase| <= 1.73).
+NEIGHBOUR = 3.0**0.5
+#: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
+SAME_AMPLITUDE = 0.1
+#: A phase offset needs at least so many rows on either side, and is not believed beyond 45 degrees.
+ROWS_ASIDE, LARGEST_OFFSET = 4, pi / 4
+_MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """Phase resonance of one sweep.
+
+    ``force``, ``frequency`` (Hz) and ``amplitude`` there; ``phase_offset`` (rad) is what was taken off the phases of
+    the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows) or ``peak``
+    (row of largest amplitude); ``row`` is the row of the record at or nearest to it.
+    """
+
+    sweep: str
+    force: float
+    frequency: float
+    amplitude: float
+    phase_offset: float
+    method: str
+    row: int
+
+
+def energy_per_cycle(record: Record) -> FloatArray:
+    """Energy input per cycle of each row (n,), in force times length.
+
+    The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may carry below 0; else, without
+    phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
+    one in a sweep of one) and NaN elsewhere.
+    """
+    if "energy" in record.table.columns:
+        return record.column("energy")
+    largest = pi * record.column("force") * record.column("amplitude")
+    if record.has_phase:
+        return largest * np.sin(record.column("phase"))
+    peaks = record.table.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
+    energy = np.full(len(record), np.nan)
+    energy[peaks] = largest[peaks]
+    return energy
+
+
+def resonances(record: Record) -> pd.DataFrame:
+    """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
+    rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
+    return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
+
+
+def resonance(record: Record, sweep: str) -> Resonance:
+    """Phase resonance of one sweep of a record. InputError if the record has no such sweep.
+
+    A constant phase offset is taken off first (``phase_offset``). Force, frequency and 1/Im Z at phase pi/2, Re Z = 0,
+    then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points. It is exact
+    for a linear mode under constant force or at constant amplitude, averages noise, and minds neither order, direction
+    nor repeated points. With fewer than ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact
+    for a linear mode under constant force; where the sweep jumps past resonance the nearer one decides. The amplitude
+    is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
+    """
+    table = record.table[record.table["sweep"] == sweep]
+    if table.empty:
+        raise InputError(f"no sweep {sweep!r}", file=record.source, expected=f"one of {', '.join(record.sweeps)}")
+    return _resonance(sweep, table)
+
+
+def _resonance(sweep: str, table: pd.DataFrame) -> Resonance:
+    """Phase resonance of the rows of one sweep, which keep their index in the record."""
+    rows = table.index.to_numpy(dtype=np.int64)
+    force, frequency, amplitude = (
+        table[name].to_numpy(dtype=np.float64) for name in ("force", "frequency", "amplitude")
+    )
+    offset = 0.0
+    if len(rows) > 1 and "phase" in table.columns:
+        phase = table["phase"].to_numpy(dtype=np.float64)
+        offset = phase_offset(force, frequency, amplitude, phase)
+        found = _at_resonance(force, frequency, amplitude, phase - offset)
+        if found is not None:
+            row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
+            return Resonance(sweep, *found, offset, "interpolated", row)
+    peak = int(np.argmax(amplitude))
+    method = "row" if len(rows) == 1 else "peak"
+    return Resonance(
+        sweep, float(force[peak]), float(frequency[peak]), float(amplitude[peak]), offset, method, int(rows[peak])
+    )
+
+
+def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> float:
+    """Constant offset of the phases of one sweep, rad; all arguments (n,), frequency in Hz, phase in rad.
+
+    Two rows of equal amplitude on either side of resonance have equal S and, with damping that depends on frequency
+    as viscous damping does, equal C/omega, whatever the dependence on amplitude. Their Y = F exp(i phase)/(A omega)
+    then differ by a real number, M (omega_2 - omega_1) (1 + omega_n^2/(omega_1 omega_2)), so the argument of the
+    difference is the offset. The result is the median over all pairs of rows on either side of the largest A/F,
+    weighted by likeness of amplitude and by the distance of the two Y relative to their size. Damping that grows with
+    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs.
+
+    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), or
+    where the result is beyond ``LARGEST_OFFSET``.
+    """
+    omega = RAD_S_PER_HZ * frequency
+    Y = force / (amplitude * omega) * np.exp(1j * phase)
+    top = frequency[np.argmax(amplitude / force)]
+    below, above = _thinned(np.flatnonzero(frequency < top)), _thinned(np.flatnonzero(frequency > top))
+    i, j = below[:, None], above[None, :]
+    distance = np.log(amplitude[i] / amplitude[j]) / SAME_AMPLITUDE
+    alike = np.abs(distance) < 1.0
+    if min(alike.any(axis=1).sum(), alike.any(axis=0).sum()) < ROWS_ASIDE:
+        return 0.0
+    difference = Y[i] - Y[j]
+    weight = np.exp(-0.5 * distance**2) * np.abs(difference) / (np.abs(Y[i]) + np.abs(Y[j]))
+    offset = _weighted_median(np.angle(difference).ravel(), weight.ravel())
+    return offset if abs(offset) <= LARGEST_OFFSET else 0.0
+
+
+def _thinned(rows: IntArray) -> IntArray:
+    """At most ``_MOST_ROWS_ASIDE`` of the rows, evenly chosen."""
+    if len(rows) <= _MOST_ROWS_ASIDE:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, _MOST_ROWS_ASIDE).astype(np.int64)]
+
+
+def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+def _at_resonance(
+    force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
+) -> tuple[float, float, float] | None:
+    """Force, frequency and amplitude where the phase (freed of its offset) passes pi/2; None where it does not."""
+    cosine, sine = np.cos(phase), np.sin(phase)
+    telling = sine > 1e-6  # no row of a driven mode, but noise carries phases beyond 0..pi
+    cosecant = np.divide(1.0, sine, out=np.full_like(sine, np.inf), where=telling)
+    cotangent = np.multiply(cosine, cosecant, out=np.full_like(sine, np.inf), where=telling)
+    columns = np.column_stack([force, frequency, amplitude / force * np.where(telling, cosecant, 0.0)])
+    near = np.abs(cotangent) <= 1.0
+    if near.sum() >= ROWS_FOR_FIT and cotangent[near].min() < 0.0 < cotangent[near].max():
+        F, f, compliance = _fitted(cotangent[near], cosecant[near], columns[near])
+    else:
+        nearest = np.where(
+            cosine[:-1] * cosine[1:] <= 0.0, np.minimum(*np.abs([cotangent[:-1], cotangent[1:]])), np.inf
+        )
+        i = int(np.argmin(nearest))
+        if nearest[i] > NEIGHBOUR:
+            return None
+        pair = slice(i, i + 2)
+        F, f, compliance = _interpolated(cosine[pair] * force[pair] / amplitude[pair], columns[pair], telling[pair])
+    if min(F, f, compliance) <= 0.0:  # noise alone
+        return None
+    return float(F), float(f), float(F * compliance)
+
+
+def _fitted(cotangent: FloatArray, cosecant: FloatArray, columns: FloatArray) -> FloatArray:
+    """Values of the columns (n, 3) at cot(phase) = 0; a line where repeated points allow no more."""
+    basis = np.column_stack([np.ones(len(columns)), cotangent, cosecant - 1.0])
+    values, _, rank, _ = np.linalg.lstsq(basis, columns)
+    return values[0] if rank == basis.shape[1] else np.linalg.lstsq(basis[:, :2], columns)[0][0]
+
+
+def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -> FloatArray:
+    """Values of two rows' columns (2, 3) where Re Z, ``spring`` (2,), is 0; 1/Im Z from the row that tells of it."""
+    step = spring[0] - spring[1]
+    at = columns[0] + (columns[1] - columns[0]) * (spring[0] / step if step else 0.5)
+    if not telling.all():
+        at[2] = columns[telling, 2][0]
+    return at

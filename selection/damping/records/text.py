@@ -1,0 +1,228 @@
+"""Files as text: bytes of bounded size, UTF-8, and the rows of a CSV file with the line on which each starts.
+
+A column of a CSV file while it is read: numbers as numbers, text as text, in a few times the memory of the file.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+
+#: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
+DEFAULT_MAX_SIZE = 200_000_000
+
+#: Longest row of a CSV file, characters.
+LONGEST_ROW = 1_000_000
+
+#: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+
+_EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet may execute begins with one of these
+_LINE_END = re.compile(rb"\r\n?|\n")
+_LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
+_TOGETHER = 65_536  # bytes that are decoded together, and on to the end of the line
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
+
+
+def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
+    """Contents of a file of at most ``max_size`` bytes. InputError if it cannot be read, is empty or is larger."""
+    try:
+        if not Path(path).is_dir() and Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
+            raise InputError("is no regular file", file=path, expected="a file")
+        with Path(path).open("rb") as stream:
+            data = stream.read(max_size + 1)
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder", file=path, expected="a file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
+    if len(data) > max_size:
+        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise InputError("the file is empty", file=path)
+    return data
+
+
+def decode(data: bytes, file: str | Path) -> tuple[str, InputError | None]:
+    """Text before the first line that is not UTF-8 text (a byte order mark is dropped), and what is wrong there."""
+    data = data.removeprefix(codecs.BOM_UTF8)
+    bad = data.find(b"\0") if b"\0" in data else len(data)
+    try:
+        text = data[:bad].decode()
+    except UnicodeDecodeError as error:
+        bad = error.start
+    if bad == len(data):
+        return text, None
+    ends = [match.end() for match in _LINE_END.finditer(data, 0, bad)]
+    start = ends[-1] if ends else 0
+    byte = "a NUL byte" if data[bad] == 0 else f"byte 0x{data[bad]:02x}"
+    hint = " (the file looks like UTF-16)" if data.startswith(_UTF16) else ""
+    message = f"{byte} at byte {bad - start + 1} of the line is not UTF-8 text{hint}"
+    return data[:start].decode(), InputError(message, file=file, line=len(ends) + 1, expected="text in UTF-8")
+
+
+def shortened(text: str, length: int = 30) -> str:
+    """``text``, cut to ``length`` characters for a message."""
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def guarded(text: str) -> str:
+    """``text`` with an apostrophe before it if a spreadsheet might execute it: if it begins with = + - @, tab or CR.
+
+    A plain number needs none. ``unguarded`` takes exactly that apostrophe off.
+    """
+    return f"'{text}" if text.lstrip("'").startswith(_EXECUTED) and not NUMBER.fullmatch(text) else text
+
+
+def unguarded(text: str) -> str:
+    """``text`` without the apostrophe that ``guarded`` put before it."""
+    return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_EXECUTED) else text
+
+
+class Rows:
+    """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
+
+    It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
+    ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row.
+    """
+
+    def __init__(self, data: bytes, file: str | Path) -> None:
+        self._data, self._file = data.removeprefix(codecs.BOM_UTF8), file
+        self._reader = csv.reader(self._lines(), strict=True)
+        self._broken: InputError | None = None
+        self._size = 0
+        self.problem: InputError | None = None
+
+    def __iter__(self) -> Iterator[tuple[int, list[str]]]:
+        return self
+
+    def __next__(self) -> tuple[int, list[str]]:
+        while True:
+            line = self._reader.line_num + 1
+            self._size = 0
+            try:
+                cells = next(self._reader)
+            except StopIteration:
+                self.problem = self._broken
+                raise
+            except csv.Error as error:
+                self.problem = self._unreadable(line, str(error))
+                raise StopIteration from None
+            if len(cells) > 1 or (cells and cells[0].strip()):
+                return line, cells
+
+    def _lines(self) -> Iterator[str]:
+        """Lines with their ends, up to the first that is no text or makes a row too long; ``_broken`` then says why."""
+        start, number = 0, 0
+        while start < len(self._data):
+            end = self._data.find(b"\n", start + _TOGETHER) + 1 or len(self._data)
+            text, broken = decode(self._data[start:end], self._file)
+            for match in _LINE.finditer(text):
+                number += 1
+                self._size += match.end() - match.start()
+                if self._size > LONGEST_ROW:
+                    message = f"a row of more than {LONGEST_ROW} characters"
+                    self._broken = InputError(message, file=self._file, line=number, expected="cells in rows")
+                    return
+                yield match[0]
+            if broken is not None:
+                line = number + 1
+                self._broken = InputError(broken.message, file=self._file, line=line, expected=broken.expected)
+                return
+            start = end
+
+    def _unreadable(self, line: int, reason: str) -> InputError:
+        if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
+            quote = InputError("a quote that is opened and never closed", file=self._file, line=line, expected='"..."')
+            return self._broken or quote
+        return InputError(f"not CSV: {reason}", file=self._file, line=line, expected="cells separated by commas")
+
+
+_CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
+_BETWEEN = "\0"  # is in no cell: a file that holds it is no text
+
+
+class Cells:
+    """Cells of one column, some thousand at a time.
+
+    ``is_text``: every cell is text. ``is_numbers``: every cell should be a number; ``bad`` are the first cells that are
+    none (or are not finite), as (row, cell). Else the column is of numbers if all its cells are, and its text is kept
+    until that is known.
+    """
+
+    def __init__(self, is_text: bool, is_numbers: bool) -> None:
+        self._is_text, self._is_numbers = is_text, is_numbers
+        self._floats: list[FloatArray] = []
+        self._joined: list[str] = []
+        self._labels: list[str] = []
+        self._known: dict[str, str] = {}
+        self._rows = 0
+        self.all_numbers = not is_text
+        self.bad: list[tuple[int, str]] = []
+
+    def add(self, cells: Sequence[str]) -> None:
+        """The cells of the next rows."""
+        if self._is_text:
+            self._labels += [self._once(unguarded(cell.strip())) for cell in cells]
+        elif self._is_numbers:
+            values = floats(cells)
+            for row in map(int, np.flatnonzero(~np.isfinite(values))):
+                if not self._noted(cells[row]):
+                    self.bad.append((self._rows + row, cells[row]))
+            self._floats.append(values)
+        else:
+            self._undecided(cells)
+        self._rows += len(cells)
+
+    def _noted(self, cell: str) -> bool:
+        """Whether a wrong cell like this one, blank or not, is noted already."""
+        return any(bool(noted.strip()) == bool(cell.strip()) for _, noted in self.bad)
+
+    def _undecided(self, cells: Sequence[str]) -> None:
+        self._joined.append(_BETWEEN.join(cells))
+        if self.all_numbers:
+            values = floats(cells) if not any(_CODE.match(cell) for cell in cells) else np.array([np.nan])
+            self.all_numbers = bool(np.isfinite(values).all())
+            self._floats.append(values)
+        if not self.all_numbers:
+            self._floats = []
+
+    def numbers(self) -> FloatArray:
+        """The column as floats (n,), NaN where there is no number."""
+        parts, self._floats, self._joined = self._floats, [], []
+        return np.concatenate(parts)
+
+    def text(self) -> list[str]:
+        """The column as text."""
+        for joined in self._joined:
+            self._labels += [self._once(unguarded(cell)) for cell in joined.split(_BETWEEN)]
+        self._joined = []
+        return self._labels
+
+    def _once(self, text: str) -> str:
+        """The same object for equal labels, as long as there are few."""
+        return self._known.setdefault(text, text) if len(self._known) < _FEW else self._known.get(text, text)
+
+
+_FEW = 10_000
+
+
+def floats(cells: Sequence[str]) -> FloatArray:
+    """Numbers in the cells (n,), NaN where there is none. Digits are 0-9, without grouping marks."""
+    joined = "".join(cells)
+    if joined.isascii() and "_" not in joined:
+        try:
+            return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
+        except ValueError:
+            pass  # a cell holds text: look at each
+    return np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)

@@ -1,0 +1,189 @@
+"""The columns of a table that terms and response stand for: as they are, by alias, or derived.
+
+Where a table has ``amplitude`` or ``frequency`` but no column ``A`` or ``omega``, those stand for ``amplitude`` and
+2 pi ``frequency``. A missing ``energy`` is the energy input per cycle, pi * force * amplitude * sin(phase).
+
+The transformed variables of a regression (report, Eqs. 5.2.2 and 5.2.3) and what is said of each before any fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
+from damping.errors import AnalysisError
+from damping.records.record import Record
+from damping.records.resonance import energy_per_cycle
+from damping.regression.terms import Term
+
+_ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The numbers that a regression needs.
+
+    ``numbers`` maps each name asked for to its column (n,); ``rows`` (n,) are the rows of the table used, from 0;
+    ``notes`` say what was derived or left out.
+    """
+
+    numbers: dict[str, FloatArray]
+    rows: IntArray
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def sources(name: str, available: Collection[str]) -> tuple[str, ...]:
+    """The table's columns that ``name`` is made of; ``name`` itself, missing, where nothing can make it.
+
+    A column whose name has blanks is found with or without them.
+    """
+    if name in available:
+        return (name,)
+    for column in available:
+        if "".join(column.split()) == "".join(name.split()):
+            return (column,)
+    if name in _ALIASES and _ALIASES[name][0] in available:
+        return (_ALIASES[name][0],)
+    if name == "energy" and {"force", "amplitude"} <= set(available):
+        return ("force", "amplitude", "sweep" if "sweep" in available and "phase" not in available else "phase")
+    return (name,)
+
+
+def required_columns(names: Iterable[str], available: Collection[str]) -> tuple[str, ...]:
+    """The table's columns that all of ``names`` are made of, each once."""
+    return tuple(dict.fromkeys(column for name in names for column in sources(name, available)))
+
+
+def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table") -> Columns:
+    """The columns that ``names`` stand for.
+
+    Args:
+        table: holds what ``required_columns`` names, as finite numbers (``sweep`` excepted).
+        names: of response and factors, each once.
+        source: of the table, for messages.
+
+    Without ``phase``, an energy that has to be derived is known at phase resonance only, where it is
+    pi * force * amplitude: each sweep's row of largest amplitude is used and the others are left out.
+
+    Raises:
+        AnalysisError: no row is left.
+    """
+    values: dict[str, FloatArray] = {}
+    notes: list[str] = []
+    for name in names:
+        found = sources(name, list(table.columns))
+        if len(found) == 1:
+            factor = 1.0 if found[0] == name or name not in _ALIASES else _ALIASES[name][1]
+            values[name] = factor * table[found[0]].to_numpy(dtype=np.float64)
+        else:
+            values[name] = energy_per_cycle(Record(table.reset_index(drop=True), source))
+            notes.append("energy = pi * force * amplitude" + (" * sin(phase)" if found[2] == "phase" else ""))
+    keep = np.all([np.isfinite(column) for column in values.values()], axis=0)
+    if not keep.any():
+        raise AnalysisError(f"{source}: no row has a value for every column")
+    if not keep.all():
+        notes.append(f"no phase: {int(keep.sum())} rows at phase resonance of {len(keep)} are used")
+    return Columns({name: column[keep] for name, column in values.items()}, np.flatnonzero(keep), tuple(notes))
+
+
+@dataclass(frozen=True)
+class Design:
+    """Transformed variables phi_k(Q_j) and response E(Q_j).
+
+    ``columns`` (n, k) one column a term; ``tails`` (n, k) what rounding to doubles took off them (0 where unknown);
+    ``observed`` (n,); ``names`` of the terms (k) and of the ``response``.
+    """
+
+    names: tuple[str, ...]
+    columns: FloatArray
+    tails: FloatArray
+    response: str
+    observed: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of observations (the report's m)."""
+        return len(self.observed)
+
+    @property
+    def k(self) -> int:
+        """Number of terms (the report's n)."""
+        return len(self.names)
+
+    def take(self, terms: Sequence[int] | IntArray) -> Design:
+        """The design with only these terms, in this order."""
+        chosen = np.asarray(terms, dtype=np.int64)
+        names = tuple(self.names[i] for i in chosen)
+        return Design(names, self.columns[:, chosen], self.tails[:, chosen], self.response, self.observed)
+
+
+def design_of(columns: Columns, response: str, terms: Sequence[Term]) -> Design:
+    """The design that terms make of a table's columns. AnalysisError if a term has no finite value somewhere."""
+    pairs = [term.values(columns.numbers.__getitem__, len(columns)) for term in terms]
+    heads, tails = (np.column_stack(parts) for parts in zip(*pairs, strict=True))
+    return Design(tuple(term.name for term in terms), heads, tails, response, columns.numbers[response])
+
+
+def design_of_arrays(
+    columns: FloatArray, observed: FloatArray, names: Sequence[str] = (), response: str = "response"
+) -> Design:
+    """The design of plain arrays, ``columns`` (n, k) and ``observed`` (n,).
+
+    Raises:
+        AnalysisError: shapes that do not fit or a number that is not finite.
+    """
+    columns, observed = np.asarray(columns, dtype=np.float64), np.asarray(observed, dtype=np.float64)
+    if columns.ndim != 2 or observed.shape != columns.shape[:1] or columns.size == 0:
+        raise AnalysisError(f"columns of shape {columns.shape} do not fit a response of shape {observed.shape}")
+    if not (np.isfinite(columns).all() and np.isfinite(observed).all()):
+        raise AnalysisError("columns and response must be finite")
+    names = tuple(names) or tuple(f"column {i + 1}" for i in range(columns.shape[1]))
+    return Design(names, columns, np.zeros_like(columns), response, observed)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """ "Sum", "Average value", "Standard Deviation" (with 1/m) and "Sum of Squares" of a variable (section 5.2)."""
+
+    name: str
+    sum: float
+    mean: float
+    standard_deviation: float
+    sum_of_squares: float
+
+
+def variables(design: Design) -> list[Variable]:
+    """The transformed variables, then the response."""
+    names = (*design.names, design.response)
+    return [_variable(name, values) for name, values in zip(names, [*design.columns.T, design.observed], strict=True)]
+
+
+def _variable(name: str, values: FloatArray) -> Variable:
+    with np.errstate(over="ignore"):
+        spread, squares = values.std(), np.sum(values**2)
+    return Variable(name, float(values.sum()), float(values.mean()), float(spread), float(squares))
+
+
+def correlations(design: Design) -> FloatArray:
+    """Correlation coefficients of all pairs of transformed variables and response (k+1, k+1), the response last.
+
+    NaN in row and column of a variable that does not vary.
+    """
+    values = np.column_stack([design.columns, design.observed])
+    centred = values - values.mean(axis=0)
+    largest = np.abs(values).max(axis=0)
+    norm = np.linalg.norm(centred, axis=0)
+    varies = norm > 8.0 * np.finfo(np.float64).eps * math.sqrt(len(values)) * largest  # else the mean's own rounding
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit = np.where(varies, centred / norm, np.nan)
+    result = np.clip(unit.T @ unit, -1.0, 1.0)
+    result[np.diag_indices_from(result)] = np.where(varies, 1.0, np.nan)
+    return np.asarray(result)

@@ -1,0 +1,204 @@
+"""The print-out of the regression program, in the order and with the headings of section 5.2 of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from damping.regression.fit import NAMES, Fit
+from damping.regression.program import Regression
+
+_MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
+
+
+def printout(result: Regression) -> str:
+    """All statistics of one curve on one table, as text that ends in a line end."""
+    parts = [_heading(result), _variables(result), _correlations(result), _one_term(result)]
+    if result.plane is not None:
+        parts.append(_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _coefficients(result.plane)))
+    selects = result.choice.method != "none" or result.choice.nonnegative
+    if selects:
+        parts.append(_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _coefficients(result.full)))
+        parts.append(_selection(result))
+    fit = result.selected.fit
+    parts.append(_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _coefficients(fit)))
+    parts.append(_section("TERMS IN DESCENDING ORDER OF T-RATIO", _by_t_ratio(fit)))
+    parts += [_goodness(result), _criteria(result), _bands(result), _deviations(result)]
+    if result.notes:
+        parts.append(_section("NOTES", [f"- {note}" for note in result.notes]))
+    return _shown("\n".join(parts))
+
+
+def comparison(results: Sequence[Regression]) -> str:
+    """One line a fit, where several curves or several data sets were asked for."""
+    rows = [
+        (
+            result.data,
+            " + ".join(result.selected.fit.names),
+            str(result.selected.fit.k),
+            *map(_number, (result.selected.fit.rms_error, result.deviations.average_absolute_percent)),
+            *map(_number, (_one(result, "bic"), _one(result, "loo"))),
+        )
+        for result in results
+    ]
+    header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
+    return _shown(_section("COMPARISON OF FITS", _table(header, rows, left=2)))
+
+
+def _shown(text: str) -> str:
+    """Control characters in names of the input are shown, not sent to the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
+def _one(result: Regression, criterion: str) -> float:
+    return float(result.selected.fit.criteria.score(criterion))
+
+
+def _number(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.6g}"
+
+
+def _section(title: str, lines: Iterable[str]) -> str:
+    return "\n".join([title, "-" * len(title), *lines, ""])
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """Aligned columns, the first ``left`` to the left."""
+    widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if i < left else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (header, *rows)
+    ]
+
+
+def _heading(result: Regression) -> str:
+    lines = [
+        f"{result.data or 'table'}, number of observations {result.design.n}",
+        f"{result.design.response} = " + " + ".join(f"a{i + 1} {name}" for i, name in enumerate(result.design.names)),
+    ]
+    return _section("MULTIVARIATE REGRESSION PROGRAM I", lines)
+
+
+def _variables(result: Regression) -> str:
+    header = ("variable", "sum", "average value", "standard deviation", "sum of squares")
+    rows = [(v.name, *map(_number, (v.sum, v.mean, v.standard_deviation, v.sum_of_squares))) for v in result.variables]
+    return _section("TRANSFORMED VARIABLES", _table(header, rows))
+
+
+def _correlations(result: Regression) -> str:
+    names = (*result.design.names, result.design.response)
+    rows = [
+        (name, *("-" if np.isnan(value) else f"{value:.5f}" for value in row[: i + 1]), *[""] * (len(names) - i - 1))
+        for i, (name, row) in enumerate(zip(names, result.correlations, strict=True))
+    ]
+    return _section("CORRELATION COEFFICIENTS", _table(("", *names), rows))
+
+
+def _one_term(result: Regression) -> str:
+    header = ("term", "coefficient", "T-ratio", "rms error", "R^2 about zero")
+    rows = [
+        (one.names[0], *map(_number, (one.coefficients[0], one.t_ratios[0], one.rms_error, one.r_squared)))
+        for one in result.one_term
+    ]
+    return _section("ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", _table(header, rows))
+
+
+def _coefficients(fit: Fit) -> list[str]:
+    header = ("term", "coefficient", "standard error", "T-ratio", "p-value")
+    columns = (fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
+    rows = [(name, *map(_number, row)) for name, *row in zip(fit.names, *columns, strict=True)]
+    held = [] if fit.active.all() else ["A coefficient of 0 without standard error is held there: coefficients >= 0."]
+    return [*_table(header, rows), *held, f"Scaled condition number {fit.condition_number:.4g}"]
+
+
+def _by_t_ratio(fit: Fit) -> list[str]:
+    order = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
+    return _table(("term", "T-ratio"), [(fit.names[i], _number(fit.t_ratios[i])) for i in order])
+
+
+def _selection(result: Regression) -> str:
+    choice = result.choice
+    by = NAMES[choice.criterion] if choice.t_stop is None else f"|T| = {choice.t_stop:g}"
+    title = f"SELECTION: {choice.method}" + ("" if choice.method == "none" else f", by {by}")
+    title += ", coefficients >= 0" if choice.nonnegative else ""
+    lines = [f"{step.action:5s}  {step.term:14s}  {step.reason}" for step in result.selected.steps]
+    return _section(title, [*lines, *_models(result)])
+
+
+def _models(result: Regression, most: int = 20) -> list[str]:
+    """The best subsets, where all were searched."""
+    models = result.selected.models
+    if models is None:
+        return []
+    score = models.scores(result.choice.criterion) * (-1.0 if result.choice.criterion == "adjusted-r2" else 1.0)
+    rows = [
+        (" + ".join(models.label(i)), str(models.sizes[i]), *map(_number, (score[i], models.rms_errors[i])))
+        for i in range(min(most, len(models)))
+    ]
+    return ["", *_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows)]
+
+
+def _goodness(result: Regression) -> str:
+    sums, fit, deviations = result.sums, result.selected.fit, result.deviations
+    table = _table(
+        ("", "fitted E", "observed E", "E fitted - observed"),
+        [
+            ("sum", *map(_number, (sums.fitted, sums.observed, sums.difference))),
+            ("sum of squares", *map(_number, (sums.fitted_squared, sums.observed_squared, sums.difference_squared))),
+        ],
+    )
+    rows = [
+        ("a) root-mean-square error", fit.rms_error),
+        ("b) average absolute deviation", deviations.average_absolute),
+        ("c) average absolute per cent of deviation", deviations.average_absolute_percent),
+        ("d) standard error of the regression", fit.standard_error),
+        ("e) largest absolute deviation", deviations.largest_absolute),
+        ("f) largest absolute per cent of deviation", deviations.largest_absolute_percent),
+        ("g) square of the correlation coefficient", fit.correlation**2),
+        ("h) correlation coefficient, fitted against observed", fit.correlation),
+        ("   R^2 about zero, 1 - SSE/sum y^2", fit.r_squared),
+        ("   R^2 about the mean, 1 - SSE/sum (y - mean)^2", fit.r_squared_centred),
+    ]
+    return _section("GOODNESS OF FIT", [*table, "", *_table(("", ""), [(k, _number(v)) for k, v in rows])[1:]])
+
+
+def _criteria(result: Regression) -> str:
+    values = result.selected.fit.criteria
+    rows = [
+        ("AIC", values.aic),
+        ("AICc", values.aicc),
+        ("BIC", values.bic),
+        ("adjusted R^2 about zero", values.adjusted_r_squared),
+        ("leave-one-out error", values.leave_one_out_error),
+    ]
+    return _section("CRITERIA", _table(("", ""), [(name, _number(float(value))) for name, value in rows])[1:])
+
+
+def _bands(result: Regression) -> str:
+    rows = [
+        (
+            f"{band.low:g} to {band.high:g}" if np.isfinite(band.high) else f"{band.low:g} and more",
+            str(band.number),
+            f"{band.percent:.1f}",
+        )
+        for band in result.bands
+    ]
+    header = ("i) |per cent deviation|", "observations", "per cent of them")
+    return _section("OBSERVATIONS BY PER CENT OF DEVIATION", _table(header, rows))
+
+
+def _deviations(result: Regression) -> str:
+    d = result.deviations
+    columns = (d.observed, d.fitted, d.deviation)
+    rows = [
+        (str(row + 1), *map(_number, values), "-" if np.isnan(percent) else f"{percent:.3f}")
+        for row, percent, *values in zip(result.rows[:_MOST_ROWS], d.percent, *columns, strict=False)
+    ]
+    left_out = len(d.observed) - len(rows)
+    more = [f"and {left_out} more"] if left_out else []
+    header = ("row", "observed", "fitted", "deviation", "per cent")
+    return _section("DEVIATIONS (observed - fitted)", [*_table(header, rows), *more])

@@ -1,0 +1,196 @@
+"""Deviations of a fit and what the SHARE program prints of them (report, section 5.2, items a to i).
+
+The "Multivariate Regression Program I" (SHARE SDA 3104) of the report's section 5.2, for one curve on one table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from damping.arrays import FloatArray, IntArray
+from damping.errors import AnalysisError
+from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
+from damping.regression.fit import Fit, fit, one_term_fits
+from damping.regression.selecting import Choice, Selected, select
+from damping.regression.terms import CONSTANT, Term, columns_of, parse_term
+
+#: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
+BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Deviation = observed - fitted; percent = 100 deviation/observed, NaN where observed is 0; all (n,)."""
+
+    observed: FloatArray
+    fitted: FloatArray
+    deviation: FloatArray
+    percent: FloatArray
+
+    @property
+    def average_absolute(self) -> float:
+        """Mean of |deviation|."""
+        return float(np.abs(self.deviation).mean())
+
+    @property
+    def average_absolute_percent(self) -> float:
+        """Mean of |percent| over observations other than 0; NaN if there are none."""
+        return _over(np.mean, self.percent)
+
+    @property
+    def largest_absolute(self) -> float:
+        """Largest |deviation|."""
+        return float(np.abs(self.deviation).max())
+
+    @property
+    def largest_absolute_percent(self) -> float:
+        """Largest |percent| over observations other than 0; NaN if there are none."""
+        return _over(np.max, self.percent)
+
+
+def _over(statistic: Callable[[FloatArray], np.floating], percent: FloatArray) -> float:
+    known = np.abs(percent[~np.isnan(percent)])
+    return float(statistic(known)) if len(known) else np.nan
+
+
+def deviations_of(fit: Fit) -> Deviations:
+    """The deviations of a fit."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        percent = np.where(fit.observed == 0.0, np.nan, 100.0 * fit.deviations / fit.observed)
+    return Deviations(fit.observed, fit.fitted, fit.deviations, percent)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Observations with low <= |percent deviation| < high: how many, and how many per cent of all."""
+
+    low: float
+    high: float
+    number: int
+    percent: float
+
+
+def breakdown(deviations: Deviations, ends: tuple[float, ...] = BANDS) -> list[Band]:
+    """The observations broken down by number and by percent, per band of percent deviation (item i).
+
+    The last band is open; observations of 0, which have no percent, are in none.
+    """
+    edges = (0.0, *ends, np.inf)
+    size = np.abs(deviations.percent)
+    numbers = [int(((size >= low) & (size < high)).sum()) for low, high in pairwise(edges)]
+    rows = zip(pairwise(edges), numbers, strict=True)
+    return [Band(low, high, number, 100.0 * number / len(size)) for (low, high), number in rows]
+
+
+@dataclass(frozen=True)
+class Sums:
+    """The "goodness-of-fit" sums of fitted E, observed E-bar and E - E-bar, and of their squares."""
+
+    fitted: float
+    observed: float
+    difference: float
+    fitted_squared: float
+    observed_squared: float
+    difference_squared: float
+
+
+def goodness_of_fit(fit: Fit) -> Sums:
+    """The sums over all observations. The difference is the report's fitted - observed: minus the deviation."""
+    columns = (fit.fitted, fit.observed, -fit.deviations)
+    with np.errstate(over="ignore"):
+        return Sums(*(float(c.sum()) for c in columns), *(float(c @ c) for c in columns))
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Everything the program says of one curve on one table.
+
+    ``design`` holds all terms; ``variables`` and ``correlations`` (k+1, k+1) describe them and the response (last);
+    ``one_term`` their one-term fits, most significant first; ``full`` the fit of all terms without constraint;
+    ``plane`` the fit of a constant and the independent variables as they are, None where they determine none;
+    ``selected`` what selection left, to which ``deviations``, ``sums`` and ``bands`` belong; ``rows`` (n,) the rows of
+    the table used, from 0; ``independent`` the independent variables by name; ``notes`` say what is unusual.
+    """
+
+    data: str
+    choice: Choice
+    design: Design
+    rows: IntArray
+    independent: dict[str, FloatArray]
+    variables: list[Variable]
+    correlations: FloatArray
+    one_term: list[Fit]
+    full: Fit
+    plane: Fit | None
+    selected: Selected
+    deviations: Deviations
+    sums: Sums
+    bands: list[Band]
+    notes: tuple[str, ...]
+
+
+def regression(columns: Columns, response: str, terms: Sequence[Term], choice: Choice, data: str = "") -> Regression:
+    """Run the program on the columns of a table.
+
+    Args:
+        columns: of the response and of everything the terms need.
+        response: name of the dependent column.
+        terms: the transformations.
+        choice: how terms are selected.
+        data: name of the table, for the print-out.
+
+    Raises:
+        AnalysisError: a term without a value, or a numerically rank-deficient design (the columns are named).
+    """
+    design = design_of(columns, response, terms)
+    full = fit(design)
+    selected = select(design, choice)
+    deviations = deviations_of(selected.fit)
+    independent = {name: columns.numbers[name] for name in columns_of(terms)}
+    plane, why_not = _plane(columns, response, tuple(independent))
+    return Regression(
+        data=data,
+        choice=choice,
+        design=design,
+        rows=columns.rows,
+        independent=independent,
+        variables=variables(design),
+        correlations=correlations(design),
+        one_term=one_term_fits(design),
+        full=full,
+        plane=plane,
+        selected=selected,
+        deviations=deviations,
+        sums=goodness_of_fit(selected.fit),
+        bands=breakdown(deviations),
+        notes=(*columns.notes, *why_not, *_cautions(selected.fit)),
+    )
+
+
+def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tuple[Fit | None, tuple[str, ...]]:
+    """The plane, or why there is none."""
+    terms = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
+    try:
+        return fit(design_of(columns, response, terms)), ()
+    except AnalysisError as error:
+        return None, (f"no plane: {error}",)
+
+
+def _cautions(found: Fit) -> tuple[str, ...]:
+    """What a reader of the coefficients must know."""
+    cautions = []
+    if found.n == found.k:
+        cautions.append("as many terms as observations: the fit is exact and says nothing of errors")
+    if found.condition_number > 1e4:
+        digits = int(np.log10(found.condition_number))
+        cautions.append(
+            f"nearly dependent terms: the scaled condition number {found.condition_number:.2g} magnifies errors of the"
+            f" data by up to {digits} powers of ten, whatever the fit's own accuracy"
+        )
+    if not found.active.all():
+        cautions.append("statistics take the terms that are not held at 0 as given")
+    return tuple(cautions)

@@ -1,0 +1,298 @@
+"""Every subset of the terms at once: the best of all 2^k - 1 models, not of those that a search happens to pass.
+
+The design is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is
+subset S with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through
+the terms j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients,
+standard errors, deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from scipy import stats
+
+from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.errors import AnalysisError
+from damping.regression.decomposition import Basis, decompose
+from damping.regression.design import Design
+from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, leave_one_out
+
+#: So many terms and no more are searched (2^22 models take a minute).
+MOST_TERMS = 22
+_ONE_THREAD = 2**18  # multiplications
+_BLOCK, _BLOCK_SIZE = 9, 2e6  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+
+
+@dataclass(frozen=True)
+class Subsets:
+    """Models m of one response, each a subset of the terms.
+
+    ``members`` (m, k) which terms; ``coefficients`` (m, k), 0 for terms left out; ``unit_errors`` (m, k) standard
+    errors of the coefficients for deviations of variance 1; ``sse`` and ``press`` (m,) sums of squared deviations and
+    leave-one-out errors; ``observed`` (n,); ``names`` (k).
+    """
+
+    names: tuple[str, ...]
+    observed: FloatArray
+    members: BoolArray
+    coefficients: FloatArray
+    unit_errors: FloatArray
+    sse: FloatArray
+    press: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.sse)
+
+    @property
+    def sizes(self) -> IntArray:
+        """Numbers of terms (m,)."""
+        return np.asarray(self.members.sum(axis=1))
+
+    @cached_property
+    def standard_errors(self) -> FloatArray:
+        """Standard errors of the regressions, sqrt(SSE/(n - k)) (m,); NaN without degrees of freedom."""
+        freedom = len(self.observed) - self.sizes
+        return np.sqrt(self.sse / np.where(freedom > 0, freedom, np.nan))
+
+    @cached_property
+    def std_errors(self) -> FloatArray:
+        """Standard errors of the coefficients (m, k)."""
+        return self.unit_errors * self.standard_errors[:, None]
+
+    @cached_property
+    def t_ratios(self) -> FloatArray:
+        """T-ratios (m, k), NaN for terms left out."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.coefficients / self.std_errors
+
+    @cached_property
+    def p_values(self) -> FloatArray:
+        """Two-sided p-values of the T-ratios (m, k)."""
+        freedom = np.maximum(len(self.observed) - self.sizes, 1)
+        return np.asarray(2.0 * stats.t.sf(np.abs(self.t_ratios), freedom[:, None]))
+
+    @cached_property
+    def criteria(self) -> Criteria:
+        """AIC, AICc, BIC, adjusted R^2, leave-one-out error (m,)."""
+        return criteria(self.sse, self.press, self.sizes, self.observed)
+
+    def scores(self, criterion: str) -> FloatArray:
+        """The named criterion as scores (m,), lower is better; NaN where a model has none."""
+        return np.asarray(self.criteria.score(criterion))
+
+    @property
+    def rms_errors(self) -> FloatArray:
+        """sqrt(SSE/n) (m,)."""
+        return np.sqrt(self.sse / len(self.observed))
+
+    @property
+    def r_squared(self) -> FloatArray:
+        """1 - SSE/sum y^2, about zero (m,)."""
+        return 1.0 - self.sse / (self.observed @ self.observed)
+
+    def take(self, models: IntArray | BoolArray) -> Subsets:
+        """Some of the models, in the order given."""
+        return replace(
+            self,
+            members=self.members[models],
+            coefficients=self.coefficients[models],
+            unit_errors=self.unit_errors[models],
+            sse=self.sse[models],
+            press=self.press[models],
+        )
+
+    def label(self, model: int) -> tuple[str, ...]:
+        """Names of the terms of one model."""
+        return tuple(name for name, member in zip(self.names, self.members[model], strict=True) if member)
+
+
+def all_subsets(design: Design, basis: Basis | None = None) -> Subsets:
+    """All 2^k - 1 subsets with their statistics.
+
+    Raises:
+        AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
+    """
+    return joined(list(subset_blocks(design, decompose(design) if basis is None else basis)))
+
+
+def subset_blocks(design: Design, basis: Basis, leverages: bool = True) -> Iterator[Subsets]:
+    """All subsets, each once, some hundreds at a time, so that many terms or observations need little memory.
+
+    Without ``leverages`` their leave-one-out errors are NaN, and it is twice as fast.
+    """
+    if design.k > MOST_TERMS:
+        raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
+    doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
+    root = _empty_set(design, basis, leverages)
+    for i, block in enumerate(_blocks(root, basis, range(design.k), doublings)):
+        yield _finished(block, design, basis, drop=int(i == 0))
+
+
+def joined(parts: list[Subsets]) -> Subsets:
+    """One list of models from several of the same response."""
+    if len(parts) == 1:
+        return parts[0]
+    return replace(
+        parts[0],
+        members=np.concatenate([part.members for part in parts]),
+        coefficients=np.concatenate([part.coefficients for part in parts]),
+        unit_errors=np.concatenate([part.unit_errors for part in parts]),
+        sse=np.concatenate([part.sse for part in parts]),
+        press=np.concatenate([part.press for part in parts]),
+    )
+
+
+def best_subsets(
+    design: Design, criterion: str = "bic", *, nonnegative: bool = False, per_size: int = 10, basis: Basis | None = None
+) -> Subsets:
+    """The ``per_size`` best subsets of each size, best first over all sizes.
+
+    Args:
+        design: terms and response.
+        criterion: a name of ``criteria.NAMES``; models without a value of it are left out.
+        nonnegative: only models with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the
+            terms that it does not hold at 0, fitted freely.
+        per_size: how many of each size.
+        basis: of the design, where it is at hand.
+
+    Raises:
+        InputError: an unknown criterion.
+        AnalysisError: a rank-deficient design, too many terms, or no model that qualifies.
+    """
+    check_criterion(criterion)
+    basis = decompose(design) if basis is None else basis
+    best: list[Subsets] = []
+    for block in subset_blocks(design, basis, leverages=criterion == "loo"):
+        best = [_best_of_sizes(joined([*best, _qualified(block, criterion, nonnegative)]), criterion, per_size)]
+    if not len(best[0]):
+        sought = f"a {NAMES[criterion]}" + (" and every coefficient > 0" if nonnegative else "")
+        raise AnalysisError(f"no subset of the terms has {sought}")
+    return best[0] if criterion == "loo" else _with_press(best[0], design, basis)
+
+
+def _qualified(models: Subsets, criterion: str, nonnegative: bool) -> Subsets:
+    keep = np.isfinite(models.scores(criterion))
+    if nonnegative:
+        keep &= ((models.coefficients > 0.0) == models.members).all(axis=1)
+    return models.take(keep)
+
+
+def _best_of_sizes(models: Subsets, criterion: str, per_size: int) -> Subsets:
+    order = np.argsort(models.scores(criterion), kind="stable")
+    sizes = models.sizes[order]
+    kept = [order[sizes == size][:per_size] for size in range(1, len(models.names) + 1)]
+    chosen = np.concatenate(kept)
+    return models.take(chosen[np.argsort(models.scores(criterion)[chosen], kind="stable")])
+
+
+#: Subsets m while they grow: ``directions`` (m, slot, k) orthonormal, in the coordinates of the basis, a slot a term
+#: and zero for terms left out; ``inverse`` (m, k, slot) of their triangular factors; ``coefficients`` and unit
+#: ``variances`` (m, k) on scaled columns; ``rest`` (m, k) of the response across the directions, in the coordinates of
+#: the basis; ``leverages`` (m, n); ``members`` (m, k), 1 or 0.
+_State: TypeAlias = tuple[FloatArray, ...]
+
+
+def _empty_set(design: Design, basis: Basis, leverages: bool) -> _State:
+    k = design.k
+    square, row = np.zeros((1, k, k)), np.zeros((1, k))
+    rest = (design.observed @ basis.orthonormal)[None]
+    return square, square, row, row, rest, np.zeros((1, design.n if leverages else 0)), row
+
+
+def _blocks(root: _State, basis: Basis, terms: range, doublings: int) -> Iterator[_State]:
+    """The subsets that add some of ``terms`` to the one of ``root``, at most 2^doublings at a time."""
+    if len(terms) <= doublings:
+        yield _grown(root, basis, terms)
+        return
+    without_and_with = _grown(root, basis, terms[:1])
+    for i in (0, 1):
+        yield from _blocks(tuple(part[i : i + 1] for part in without_and_with), basis, terms[1:], doublings)
+
+
+def _grown(root: _State, basis: Basis, terms: range) -> _State:
+    """The 2^len(terms) subsets that add some of ``terms`` to the one of ``root``."""
+    grown = tuple(np.zeros((2 ** len(terms), *part.shape[1:])) for part in root)
+    for whole, part in zip(grown, root, strict=True):
+        whole[:1] = part
+    for doubling, j in enumerate(terms):
+        _add(grown, 2**doubling, j, basis)
+    return grown
+
+
+def _add(state: _State, m: int, j: int, basis: Basis) -> None:
+    """Fill subsets m..2m-1: the first m with term j added (their terms so far are all before j)."""
+    directions, inverse, coefficients, variances, rest, leverages, members = state
+    old, new, upto = slice(0, m), slice(m, 2 * m), slice(0, j + 1)
+    along, across = _project(directions[old, :j, :j], basis.factor[:j, j])
+    length = np.sqrt(np.einsum("mk,mk->m", across, across) + basis.factor[j, j] ** 2)[:, None]
+    direction = np.empty((m, j + 1))
+    direction[:, :j], direction[:, j] = across, basis.factor[j, j]
+    direction /= length
+    last = np.ones((m, j + 1))  # of the inverse, its new column
+    last[:, :j] = np.matmul(inverse[old, :j, :j], along[:, :, None])[:, :, 0]
+    last[:, :j] *= -1.0
+    last /= length
+    amount = np.einsum("mk,mk->m", direction, rest[old, upto])[:, None]
+    for part in (directions, inverse, coefficients, variances, rest, members):
+        part[new] = part[old]
+    directions[new, j, upto] = direction
+    inverse[new, upto, j] = last
+    coefficients[new, upto] += last * amount
+    variances[new, upto] += last**2
+    rest[new, upto] -= direction * amount
+    if leverages.size:
+        added = _times(direction, basis.orthonormal[:, upto].T)
+        np.add(leverages[old], np.square(added, out=added), out=leverages[new])
+    members[new, j] = 1.0
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a @ b in pieces that BLAS does not share among threads: on a busy machine waking those takes far longer."""
+    rows = max(_ONE_THREAD // b.size, 1)
+    if len(a) <= rows:
+        return a @ b
+    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
+
+
+def _project(directions: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A column (k,) along orthonormal directions (m, slot, k), and the rest of it across them (m, k).
+
+    Twice, since what is left of a nearly dependent column still has rounding along the directions.
+    """
+    along = directions @ column
+    across = column - np.matmul(along[:, None, :], directions)[:, 0]
+    again = np.matmul(directions, across[:, :, None])[:, :, 0]
+    return along + again, across - np.matmul(again[:, None, :], directions)[:, 0]
+
+
+def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets:
+    """The models of a state without the first ``drop`` (the empty set), coefficients on columns as they are."""
+    _, _, coefficients, variances, rest, leverages, members = (part[drop:] for part in state)
+    beyond = design.observed - basis.orthonormal @ (design.observed @ basis.orthonormal)  # no subset reaches it
+    none = np.full(len(rest), np.nan)
+    press = leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages) if leverages.size else none
+    return Subsets(
+        names=design.names,
+        observed=design.observed,
+        members=members > 0.0,
+        coefficients=coefficients / basis.scale,
+        unit_errors=np.sqrt(variances) / basis.scale,
+        sse=np.einsum("mk,mk->m", rest, rest) + beyond @ beyond,
+        press=np.asarray(press),
+    )
+
+
+def _with_press(models: Subsets, design: Design, basis: Basis) -> Subsets:
+    """Models that were made without leverages, with their leave-one-out errors."""
+    press = np.empty(len(models))
+    for i, members in enumerate(models.members):
+        within = np.linalg.qr(basis.factor[:, members])[0]
+        directions = basis.orthonormal @ within
+        deviations = design.observed - directions @ (design.observed @ directions)
+        press[i] = leave_one_out(deviations, np.einsum("nk,nk->n", directions, directions))
+    return replace(models, press=press)

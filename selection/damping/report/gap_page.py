@@ -1,0 +1,281 @@
+"""What an engineer would say of a gap: sentences from a diagnosis.
+
+The report of a gap diagnosis: one self-contained page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+
+from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
+from damping.gap.diagnose import Diagnosis
+from damping.gap.effects import CATALOGUE
+from damping.plots.style import to_svg
+from damping.report.gap_figures import GapFigure, gap_figures
+from damping.report.page import Block, Callout, Facts, FigureBlock, Fold, Footer, List, Section, Table, Text, page
+from damping.report.words import NOTHING, joined, number, percent, share
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """One sentence: what it is, how sure, and whether it is all."""
+    gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
+    if not leading.effects:
+        if outside(diagnosis):
+            return f"Nothing in the library explains how the test differs; {_likeliest(diagnosis)} would."
+        if diagnosis.unexplained:
+            return (
+                f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
+                "nothing in the library explains it."
+            )
+        return (
+            "The simulation, with its parameters free within their tolerance, already fits the test to its noise "
+            f"({number(gap.before)} sigma)."
+        )
+    size = f"{number(gap.before)} sigma" if gap.shrinkage is not None else "hardly more than noise"
+    effects = joined(_sentence(name) for name in leading.effects)
+    said = (
+        f"The test differs from the refitted simulation by {size}: {effects} (probability {share(leading.probability)})"
+    )
+    return said + (", but that is not all." if diagnosis.unexplained else ".")
+
+
+def _likeliest(diagnosis: Diagnosis) -> str:
+    return max(diagnosis.strangers, key=lambda one: one.log_odds).name
+
+
+def place(diagnosis: Diagnosis) -> str:
+    """Where most of the gap lies."""
+    top = diagnosis.where[0]
+    return (
+        f"Most of it lies in the {top.quantity} of sweep {top.sweep} between {number(top.frequency_low, 4)} and "
+        f"{number(top.frequency_high, 4)} Hz ({percent(100.0 * top.share)} % of the squared residual)."
+    )
+
+
+def doubts(diagnosis: Diagnosis) -> list[str]:
+    """What cannot be told apart."""
+    return [
+        f"This record cannot tell {joined(group.effects)} apart: their best-fitting predictions differ by "
+        f"{number(group.distance, 2)} sigma in all."
+        for group in diagnosis.groups
+    ]
+
+
+def outside(diagnosis: Diagnosis) -> list[str]:
+    """Causes that the library does not name and that are more probable than the leading explanation."""
+    likelier = [one for one in diagnosis.strangers if one.log_odds > 0.0]
+    return [
+        f"More probable than anything the library names: {one.name} (log odds {number(one.log_odds, 2)}). The leading "
+        "explanation may only imitate it."
+        for one in likelier
+    ]
+
+
+def reach(diagnosis: Diagnosis) -> str:
+    """How far the gap shrinks where it did not choose the explanation."""
+    held = diagnosis.held_out
+    if held is None:
+        return "Nothing could be held out: the record has one force level."
+    if held.shrinkage is None or held.low is None or held.high is None:
+        return (
+            f"Held out ({held.scheme}), the refitted simulation predicts to {number(held.before)} sigma: there is "
+            "nothing to shrink."
+        )
+    return (
+        f"{percent(100.0 * held.shrinkage)} % of the gap ({percent(100.0 * held.low)} to "
+        f"{percent(100.0 * held.high)} %) vanishes on data that neither chose nor fitted the explanation "
+        f"({held.scheme}): {number(held.before)} sigma before, {number(held.after)} after."
+    )
+
+
+def following(diagnosis: Diagnosis) -> str:
+    """What to test next."""
+    if diagnosis.next_test is None:
+        return "No further test is needed to choose between explanations."
+    test = diagnosis.next_test
+    return (
+        f"Next, measure {test.what}: {test.why} (expected log odds {number(test.expected_log_odds, 2)} for the leading "
+        "explanation against its rivals)."
+    )
+
+
+def trends(diagnosis: Diagnosis) -> list[str]:
+    """How local damping and frequency go with amplitude."""
+    found = []
+    for what, one in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
+        if one is not None and one.gain > TREND_SEEN:
+            kind = "grows" if one.change > 0.0 else "falls"
+            found.append(
+                f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant "
+                f"(chi-square {number(one.gain)} over none)."
+            )
+        elif one is not None:
+            found.append(f"{what} does not depend on amplitude beyond noise.")
+    return found
+
+
+#: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
+TREND_SEEN = 13.8
+
+
+def _sentence(name: str) -> str:
+    return f"{CATALOGUE[name].sentence} ({name})" if name in CATALOGUE else name
+
+
+_MOST_CELLS = 12
+
+
+def gap_page(
+    diagnosis: Diagnosis,
+    posterior: EffectPosterior | None,
+    seed: int,
+    versions: Mapping[str, str],
+    inputs: Mapping[str, str],
+) -> str:
+    """The page as HTML. Equal arguments give equal text."""
+    figures = {
+        name: FigureBlock(to_svg(one.figure, f"gap-{name}", one.title, one.description), _caption(one))
+        for name, one in gap_figures(diagnosis).items()
+    }
+    sections = [
+        Section("verdict", "What is found", _verdict(diagnosis)),
+        Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
+        Section("where", "Where it lies", _where(diagnosis, figures)),
+        Section("which", "Which effect", _which(diagnosis, posterior, figures)),
+        Section("how-far", "How far it shrinks", _how_far(diagnosis)),
+        Section("next", "What to test next", _next(diagnosis)),
+        Section("basis", "What this rests on", _basis(diagnosis)),
+    ]
+    return page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
+
+
+def _caption(one: GapFigure) -> str:
+    return f"{one.title}. {one.description}"
+
+
+def _verdict(diagnosis: Diagnosis) -> list[Block]:
+    gap, held = diagnosis.gap, diagnosis.held_out
+    facts = [
+        (number(gap.nominal), "gap as given (sigma; 1 is noise)"),
+        (number(gap.before), "refitted within tolerance"),
+        (number(gap.after), "with the explanation"),
+        (_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
+    ]
+    blocks: list[Block] = [Text(verdict(diagnosis), lead=True), Facts(facts)]
+    said = [place(diagnosis), *doubts(diagnosis), *outside(diagnosis)]
+    said += trends(diagnosis)
+    blocks.append(List([*said, reach(diagnosis), following(diagnosis)]))
+    if diagnosis.cautions:
+        blocks.append(Callout("Cautions", diagnosis.cautions))
+    return blocks
+
+
+def _where(diagnosis: Diagnosis, figures: Mapping[str, FigureBlock]) -> list[Block]:
+    blocks: list[Block] = [figures[name] for name in ("residuals", "footprint", "local") if name in figures]
+    cells = pd.DataFrame([asdict(cell) for cell in diagnosis.where[:_MOST_CELLS]])
+    blocks.append(Table(cells, "Cells with the largest share of the squared residual of the simulation as given"))
+    if diagnosis.footprint:
+        marks = pd.DataFrame([asdict(cell) for cell in diagnosis.footprint[:_MOST_CELLS]])
+        blocks.append(Table(marks, "Where the explanation changes the prediction by more than one sigma"))
+    return blocks
+
+
+def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Mapping[str, FigureBlock]) -> list[Block]:
+    blocks: list[Block] = [figures["probabilities"]] if "probabilities" in figures else []
+    rows = [
+        {"explanation": " + ".join(one.effects) or "no effect", "probability": one.probability}
+        | {"log_evidence": one.hypothesis.log_evidence}
+        for one in diagnosis.hypotheses
+    ]
+    blocks.append(
+        Fold(
+            "Every explanation that was fitted",
+            [Table(pd.DataFrame(rows), "Most probable first", {"probability": share})],
+        )
+    )
+    blocks.append(Table(_parameters(diagnosis), "Parameters of the leading explanation at their most probable values"))
+    if posterior is not None:
+        blocks.append(Table(_posterior(posterior), "Posterior of these parameters (emcee)"))
+        if not posterior.chains.converged:
+            blocks.append(Callout("The chains have not settled", [posterior.chains.failure]))
+    tests = pd.DataFrame([asdict(test) for test in diagnosis.tests])
+    blocks.append(
+        Table(tests, "Is more than noise left? Directed tests of the residuals", headings={"gain": "chi-square"})
+    )
+    if diagnosis.strangers:
+        others = pd.DataFrame([asdict(one) for one in diagnosis.strangers])
+        blocks.append(Table(others, "Causes outside the library in the place of the leading explanation"))
+    return blocks
+
+
+def _parameters(diagnosis: Diagnosis) -> pd.DataFrame:
+    leading = diagnosis.leading.best
+    found = [
+        {"of": effect, "parameter": name, "value": value}
+        for effect, values in effect_values(leading).items()
+        for name, value in values.items()
+    ]
+    corrections = refitted_values(leading).items()
+    found += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
+    return pd.DataFrame(found, columns=["of", "parameter", "value"])
+
+
+def _posterior(posterior: EffectPosterior) -> pd.DataFrame:
+    low, median, high = pd.DataFrame(posterior.draws).quantile([0.05, 0.5, 0.95]).to_numpy()
+    return pd.DataFrame({"parameter": posterior.names, "5 %": low, "median": median, "95 %": high})
+
+
+def _how_far(diagnosis: Diagnosis) -> list[Block]:
+    held = diagnosis.held_out
+    blocks: list[Block] = [Text(reach(diagnosis))]
+    if held is not None:
+        rows = [
+            {
+                "held out": ", ".join(fold.sweeps),
+                "chosen without it": " + ".join(fold.effects) or "no effect",
+                "nominal": (fold.nominal / fold.count) ** 0.5,
+                "before": (fold.before / fold.count) ** 0.5,
+                "after": (fold.after / fold.count) ** 0.5,
+            }
+            for fold in held.folds
+        ]
+        blocks.append(Table(pd.DataFrame(rows), "Root mean square residual of each level held out, in sigma"))
+    inside = f"On the data that fitted it, the explanation closes {_percent(diagnosis.gap.shrinkage)} of the gap."
+    return [*blocks, Text(inside)]
+
+
+def _next(diagnosis: Diagnosis) -> list[Block]:
+    blocks: list[Block] = [Text(following(diagnosis))]
+    if diagnosis.next_tests:
+        table = pd.DataFrame([asdict(test) for test in diagnosis.next_tests])
+        blocks.append(Table(table, "Candidate tests, simulated for the explanations that are alive"))
+    return blocks
+
+
+def _basis(diagnosis: Diagnosis) -> list[Block]:
+    scatter = diagnosis.leading.best.model.scatter
+    rows = diagnosis.leading.best.model.problem.rows
+    stated = "stated" if diagnosis.setting.scatter is not None else "estimated"
+    sd_amplitude, sd_phase = float(np.median(rows.sd_amplitude)), float(np.median(rows.sd_phase))
+    noise = "stated" if diagnosis.setting.noise_known else "estimated from the roughness along the sweeps"
+    return [
+        List(
+            [
+                f"Record {diagnosis.record.source}, model {diagnosis.mode.source}; {diagnosis.mode.units}.",
+                f"{len(rows)} rows in {len(rows.sweeps)} sweeps on {rows.levels} force levels, "
+                + ("with phase." if rows.has_phase else "without phase."),
+                f"Noise ({noise}): median {percent(100.0 * sd_amplitude)} % of amplitude"
+                + (f", {number(sd_phase, 2)} rad of phase." if rows.has_phase else "."),
+                f"Repeatability from sweep to sweep ({stated}): gain {percent(100.0 * scatter.amplitude)} %, "
+                f"frequency {percent(100.0 * scatter.frequency)} %.",
+            ]
+        )
+    ]
+
+
+def _percent(value: float | None) -> str:
+    return NOTHING if value is None else f"{percent(100.0 * value)} %"

@@ -1,0 +1,189 @@
+"""Design loads: resonant amplitude beyond the test, with bands, the linear prediction, and every model's own.
+
+Force against resonant amplitude on logarithmic axes: the exponent of a power law.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from damping.extrapolation.prediction import Loads
+from damping.report.answer import bands_caption, bands_figure
+from damping.report.page import Block, Format, Heading, List, Section, Table, Text
+from damping.report.results import RecordResult, StudyResult, Svgs, figure, file_stem
+from damping.report.tables import INTERVAL, loads_table, power_laws_table
+from damping.report.words import between, force_text, number, percent, share, signed
+
+
+def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
+    """The section; none where the study asks for no design loads."""
+    asked = [result for result in study.records if result.design is not None]
+    if not asked:
+        return []
+    blocks: list[Block] = [
+        Text(
+            "Resonant amplitude is the amplitude at phase resonance under the force given. Median and bands are "
+            "averaged over the models; linear takes the viscous coefficient of the sweep with the largest tested "
+            "force. The weights here are not those of the ranking: they come from how well each law, fitted to the "
+            "levels below, predicts a level that it has not seen, and are drawn towards equal weights while fewer than "
+            "four levels can be held out."
+        )
+    ]
+    first = next((r for r in asked if file_stem(r, "design_loads") in svgs), None)
+    for result in asked:
+        assert result.design is not None  # chosen so above
+        blocks.append(Heading(result.title))
+        if result is first:
+            blocks.append(Text("The figure stands with the answer, at the top."))
+        else:
+            blocks += bands_figure(result, svgs, bands_caption(result))
+        blocks += [
+            _predictions(result, result.design),
+            _by_model(result, result.design),
+            _parts(result, result.design),
+            *_cautions(result.design),
+        ]
+    return [Section("loads", "Design loads", blocks)]
+
+
+def _predictions(result: RecordResult, design: Loads) -> Table:
+    table, shared = loads_table(design), _shared(design)
+    spoken = pd.DataFrame(
+        {
+            "force": table["force"],
+            "times tested": table["extrapolation_ratio"],
+            "median": table["median"],
+            "predictive": [between(a, b) for a, b in zip(table["low"], table["high"], strict=True)],
+            "credible": [between(a, b) for a, b in zip(table["credible_low"], table["credible_high"], strict=True)],
+            "linear": table["linear"],
+            "over": table["overprediction"],
+            "over_interval": [
+                f"{signed(a)} to {signed(b)}"
+                for a, b in zip(table["overprediction_low"], table["overprediction_high"], strict=True)
+            ],
+            "caution": ["; ".join(c for c in said if c not in shared) for said in design.cautions],
+        }
+    )
+    level = f"{100 * design.level:g} %"
+    headings = {
+        "force": _headed("force", result.mode.units.force),
+        "median": _headed("median", result.mode.units.length),
+        "predictive": f"{level} predictive",
+        "credible": f"{level} credible",
+        "linear": _headed("linear", result.mode.units.length),
+        "over": "linear over median",
+        "over_interval": f"its {level} interval",
+    }
+    formats: dict[str, Format] = dict.fromkeys(("times tested", "median", "linear"), number)
+    formats |= {"force": lambda force: f"{force:.6g}", "over": signed}
+    caption = (
+        "Resonant amplitude at the design forces; the last columns say by how much the linear prediction exceeds it."
+    )
+    return Table(spoken, caption, formats, headings, key=file_stem(result, "design_loads"))
+
+
+def _headed(what: str, unit: str) -> str:
+    return f"{what} ({unit})" if unit else what
+
+
+def _by_model(result: RecordResult, design: Loads) -> Table:
+    """A row a model, a column a force: median and predictive interval."""
+    unit = result.mode.units.force
+    columns: dict[str, list[str]] = {
+        "model": [band.name for band in design.by_model],
+        "weight": [share(band.weight) for band in design.by_model],
+    }
+    for i, force in enumerate(design.force):
+        columns[f"at {force_text(force, unit)}"] = [
+            f"{number(band.median[i])} ({between(band.low[i], band.high[i])})" for band in design.by_model
+        ]
+    caption = f"Each model's own median, and its {100 * design.level:g} % predictive interval in parentheses."
+    return Table(pd.DataFrame(columns), caption, key=file_stem(result, "design_loads_by_model"))
+
+
+def _parts(result: RecordResult, design: Loads) -> Table:
+    """What the predictive band is made of, in per cent of amplitude."""
+    table = pd.DataFrame({"force": design.force, **design.parts})
+    table["together"] = np.sqrt(np.sum([values**2 for values in design.parts.values()], axis=0))
+    headings = {"force": _headed("force", result.mode.units.force)}
+    formats: dict[str, Format] = dict.fromkeys((*design.parts, "together"), percent)
+    caption = (
+        "What the predictive band is made of: standard deviation of each part, per cent of amplitude; squares add. "
+        "With one row a level, noise and scatter from level to level cannot be told apart and stand under noise."
+    )
+    return Table(table, caption, formats | {"force": lambda force: f"{force:.6g}"}, headings)
+
+
+def _shared(design: Loads) -> list[str]:
+    """Cautions that hold at every design force."""
+    return [c for c in design.cautions[0] if all(c in others for others in design.cautions)] if design.cautions else []
+
+
+def _cautions(design: Loads) -> list[Block]:
+    """What to know before using any of the predictions."""
+    shared = [f"{_capital(caution)}." for caution in _shared(design)]
+    dash = [] if np.isfinite(design.average.median).all() else ["A dash stands where no prediction is given."]
+    return [List([*shared, *dash])] if shared or dash else []
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def power_law_section(study: StudyResult, svgs: Svgs) -> list[Section]:
+    """The section; none where no record has two levels."""
+    fitted = [result for result in study.records if result.power_laws]
+    if not fitted:
+        return []
+    blocks: list[Block] = [
+        Text(
+            "If damping is a power law, force and resonant amplitude lie on a straight line on logarithmic axes, "
+            "and its slope is the exponent of velocity p for α|q̇|ᵖ sgn q̇, or p + 1 for α|q||q̇|ᵖ sgn q̇. Slope 1 "
+            "is linear damping."
+        ),
+        *figure(
+            svgs,
+            "force-amplitude",
+            "Modal force against resonant amplitude with the fitted line, its t interval, and linear damping "
+            "through the largest level. With three points there is one degree of freedom and the interval is wide.",
+        ),
+        *(_table(result) for result in fitted),
+    ]
+    return [Section("power-laws", "Force against amplitude", blocks)]
+
+
+def _table(result: RecordResult) -> Table:
+    rows = power_laws_table(result)
+    alphas = [column for column in rows.columns if str(column).startswith("alpha_")]
+    units = result.mode.units
+    spoken = pd.DataFrame(
+        {
+            "form": rows["form"],
+            "p": rows["p"],
+            "std_error": rows["std_error"],
+            "freedom": rows["degrees_of_freedom"],
+            "interval": [between(a, b) for a, b in zip(rows["p_low"], rows["p_high"], strict=True)],
+            "posterior": [
+                f"{number(m)} ({between(a, b)})"
+                for m, a, b in rows[["posterior_p", "posterior_p_low", "posterior_p_high"]].itertuples(index=False)
+            ],
+            "factor": rows["factor"],
+            "alpha": rows["alpha"],
+            **{name: rows[name] for name in alphas},
+        }
+    )
+    headings = {
+        "freedom": "degrees of freedom",
+        "interval": f"{100 * result.power_laws[0].level:g} % t interval",
+        "posterior": f"posterior p ({100 * INTERVAL:g} %)",
+        "factor": "β or B",
+        "alpha": "α",
+        **{name: f"α, sweep {str(name).removeprefix('alpha_')}" for name in alphas},
+    }
+    caption = (
+        f"{result.title}: exponent and coefficient of both power laws ({units}). α = β F/(ω A)ᵖ or B F/(ωᵖ Aᵖ⁺¹), a "
+        "constant over the sweeps where the law holds."
+    )
+    formats = dict.fromkeys(("p", "std_error", "factor", "alpha", *alphas), number)
+    return Table(spoken, caption, formats, headings, key=file_stem(result, "power_laws"))

@@ -1,0 +1,233 @@
+"""How the numbers were made, with the constants that made them.
+
+What was tested: records, levels, and what the simulation assumes of each mode.
+
+Cautions, all in one place: each said once, with the records it holds for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.extrapolation.near import KAPPA_LOG_SD, KAPPA_MEDIAN
+from damping.extrapolation.prediction import AVERAGE_DRAWS
+from damping.infer.chains import Settings
+from damping.infer.law import (
+    EXPONENT_RANGE,
+    LIMIT_RANGE,
+    SCATTER_LOG_SD,
+    SCATTER_MEDIAN,
+    TOTAL_LOG_SD,
+    Component,
+    component,
+)
+from damping.ranking import INTERVAL
+from damping.report.answer import largest
+from damping.report.page import Block, Callout, Fold, Heading, List, Section, Table, Text
+from damping.report.results import RecordResult, StudyResult, failed_chains, file_stem, weighted
+from damping.report.tables import observations_table
+from damping.report.words import count, number, quantity
+
+
+def method(study: StudyResult) -> Section:
+    """The section."""
+    blocks: list[Block] = [
+        Heading("What is compared"),
+        Text(
+            "At a steady state the damping force in phase with velocity, C(A, ω), balances the applied force in "
+            "quadrature, D = E/(π A) = F sin φ. Each candidate law is a sum of forces g(q, q̇); C is its "
+            "first-harmonic average over a cycle of amplitude A and frequency ω, so that its energy per cycle is π "
+            "A C and its resonant amplitude under a force F solves C(A, ω) = F."
+        ),
+        Text(
+            "Likelihood: the residual of a row is n = (D − C)/√(g² + R²) with g = dC/d ln A and R = F cos φ, the "
+            "relative error of amplitude at resonance and the error of phase far from it. It is normal with the "
+            "row's relative scatter, the record's own uncertainties added in quadrature; where sweeps have several "
+            "rows, a scatter common to a sweep is added, so that rows of one sweep share it."
+        ),
+        _laws(study),
+        Heading("Priors"),
+        List(_priors()),
+        Heading("Ranking, sampling, prediction"),
+        *(Text(text) for text in _steps(study)),
+    ]
+    return Section("method", "Method", blocks)
+
+
+def _laws(study: StudyResult) -> Table:
+    """Every force that takes part in a candidate, with its formula."""
+    names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
+    parts = [component(name) for name in dict.fromkeys(names)]
+    units = [part.unit(_shapes(part)) for part in parts]
+    table = pd.DataFrame(
+        {
+            "force": [part.name for part in parts],
+            "what it is": [unit.label for unit in units],
+            "formula": [unit.formula for unit in units],
+            "free beside the coefficient": [", ".join(part.shapes) for part in parts],
+        }
+    )
+    return Table(table, "Forces of the candidate laws; q is the modal displacement, q' its velocity.")
+
+
+def _shapes(part: Component) -> dict[str, FloatArray]:
+    return dict.fromkeys(part.shapes, np.ones(()))
+
+
+def _priors() -> list[str]:
+    low, high = EXPONENT_RANGE
+    return [
+        "Each parameter is a known function of a standard normal variable, so the prior of any law is a product of "
+        "N(0, 1).",
+        "Total damping force at the reference (geometric means of the tested resonances): the measured force there "
+        f"times exp(N(0, {TOTAL_LOG_SD:g}²)).",
+        "Share of each force in that total: uniform over all divisions, so coefficients are at least 0 and no force is "
+        "favoured.",
+        f"Exponent of velocity: uniform from {low:g} to {high:g}. Slip limit: log-uniform from {LIMIT_RANGE[0]:g} "
+        f"times the smallest to {LIMIT_RANGE[1]:g} times the largest tested amplitude.",
+        f"Relative scatter of a row, and of a level: log-normal, median {SCATTER_MEDIAN:g}, standard deviation "
+        f"{SCATTER_LOG_SD:g} of its logarithm.",
+    ]
+
+
+def _steps(study: StudyResult) -> list[str]:
+    run, content, level = Settings(), f"{100 * INTERVAL:g}", f"{100 * study.level:g}"
+    return [
+        "Ranking: the score is −2 ln Z, Z the marginal likelihood by importance sampling with coefficients at least "
+        "0. Weights are Z over the sum of Z, all candidates being equally probable before the test; a candidate "
+        "whose least-squares coefficient is negative is a simpler law with a force that is not there, and gets "
+        "none. AIC, AICc and BIC come from the relative residuals with the scatter as one more parameter, and do "
+        "not exist where there are too few points.",
+        "Held-out error: each level's resonant amplitude is predicted by the law fitted to the other levels only, "
+        "because points within a sweep share its error.",
+        f"Sampling: {run.ensembles} independent emcee ensembles of {run.walkers} walkers run until every reported "
+        f"quantity has R-hat at most {run.r_hat:g}, an effective size of at least {run.effective_size:g} and a "
+        f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
+        f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",
+        "Prediction: each posterior draw is solved for its resonant amplitude at the frequency of the largest "
+        "tested level (credible band). The predictive band adds, draw by draw and in ln A, the scatter from level "
+        "to level, the noise of a reading, and what the law errs beyond its data: normal, with standard deviation κ "
+        f"|ln(F/F_nearest)| from the nearest tested force, κ log-normal about {KAPPA_MEDIAN:g} with standard "
+        f"deviation {KAPPA_LOG_SD:g} of its logarithm, updated where levels could be held out. Models are averaged "
+        f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
+        "cent.",
+        "Linear prediction: the viscous coefficient of the sweep with the largest tested force, so amplitude in "
+        "proportion to force; its excess is 100 (linear/expected − 1), with the ends of the predictive band for its "
+        "interval.",
+    ]
+
+
+#: More points are folded away; of still more, the page shows the first.
+FOLDED_POINTS, MOST_POINTS = 30, 300
+
+
+def tested(study: StudyResult) -> Section:
+    """The section: a table of tested levels, and for each record where its numbers come from."""
+    levels = pd.concat([_levels(result) for result in study.records], ignore_index=True)
+    units = {str(result.mode.units) for result in study.records}
+    caption = f"Tested levels, each at its phase resonance. Units: {'; '.join(sorted(units))}; frequency in Hz."
+    blocks: list[Block] = [Table(levels, caption)]
+    for result in study.records:
+        blocks += [Heading(result.title), Text(_said(result)), *_points(result)]
+    return Section("tested", "What was tested", blocks)
+
+
+def _levels(result: RecordResult) -> pd.DataFrame:
+    data = result.data
+    return pd.DataFrame(
+        {
+            "record": result.title,
+            "sweep": data.sweeps,
+            "points": data.rows_per_sweep,
+            "force": data.tested_force,
+            "frequency": data.tested_omega / (2.0 * np.pi),
+            "amplitude": data.tested_amplitude,
+        }
+    )
+
+
+def _said(result: RecordResult) -> str:
+    """The record and its mode in sentences."""
+    record, mode, units = result.record, result.mode, result.mode.units
+    columns = record.table.columns
+    energy = (
+        "The energy per cycle is the record's own column."
+        if "energy" in columns
+        else "The energy per cycle is π F A sin φ from the recorded phases."
+        if record.has_phase
+        else "No phases were recorded: the largest amplitude of a sweep is taken as phase resonance, energy π F A."
+    )
+    left_out = len(record) - len(result.data.A)
+    unused = f" {count(left_out, 'row')} away from resonance without phase or energy are not used." if left_out else ""
+    mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
+    tolerance = mode.tolerance
+    return (
+        f"{mode.name}: {count(len(record), 'point')} in {count(len(record.sweeps), 'sweep')} from "
+        f"{Path(record.source).name}. {energy}{unused} The simulation assumes {quantity(mode.frequency, 'Hz', 4)} "
+        f"and a generalized mass of {quantity(mode.mass, mass_unit, 4)}, known to "
+        f"{number(100 * tolerance.frequency, 2)} and {number(100 * tolerance.mass, 2)} per cent, and its viscous "
+        f"damping to {number(100 * tolerance.viscous, 2)} per cent."
+    )
+
+
+def _points(result: RecordResult) -> list[Block]:
+    """All points of a record that has more than its resonances."""
+    if len(result.data.A) <= len(result.data.sweeps):
+        return []
+    table = observations_table(result).drop(columns="omega")
+    caption = "Points used: frequency (Hz), amplitude, force in quadrature E/(π A), and energy per cycle E."
+    block = Table(table.head(MOST_POINTS), caption, key=file_stem(result, "observations"))
+    if len(table) <= FOLDED_POINTS:
+        return [block]
+    return [Fold(f"The first {len(block.frame)} of {count(len(table), 'point')}; the file has all", [block])]
+
+
+#: Cautions of laws with less weight change nothing.
+LEAST_WEIGHT = 0.01
+
+STANDING = (
+    "The weights compare the candidates listed and no others; a law that nobody proposed has no weight.",
+    "An extrapolation holds while the same sources of damping act in the same proportion. A joint that begins to "
+    "slip, or a crack, is in no band.",
+    "Credible bands hold the uncertainty of the parameters and of the choice among the candidates; predictive bands "
+    "add the scatter of one more test. Neither holds an error of mode shape, generalized mass or force calibration.",
+    "Laws with the same power of amplitude cannot be told apart by steady tests of one mode, whose frequency hardly "
+    "changes.",
+)
+
+
+def cautions(study: StudyResult) -> Section:
+    """The section."""
+    said: dict[str, list[str]] = {}
+    for result in study.records:
+        for caution in dict.fromkeys(_of(result)):
+            said.setdefault(caution, []).append(result.title)
+    failed = [f"{result.title}: {failure}" for result in study.records for failure in failed_chains(result)]
+    blocks: list[Block] = [Text("What no number on this page knows:"), List(STANDING)]
+    if failed:
+        blocks.append(Callout("Chains that failed; nothing here rests on them", failed))
+    if said:
+        blocks += [Heading("Of these records"), List([_sentence(caution, titles) for caution, titles in said.items()])]
+    return Section("cautions", "Cautions", blocks)
+
+
+def _of(result: RecordResult) -> Iterator[str]:
+    """Cautions of the laws that carry weight, of their checks, and of the predictions."""
+    for candidate in weighted(result):
+        if candidate.weight > LEAST_WEIGHT:
+            yield from candidate.cautions
+    rough = [s for s in result.posteriors if s.leave_one_out.caution]
+    if rough:
+        yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
+    i = largest(result.design)
+    if result.design is not None:
+        yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
+
+
+def _sentence(caution: str, titles: list[str]) -> str:
+    return f"{caution[:1].upper()}{caution[1:]} ({'; '.join(titles)})."

@@ -1,0 +1,138 @@
+"""Everything a study found, as the report and the tables need it.
+
+Draws of the parameters of a law, before and after the test.
+
+What several sections need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.extrapolation.prediction import Loads
+from damping.infer.chains import Posterior
+from damping.infer.checks import LeaveOneOut, PredictiveCheck
+from damping.infer.law import Coordinates, Law
+from damping.infer.observations import Observations
+from damping.ranking import Candidate, Ranking
+from damping.records.mode import Mode
+from damping.records.record import Record
+from damping.regression.power_law import PowerLaw
+from damping.report.page import Block, FigureBlock
+from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.records import Gaps
+from damping_reed1970.reproduce import Studies
+
+
+@dataclass(frozen=True)
+class LawPosterior:
+    """A sampled law with its checks; ``of_source`` marks a law the source report states."""
+
+    law: Law
+    weight: float
+    posterior: Posterior
+    leave_one_out: LeaveOneOut
+    check: PredictiveCheck
+    of_source: bool
+
+
+@dataclass(frozen=True)
+class RecordResult:
+    """One record's results.
+
+    Attributes:
+        bands: predictions on a fine grid of forces, for the figure; design: at the design forces; None where the
+            study asks for none. power_laws: of both forms; empty with fewer than two levels.
+    """
+
+    name: str
+    title: str
+    record: Record
+    mode: Mode
+    data: Observations
+    ranking: Ranking
+    posteriors: tuple[LawPosterior, ...]
+    bands: Loads | None
+    design: Loads | None
+    power_laws: tuple[PowerLaw, ...]
+
+
+@dataclass(frozen=True)
+class ChapterResults:
+    """The chapters of the source report recomputed.
+
+    Attributes:
+        studies: of chapters II, IV and V. chapter_3: of chapter III. tables: of the report beside ours, by name, those
+            of ``damping_reed1970.source.KNOWN``. gaps: two gaps between simulation and test, diagnosed.
+    """
+
+    studies: Studies
+    chapter_3: Chapter3
+    tables: Mapping[str, pd.DataFrame]
+    gaps: Gaps
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """A whole study.
+
+    Attributes:
+        inputs: file name to SHA-256. versions: package to version. tables: further tables by name (regressions,
+            reproduction, errata, ...), each written as CSV. chapters: where the study is of the source report.
+    """
+
+    title: str
+    seed: int
+    level: float
+    records: tuple[RecordResult, ...]
+    inputs: Mapping[str, str]
+    versions: Mapping[str, str]
+    tables: Mapping[str, pd.DataFrame]
+    chapters: ChapterResults | None = None
+
+
+#: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
+PRIOR_DRAWS = 40_000
+
+
+@lru_cache(maxsize=32)
+def prior_draws(coordinates: Coordinates) -> dict[str, FloatArray]:
+    """Draws of the prior of each parameter: standard normal variables through ``coordinates.parameters``."""
+    x = np.random.default_rng(0).standard_normal((PRIOR_DRAWS, coordinates.dimension))
+    return coordinates.parameters(x)
+
+
+def posterior_draws(sampled: LawPosterior) -> dict[str, FloatArray]:
+    """Draws of the posterior of each parameter, ensembles after one another."""
+    return {name: values.ravel() for name, values in sampled.posterior.parameters().items()}
+
+
+#: Name of a figure's file, without its ending, and its SVG.
+Svgs = Mapping[str, str]
+
+
+def figure(svgs: Svgs, name: str, caption: str) -> list[Block]:
+    """The figure with its caption; nothing where the results could not fill it."""
+    return [FigureBlock(svgs[name], caption)] if name in svgs else []
+
+
+def file_stem(result: RecordResult, name: str) -> str:
+    """Name of the file of a record's table or figure, without its ending."""
+    return f"{result.name}-{name.replace('_', '-')}"
+
+
+def weighted(result: RecordResult) -> list[Candidate]:
+    """Candidates with a weight, the largest first."""
+    carrying = [candidate for candidate in result.ranking.candidates if candidate.weight > 0.0]
+    return sorted(carrying, key=lambda candidate: -candidate.weight)
+
+
+def failed_chains(result: RecordResult) -> list[str]:
+    """Laws whose chain did not get there, and why."""
+    return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]

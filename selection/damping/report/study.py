@@ -1,0 +1,151 @@
+"""A study rendered: the page, every table and every figure.
+
+The figures of a whole study: log force against log amplitude, and the reproduction of a source report.
+
+Results in, sections of the page out; each module is one theme and any may be left out or added to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from damping.plots.design_loads import ForceAmplitude, force_amplitude
+from damping.plots.style import to_svg
+from damping.regression.power_law import PowerLaw
+from damping.report import tables
+from damping.report.answer import answer
+from damping.report.figures import Drawn, record_figures
+from damping.report.loads import loads, power_law_section
+from damping.report.method import cautions, method, tested
+from damping.report.page import Footer, Part, Section, page
+from damping.report.record import record_section
+from damping.report.results import RecordResult, StudyResult, Svgs, file_stem
+from damping.report.tables import record_tables
+from damping_reed1970.figures import percent_differences, reproduction
+from damping_reed1970.sections import chapter_parts
+from damping_reed1970.source import source
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """``html``: the page. ``tables`` and ``figures`` (SVG) by the name of their file, without its ending."""
+
+    html: str
+    tables: dict[str, pd.DataFrame]
+    figures: dict[str, str]
+
+
+def render(study: StudyResult, further: Sequence[Part] = ()) -> Rendered:
+    """Render a study; equal studies give equal text.
+
+    ``further``: parts to add to the page, before the cautions and after the chapters of the source report.
+    """
+    figures, tables = _figures(study), _tables(study)
+    parts = [*(chapter_parts(study.chapters, figures) if study.chapters else ()), *further]
+    sections = study_sections(study, figures, [part.section for part in parts])
+    for part in parts:
+        figures |= part.figures
+        tables |= part.tables
+    footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
+    return Rendered(page(study.title, sections, footer), tables, figures)
+
+
+def _figures(study: StudyResult) -> dict[str, str]:
+    drawn: dict[str, Drawn] = {}
+    for result in study.records:
+        drawn |= {file_stem(result, name): one for name, one in record_figures(result, study.level).items()}
+    drawn |= {name.replace("_", "-"): one for name, one in study_figures(study).items()}
+    return {name: to_svg(one.figure, name, one.title, one.description) for name, one in drawn.items()}
+
+
+def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
+    tables: dict[str, pd.DataFrame] = {}
+    for result in study.records:
+        tables |= {file_stem(result, name): table for name, table in record_tables(result).items()}
+    return tables | {name: table for name, table in study.tables.items() if not table.empty}
+
+
+def study_figures(study: StudyResult) -> dict[str, Drawn]:
+    """Figures of the whole study by name: log force against log amplitude, and the reproduction."""
+    drawn = {"force_amplitude": _force_amplitude(study), "reproduction": _reproduction(study)}
+    return {name: one for name, one in drawn.items() if one is not None}
+
+
+def power_line(law: PowerLaw, amplitude: np.ndarray) -> pd.DataFrame:
+    """The fitted line over amplitudes with the t interval of the line: ``amplitude, force, low, high``."""
+    gradient = np.stack([np.ones_like(amplitude), np.log(amplitude)])
+    log_force = law.log_k + law.slope * np.log(amplitude)
+    freedom = law.degrees_of_freedom > 0
+    half = law.quantile * np.sqrt(np.einsum("in,ij,jn->n", gradient, law.covariance, gradient)) if freedom else np.nan
+    columns = {"amplitude": amplitude, "force": log_force, "low": log_force - half, "high": log_force + half}
+    return pd.DataFrame({key: value if key == "amplitude" else np.exp(value) for key, value in columns.items()})
+
+
+def _force_amplitude(study: StudyResult) -> Drawn | None:
+    panels, said = [], []
+    for result in study.records:
+        law = next((law for law in result.power_laws if law.form == "velocity-power"), None)
+        if law is None:
+            continue
+        data, units = result.data, result.mode.units
+        points = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
+        reach = (data.tested_amplitude.max() / data.tested_amplitude.min()) ** 0.35
+        grid = np.geomspace(data.tested_amplitude.min() / reach, data.tested_amplitude.max() * reach, 60)
+        note = _exponent(result, law)
+        panels.append(ForceAmplitude(result.title, points, power_line(law, grid), note, units.force, units.length))
+        said.append(f"{result.title}: {' '.join(note.split())}.")
+    if not panels:
+        return None
+    description = "Logarithm of modal force against logarithm of resonant amplitude. " + " ".join(said)
+    return Drawn(force_amplitude(panels), "Force against resonant amplitude, logarithmic", description)
+
+
+def _exponent(result: RecordResult, law: PowerLaw) -> str:
+    """The exponent with its t interval, and from the posterior."""
+    lines = [f"p = {law.p:.3f}"]
+    if law.degrees_of_freedom > 0:
+        freedom = f"{law.degrees_of_freedom} degree{'s' * (law.degrees_of_freedom != 1)} of freedom"
+        lines = [f"p = {law.p:.3f} ± {law.std_error:.3f} ({freedom})"]
+        lines.append(f"{100 * law.level:g} % t interval {law.p_low:.2f} to {law.p_high:.2f}")
+    row = tables.power_laws_table(result).set_index("form").loc[law.form]
+    if np.isfinite(row["posterior_p"]):
+        low, high = row["posterior_p_low"], row["posterior_p_high"]
+        lines.append(f"posterior {row['posterior_p']:.2f}, {100 * tables.INTERVAL:g} % {low:.2f} to {high:.2f}")
+    return "\n".join(lines)
+
+
+def _reproduction(study: StudyResult) -> Drawn | None:
+    table = study.tables.get("reproduction")
+    if table is None or percent_differences(table).empty:
+        return None
+    rows = percent_differences(table)
+    close = int((rows["percent"].abs() <= 1.0).sum())
+    known = int(((rows["percent"].abs() > 1.0) & rows["erratum"].astype(str).ne("")).sum())
+    description = (
+        f"{len(rows)} printed numbers in {rows['group'].nunique()} groups against their recomputation: {close} agree "
+        f"within 1 per cent, {known} of the others are known errata."
+    )
+    return Drawn(reproduction(table), "Printed results recomputed", description)
+
+
+def study_sections(study: StudyResult, svgs: Svgs, further: Sequence[Section] = ()) -> list[Section]:
+    """All sections in order, ``further`` ones before the cautions.
+
+    Args:
+        svgs: figures by the names that :func:`damping.report.study.render` gives them; missing ones are left out.
+    """
+    return [
+        answer(study, svgs),
+        tested(study),
+        *loads(study, svgs),
+        *power_law_section(study, svgs),
+        *(record_section(result, svgs) for result in study.records),
+        *source(study, svgs),
+        *further,
+        cautions(study),
+        method(study),
+    ]

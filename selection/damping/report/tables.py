@@ -1,0 +1,299 @@
+"""One record's results as tables: what the page shows and the CSV files hold, column by column.
+
+Numbers are in the units of the record; intervals of parameters have the content :data:`INTERVAL`, those of predictions
+the level of the study. A number that does not exist is NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.extrapolation.prediction import Loads
+from damping.infer.law import Law
+from damping.ranking import INTERVAL, Candidate, Ranking
+from damping.ranking.candidates import fitted_force
+from damping.report.results import RecordResult, posterior_draws, prior_draws
+from damping.report.words import parameter_unit
+
+_TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
+
+
+def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
+    """All tables of a record by name; those that would be empty are left out."""
+    tables = {
+        "ranking": ranking_table(result),
+        "coefficients": coefficients_table(result),
+        "posteriors": posteriors_table(result),
+        "checks": checks_table(result),
+        "convergence": convergence_table(result),
+        "design_loads": loads_table(result.design),
+        "design_loads_by_model": loads_by_model_table(result.design),
+        "power_laws": power_laws_table(result),
+        "predictive_check": predictive_check_table(result),
+        "observations": observations_table(result),
+        "deviations": deviations_table(result),
+    }
+    return {name: table for name, table in tables.items() if not table.empty}
+
+
+def ranking_table(result: RecordResult) -> pd.DataFrame:
+    """The candidates of a record."""
+    return candidates_table(result.ranking)
+
+
+def candidates_table(ranking: Ranking) -> pd.DataFrame:
+    """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
+    rows = [
+        {
+            "rank": candidate.rank,
+            "law": candidate.name,
+            "weight": candidate.weight,
+            "score": candidate.score,
+            "score_standard_error": 2.0 * candidate.evidence.standard_error if candidate.evidence else np.nan,
+            "held_out_error": candidate.held_out_error,
+            "average_absolute_percent": candidate.average_absolute_percent,
+            **{name: getattr(candidate.fit, name) if candidate.fit else np.nan for name in ("aic", "aicc", "bic")},
+            "physical": candidate.physical,
+            "cautions": "; ".join(candidate.cautions),
+        }
+        for candidate in ranking.candidates
+    ]
+    return pd.DataFrame(rows).astype({"rank": "Int64"})
+
+
+def coefficients_table(result: RecordResult) -> pd.DataFrame:
+    """Least squares with T-ratio, and the credible interval, of each parameter of each candidate."""
+    rows = [
+        {
+            "law": candidate.name,
+            "parameter": f"{c.force} {c.shape}".strip(),
+            "unit": parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
+            "value": c.value,
+            "std_error": c.std_error,
+            "t_ratio": c.t_ratio,
+            "credible_low": c.low,
+            "credible_high": c.high,
+        }
+        for candidate in result.ranking.candidates
+        for c in candidate.coefficients
+    ]
+    return pd.DataFrame(rows)
+
+
+def posteriors_table(result: RecordResult) -> pd.DataFrame:
+    """Prior and posterior median and interval of each parameter; no posterior where the chain failed."""
+    rows = []
+    for sampled in result.posteriors:
+        prior = prior_draws(sampled.posterior.coordinates)
+        converged = sampled.posterior.converged
+        for name, draws in posterior_draws(sampled).items():
+            low, median, high = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
+            prior_low, prior_median, prior_high = np.percentile(prior[name], _TAILS)
+            rows.append(
+                {
+                    "law": sampled.law.name,
+                    "weight": sampled.weight,
+                    "parameter": name,
+                    "unit": parameter_unit(name, result.mode.units),
+                    "prior_low": prior_low,
+                    "prior_median": prior_median,
+                    "prior_high": prior_high,
+                    "low": low,
+                    "median": median,
+                    "high": high,
+                    "converged": converged,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def checks_table(result: RecordResult) -> pd.DataFrame:
+    """A row a sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
+    rows = [
+        {
+            "law": sampled.law.name,
+            "weight": sampled.weight,
+            "of_source": sampled.of_source,
+            "converged": sampled.posterior.converged,
+            "failure": sampled.posterior.failure,
+            "steps": sampled.posterior.steps,
+            "acceptance": sampled.posterior.acceptance,
+            "log_z": sampled.posterior.log_z,
+            "elpd_loo": sampled.leave_one_out.elpd,
+            "elpd_standard_error": sampled.leave_one_out.standard_error,
+            "p_loo": sampled.leave_one_out.p,
+            "largest_pareto_k": float(np.max(sampled.leave_one_out.pareto_k)),
+            "unit_left_out": sampled.leave_one_out.unit,
+            "caution": sampled.leave_one_out.caution,
+            "predictive_p_value": sampled.check.p_value,
+        }
+        for sampled in result.posteriors
+    ]
+    return pd.DataFrame(rows)
+
+
+def convergence_table(result: RecordResult) -> pd.DataFrame:
+    """A row a sampled law and reported quantity."""
+    rows = [
+        {
+            "law": sampled.law.name,
+            "quantity": d.name,
+            "mean": d.mean,
+            "sd": d.sd,
+            "monte_carlo_error": d.monte_carlo_error,
+            "r_hat": d.r_hat,
+            "effective_size": d.effective_size,
+            "autocorrelation": d.autocorrelation,
+            "lengths": d.lengths,
+        }
+        for sampled in result.posteriors
+        for d in sampled.posterior.diagnoses
+    ]
+    return pd.DataFrame(rows)
+
+
+def loads_table(loads: Loads | None) -> pd.DataFrame:
+    """A row a force: averaged over models, with the linear prediction beside it."""
+    if loads is None:
+        return pd.DataFrame()
+    return pd.DataFrame(
+        {
+            "force": loads.force,
+            "extrapolation_ratio": loads.ratio,
+            "median": loads.average.median,
+            "low": loads.average.low,
+            "high": loads.average.high,
+            "credible_low": loads.average.credible_low,
+            "credible_high": loads.average.credible_high,
+            "linear": loads.linear,
+            "overprediction": loads.overprediction,
+            "overprediction_low": loads.overprediction_low,
+            "overprediction_high": loads.overprediction_high,
+            **{f"sd_percent_{part}": values for part, values in loads.parts.items()},
+            "cautions": ["; ".join(said) for said in loads.cautions],
+        }
+    )
+
+
+def loads_by_model_table(loads: Loads | None) -> pd.DataFrame:
+    """A row a law and force."""
+    if loads is None:
+        return pd.DataFrame()
+    columns = ("median", "low", "high", "credible_low", "credible_high")
+    parts = [
+        pd.DataFrame(
+            {"law": band.name, "weight": band.weight, "force": loads.force} | {c: getattr(band, c) for c in columns}
+        )
+        for band in loads.by_model
+    ]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def power_laws_table(result: RecordResult) -> pd.DataFrame:
+    """A row a form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
+    rows = []
+    for law in result.power_laws:
+        low, median, high = _posterior_exponent(result, law.form)
+        rows.append(
+            {
+                "form": law.form,
+                "p": law.p,
+                "std_error": law.std_error,
+                "degrees_of_freedom": law.degrees_of_freedom,
+                "level": law.level,
+                "p_low": law.p_low,
+                "p_high": law.p_high,
+                "posterior_p": median,
+                "posterior_p_low": low,
+                "posterior_p_high": high,
+                "factor": law.factor,
+                "alpha": law.alpha,
+                "std_error_alpha": law.std_error_alpha,
+                **{f"alpha_{sweep}": a for sweep, a in zip(result.data.sweeps, law.alphas, strict=True)},
+                "r_squared_centred": law.r_squared_centred,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _posterior_exponent(result: RecordResult, form: str) -> FloatArray:
+    """Low, median and high of the exponent in the posterior of a power law alone; NaN without a converged one."""
+    for sampled in result.posteriors:
+        if sampled.law == Law((form,)) and sampled.posterior.converged:
+            return np.asarray(np.percentile(posterior_draws(sampled)[f"{form} exponent"], _TAILS))
+    return np.full(3, np.nan)
+
+
+def predictive_check_table(result: RecordResult) -> pd.DataFrame:
+    """Predictive resonant amplitude of each tested sweep, per cent of the measured; laws whose chain converged."""
+    data = result.data
+    parts = [
+        pd.DataFrame(
+            {
+                "law": sampled.law.name,
+                "sweep": data.sweeps,
+                "force": data.tested_force,
+                "amplitude": data.tested_amplitude,
+                "median": sampled.check.median,
+                "low": sampled.check.low,
+                "high": sampled.check.high,
+            }
+        )
+        for sampled in result.posteriors
+        if sampled.posterior.converged
+    ]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def observations_table(result: RecordResult) -> pd.DataFrame:
+    """The rows that say something about damping: force in quadrature E/(pi A) and energy per cycle."""
+    data = result.data
+    return pd.DataFrame(
+        {
+            "sweep": [data.sweeps[s] for s in data.sweep],
+            "point": _points(result),
+            "frequency": data.omega / (2.0 * np.pi),
+            "omega": data.omega,
+            "amplitude": data.A,
+            "damping_force": data.D,
+            "energy": np.pi * data.A * data.D,
+        }
+    )
+
+
+def _points(result: RecordResult) -> list[str]:
+    """A short label for each row: its sweep, and its number there where a sweep has several rows."""
+    data = result.data
+    number = pd.Series(data.sweep).groupby(data.sweep).cumcount() + 1
+    if len(data.sweeps) == 1:
+        return [str(n) for n in number]
+    several = data.rows_per_sweep[data.sweep] > 1
+    numbers = [str(n) if many else "" for n, many in zip(number, several, strict=True)]
+    return [data.sweeps[s] + n for s, n in zip(data.sweep, numbers, strict=True)]
+
+
+def deviations_table(result: RecordResult) -> pd.DataFrame:
+    """Energy per cycle of each row against each law as fitted; percent = 100 (E - fitted)/E."""
+    observed = observations_table(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
+    parts = []
+    for candidate in result.ranking.candidates:
+        if candidate.rank is None:
+            continue
+        fitted = np.pi * result.data.A * damping_force(candidate, result.data.A, result.data.omega)
+        deviation = observed["energy"] - fitted
+        percent = 100.0 * deviation / observed["energy"].where(observed["energy"] != 0.0)
+        columns = observed.assign(fitted=fitted, deviation=deviation, percent=percent)
+        columns.insert(0, "law", candidate.name)
+        parts.append(columns)
+    return pd.concat(parts, ignore_index=True)
+
+
+def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
+    """Damping force C(A, omega) of a candidate that could be fitted, as its errors are computed; shape of ``A``."""
+    assert candidate.coordinates is not None  # a candidate with a rank was fitted
+    assert candidate.evidence is not None
+    assert candidate.fit is not None
+    force = fitted_force(candidate.coordinates, candidate.fit, candidate.evidence.mode)
+    return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)

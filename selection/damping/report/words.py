@@ -1,0 +1,158 @@
+"""Lists of points and counts in words, for captions.
+
+Numbers and lists as an engineer would say them.
+
+Units and names as the reader sees them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from math import isfinite
+from typing import SupportsFloat
+
+from damping.infer.law import component
+from damping.records.mode import Units
+
+_SMALL = ("no", "one", "two", "three", "four", "five", "six")
+
+
+def joined(parts: Iterable[str]) -> str:
+    """``a, b and c``; items that hold commas are joined by semicolons."""
+    items = list(parts)
+    comma = "; " if any("," in item for item in items) else ", "
+    if len(items) < 2:
+        return "".join(items)
+    return comma.join(items[:-1]) + " and " + items[-1]
+
+
+def points_text(points: Iterable[int]) -> str:
+    """``points 1 to 6, 14 and 15``."""
+    numbers = sorted(int(p) for p in points)
+    if not numbers:
+        return "no point"
+    cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
+    runs = [numbers[a:b] for a, b in pairwise(cuts)]
+    parts = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(n) for n in run])]
+    return f"point{'s' * (len(numbers) > 1)} {joined(parts)}"
+
+
+def counted(n: int, what: str) -> str:
+    """``no peak``, ``one peak``, ``two peaks``, ``15 peaks``."""
+    return f"{_SMALL[n] if n < len(_SMALL) else n} {what}{'s' * (n > 1)}"
+
+
+#: What stands for a number that does not exist.
+NOTHING = "–"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: SupportsFloat, digits: int = 3) -> str:
+    """``value`` with so many significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if x == 0.0:
+        return "0"
+    mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -4 < power < 6:
+        return f"{x:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def share(value: SupportsFloat) -> str:
+    """A probability with two decimals, three where small."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if x == 0.0 or x >= 0.0095:
+        return f"{x:.2f}" if x else "0"
+    return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
+
+
+def count(n: int, what: str) -> str:
+    """``1 sweep``, ``3 sweeps``."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+    """A number with its unit, where it has one: ``2.90 in``."""
+    return f"{number(value, digits)} {unit}".strip()
+
+
+def force_text(force: SupportsFloat, unit: str) -> str:
+    """A force as it was asked for: ``90 lb``."""
+    return f"{float(force):.6g} {unit}".strip()
+
+
+def between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
+    """``2.59 to 3.26 in``."""
+    return f"{number(low, digits)} to {quantity(high, unit, digits)}"
+
+
+def percent(value: SupportsFloat) -> str:
+    """Per cent: whole numbers from 10, two digits below, and ``< 0.01`` for less than that either way."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if 0.0 < abs(x) < 0.01:
+        return "< 0.01"
+    return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
+
+
+def signed(value: SupportsFloat) -> str:
+    """Per cent with its sign: ``+68 %``."""
+    x = float(value)
+    return f"{'+' if x > 0.0 else ''}{percent(x)} %" if isfinite(x) else NOTHING
+
+
+_EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def parameter_unit(parameter: str, units: Units) -> str:
+    """Unit of a parameter as :meth:`Coordinates.parameters` names it; empty where it has none or none is known.
+
+    A force whose energy per cycle is proportional to C A^m omega^n has C in force length^(1-m) time^n.
+    """
+    force, _, shape = parameter.partition(" ")
+    if not (units.force and units.length and units.time) or shape == "exponent" or "scatter" in parameter:
+        return ""
+    if shape == "limit":
+        return units.length
+    if force == "slip":
+        return _product({units.force: 1.0, units.length: -1.0})
+    if force == "velocity-power":
+        return f"{units.force}·({units.time}/{units.length})^p"
+    if force == "displacement-velocity-power":
+        return f"{units.force}·{units.time}^p/{units.length}^(p+1)"
+    exponents = component(force).unit({}).energy_exponents
+    assert exponents is not None  # slip, the one force without, was answered above
+    m, n = (float(exponent) for exponent in exponents)
+    return _product({units.force: 1.0, units.time: n, units.length: 1.0 - m})
+
+
+def energy_unit(units: Units) -> str:
+    """Unit of energy per cycle."""
+    return f"{units.force}·{units.length}" if units.force and units.length else ""
+
+
+def parameter_label(parameter: str, units: Units) -> str:
+    """A parameter with its unit for an axis."""
+    unit = parameter_unit(parameter, units)
+    name = {"scatter": "scatter of a row", "level_scatter": "scatter of a level"}.get(parameter, parameter)
+    return f"{name} ({unit})" if unit else name
+
+
+def _product(powers: dict[str, float]) -> str:
+    """Units with powers: ``lb·s²/in²``."""
+    above = "·".join(f"{unit}{_power(power)}" for unit, power in powers.items() if power > 0)
+    below = "·".join(f"{unit}{_power(-power)}" for unit, power in powers.items() if power < 0)
+    return above if not below else f"{above}/{below}" if "·" not in below else f"{above}/({below})"
+
+
+def _power(power: float) -> str:
+    if power == 1.0:
+        return ""
+    return f"{power:.0f}".translate(_EXPONENTS) if power == round(power) else f"^{power:g}"

@@ -1,0 +1,288 @@
+"""The conditioning of a test as a chain of steps, from raw readings to a record of one mode (chapter III).
+
+A step is a pure function of a table; it returns the table before and after it and what it removed, so that the effect
+of each can be seen. The working table has the columns ``sweep``, ``omega`` (rad/s), ``force`` (at the point of
+application), one for each sensor, those kept, and from the step ``node`` on ``amplitude`` and ``phase`` (lag behind the
+force, rad): of the node's motion first, then of the mode's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import AnalysisError
+from damping.signals.description import Description, Principal, Sensor, Yaw
+from damping.signals.modal import (
+    NodeCorrection,
+    NodeMode,
+    PrincipalPlanes,
+    damping_roots,
+    displacement,
+    identify_r2_over_i,
+    input_energy,
+    modal_amplitude,
+    modal_force,
+    modal_phase,
+    nearest_root,
+    node_correction,
+    plane_motion,
+    yaw_displacement,
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the conditioning.
+
+    Attributes:
+        name, equation: what it does and where the report says so.
+        before, after: the working table, rows in the same order (a step may leave rows out).
+        removed: what was taken away, one column a part, on the rows of ``before``; no columns where nothing was, only
+            converted. Motion in phase with the force is signed: positive with it, negative against it.
+        constants: numbers that the step found.
+    """
+
+    name: str
+    equation: str
+    before: pd.DataFrame
+    after: pd.DataFrame
+    removed: pd.DataFrame
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+
+def condition(raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
+    """All steps of a test; the last one's ``after`` is the record.
+
+    Args:
+        raw: the raw table; the columns that the description names hold numbers in range.
+
+    Raises:
+        AnalysisError: another mode inside the swept frequencies, R^2/I that comes out negative, or no row with a
+            damping factor.
+    """
+    d = description
+    steps: list[Step] = []
+    table = working_table(raw, d)
+    actions: list[Callable[[pd.DataFrame], Step]] = [
+        lambda t: to_displacements(t, d.sensors),
+        *([lambda t: to_yaw(t, d.yaw)] if d.yaw else []),
+        lambda t: to_node(t, raw, d),
+        lambda t: to_mode(t, d.mode.phi),
+        *([lambda t: remove_rigid_body(t, raw, d)] if d.rigid_body else []),
+        *([lambda t: remove_modes(t, d)] if d.modes else []),
+        *([lambda t: remove_correction(t, raw, d)] if d.correction else []),
+        lambda t: to_modal_force(t, d.mode.drive),
+        *([lambda t: to_principal(t, d)] if d.principal else []),
+        lambda t: to_record(t, d),
+    ]
+    for action in actions:
+        steps.append(action(table))
+        table = steps[-1].after
+    return tuple(steps)
+
+
+def working_table(raw: pd.DataFrame, description: Description) -> pd.DataFrame:
+    """Readings in the units of the description: ``sweep, omega, force``, one column a sensor, columns kept."""
+    d = description
+    label = raw[d.raw.sweep].astype(str) if d.raw.sweep else d.raw.sweep_label
+    columns = {
+        "sweep": label,
+        "omega": d.units.rad_s * raw[d.raw.frequency].to_numpy(float),
+        "force": raw[d.raw.force].to_numpy(float),
+        **{sensor.name: sensor.factor * raw[sensor.column].to_numpy(float) for sensor in d.sensors},
+        **{name: raw[name] for name in d.raw.keep},
+    }
+    return pd.DataFrame(columns, index=raw.index)
+
+
+def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> Step:
+    """Amplitudes of displacement: unit a F/omega^2 of an acceleration (Table 3.I), unit v F/omega of a velocity."""
+    omega = _column(table, "omega")
+    moved = {}
+    for sensor in sensors:
+        force = _column(table, "force") if sensor.per_force else np.ones(len(table))
+        reading = _column(table, sensor.name)
+        as_acceleration = {"acceleration": reading, "velocity": reading * omega, "displacement": reading * omega**2}
+        moved[sensor.name] = displacement(as_acceleration[sensor.quantity], omega, force, sensor.unit)
+    return _step("displacement", "section 3.1, Table 3.I", table, table.assign(**moved))
+
+
+def to_yaw(table: pd.DataFrame, nodes: tuple[Yaw, ...]) -> Step:
+    """Yaw displacements of nodes measured in pitch only (Eq. 3.1.1).
+
+    The ratio of the tip's accelerations is that of its displacements, as both are at one frequency.
+    """
+    yaw = {n.name: yaw_displacement(*(_column(table, c) for c in (n.tip_yaw, n.tip_pitch, n.pitch))) for n in nodes}
+    return _step("yaw from pitch", "Eq. 3.1.1", table, table.assign(**yaw))
+
+
+def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+    """Amplitude and phase of the node that becomes the mode (Eq. 3.1.21); removes the known lag of the instruments."""
+    node = description.node
+    after = table.assign(amplitude=_column(table, node.sensor))
+    if node.phase is None:
+        return _step("node", "Eq. 3.1.21", table, after)
+    lag = description.units.rad * node.lag
+    after["phase"] = _lag(description.units.rad * raw.loc[table.index, node.phase].to_numpy(float) - lag)
+    return _step("node", "Eq. 3.1.21", table, after, {"lag": np.full(len(table), lag)} if lag else None)
+
+
+def to_mode(table: pd.DataFrame, phi: float) -> Step:
+    """Node to modal displacement, X/phi (Eqs. 3.1.2-3.1.5); a negative phi turns the phase by pi."""
+    after = table.assign(amplitude=_column(table, "amplitude") / abs(phi))
+    if phi < 0.0 and "phase" in after:
+        after["phase"] = _lag(_column(table, "phase") + np.pi)
+    return _step("mode factor", "Eqs. 3.1.2-3.1.5", table, after)
+
+
+def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+    """Rigid-body rotation taken off (Eqs. 3.1.16-3.1.18, 3.1.22, 3.1.23).
+
+    Where R^2/I is not given, it is the one that fits the known total corrections best: ``constants["r2_over_i"]``.
+    """
+    rigid = description.rigid_body
+    assert rigid is not None  # the chain comes here only with one
+    mode, others, F = _node_modes(table, description)
+    omega, omega_r = _column(table, "omega"), description.units.rad_s * rigid.frequency
+    r2_over_i = rigid.r2_over_i
+    if r2_over_i is None:
+        C_t = raw.loc[table.index, rigid.identify_from].to_numpy(float)
+        r2_over_i = identify_r2_over_i(mode, others, F, omega, omega_r, C_t)
+        if not r2_over_i > 0.0 and description.mode.phi_drive is None:  # force and node at one place
+            raise AnalysisError(f"R^2/I identified from column {rigid.identify_from} is {r2_over_i:.3g}, not positive")
+    part = node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
+    constants = {"r2_over_i": r2_over_i}
+    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, constants)
+
+
+def remove_modes(table: pd.DataFrame, description: Description) -> Step:
+    """Other modes taken off as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
+
+    Raises:
+        AnalysisError: one of them lies inside the swept frequencies, where its damping cannot be neglected.
+    """
+    mode, others, F = _node_modes(table, description)
+    omega = _column(table, "omega")
+    for named, other in zip(description.modes, others, strict=True):
+        if omega.min() <= other.omega <= omega.max():
+            raise AnalysisError(f"mode {named.name!r} lies inside the swept frequencies: it cannot be removed undamped")
+    correction: NodeCorrection = node_correction(mode, others, F, omega)
+    parts = {f"mode {m.name}": part for m, part in zip(description.modes, correction.adjacent, strict=True)}
+    return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
+
+
+def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+    """A known total correction C_t added in phase with the force (Eqs. 3.1.19, 3.1.22, 3.1.23)."""
+    assert description.correction is not None  # the chain comes here only with one
+    C_t = raw.loc[table.index, description.correction.column].to_numpy(float)
+    return _in_phase("known correction", "Eq. 3.1.19", table, {"total": C_t})
+
+
+def to_modal_force(table: pd.DataFrame, phi_drive: float) -> Step:
+    """F_e = phi F (Eqs. 2.2.3, 3.1.11); a negative phi at the drive turns the phase by pi."""
+    after = table.assign(force=modal_force(_column(table, "force"), abs(phi_drive)))
+    if phi_drive < 0.0 and "phase" in after:
+        after["phase"] = _lag(_column(table, "phase") + np.pi)
+    return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, after)
+
+
+def to_principal(table: pd.DataFrame, description: Description) -> Step:
+    """Motion and energy in the principal pitch plane, with xi of Eq. 3.2.15 point by point (section 3.2).
+
+    Removes the motion in the yaw plane, and rows at which no xi balances the energy. Amplitude and energy that remain
+    are those of the linear oscillator with that xi: regressing one on the other says nothing that xi does not.
+
+    Raises:
+        AnalysisError: no row is left.
+    """
+    principal = description.principal
+    assert principal is not None  # the chain comes here only with one
+    omega_p, omega_y = (description.units.rad_s * f for f in (principal.frequency_pitch, principal.frequency_yaw))
+    planes = PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
+    F, omega = _column(table, "force"), _column(table, "omega")
+    energy = np.asarray(input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
+    rows = zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)
+    xi = np.array([_root(damping_roots(planes, *row).roots, principal) for row in rows])
+    kept = np.isfinite(xi)
+    if not kept.any():
+        raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
+    motion = plane_motion(planes, F, omega, xi)
+    after = table.drop(columns="phase").assign(
+        force=F * np.cos(planes.theta), amplitude=motion.A_p, energy=motion.E_p, xi=xi
+    )
+    removed = {"yaw amplitude": np.asarray(motion.A_y), "yaw energy": np.asarray(motion.E_y), "input energy": energy}
+    return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
+
+
+def to_record(table: pd.DataFrame, description: Description) -> Step:
+    """The columns of a record (frequency in Hz), energy and xi where there are, then those kept."""
+    columns = {"sweep": table["sweep"], "force": table["force"], "frequency": _column(table, "omega") / RAD_S_PER_HZ}
+    names = [name for name in ("amplitude", "phase", "energy", "xi") if name in table]
+    columns |= {name: table[name] for name in (*names, *description.raw.keep)}
+    return _step("record", "", table, pd.DataFrame(columns))
+
+
+def _root(roots: FloatArray, principal: Principal) -> float:
+    """The root on the branch asked for, NaN where there is none below ``largest``."""
+    roots = roots[roots < principal.largest]
+    if not roots.size:
+        return np.nan
+    if principal.branch == "near":
+        assert principal.xi is not None  # checked with the description
+        return nearest_root(roots, principal.xi)
+    return float(roots[0 if principal.branch == "low" else -1])
+
+
+def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode, list[NodeMode], FloatArray]:
+    """The mode and the others as the node sees them, and the force.
+
+    A force that acts elsewhere (phi_drive) excites a mode as if its mass were M phi/phi_drive.
+    """
+    d = description
+    others = []
+    for m in d.modes:
+        mass = m.mass * m.phi / m.drive if m.phi * m.drive != 0.0 else np.inf
+        others.append(NodeMode(m.phi, mass, d.units.rad_s * m.frequency))
+    return NodeMode(d.mode.phi, np.nan, np.nan), others, _column(table, "force")
+
+
+def _in_phase(
+    name: str,
+    equation: str,
+    table: pd.DataFrame,
+    parts: Mapping[str, FloatArray],
+    constants: Mapping[str, float] | None = None,
+) -> Step:
+    """Corrections added in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); removed is their opposite."""
+    A, phi = _column(table, "amplitude"), _column(table, "phase")
+    C_t = np.sum(list(parts.values()), axis=0)
+    after_phi = modal_phase(A, phi, C_t, 1.0)
+    after = table.assign(amplitude=modal_amplitude(A, phi, C_t, 1.0, after_phi), phase=_lag(np.asarray(after_phi)))
+    return _step(name, equation, table, after, {part: -C for part, C in parts.items()}, constants)
+
+
+def _step(
+    name: str,
+    equation: str,
+    before: pd.DataFrame,
+    after: pd.DataFrame,
+    removed: Mapping[str, FloatArray] | None = None,
+    constants: Mapping[str, float] | None = None,
+) -> Step:
+    return Step(name, equation, before, after, pd.DataFrame(removed or {}, index=before.index), constants or {})
+
+
+def _column(table: pd.DataFrame, name: str) -> FloatArray:
+    return table[name].to_numpy(dtype=np.float64)
+
+
+def _lag(phase: FloatArray) -> FloatArray:
+    """The same angle between -pi/2 and 3 pi/2, where the lag of a mode with noise lies; unchanged if it is there."""
+    wrapped = np.mod(phase + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
+    return np.where((phase < -0.5 * np.pi) | (phase > 1.5 * np.pi), wrapped, phase)

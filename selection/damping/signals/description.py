@@ -1,0 +1,295 @@
+"""What a user says about his test: the schema of a CONDITION.toml, and of the raw table that it describes.
+
+The raw table is a CSV file, one row a steady state of one forcing frequency, with any columns; the description says
+which are used. All numbers are in one consistent system of units; names of units are echoed, never converted.
+
+    title = "Tower test, second mode"
+
+    [units]                       # optional; `force`, `length` and `time` are names for people
+    force = "lb"
+    length = "in"
+    time = "s"
+    frequency = "rad/s"           # of every frequency here and of its column: "Hz" (default) or "rad/s"
+    phase = "rad"                 # of the phase column: "rad" (default) or "degrees"
+
+    [raw]
+    frequency = "omega_rad_s"     # columns of the raw table
+    force = "force_lb"            # force amplitude at the point of application
+    force_sd = "force_sd_lb"      # optional: its standard uncertainty
+    sweep = "run"                 # labels of the sweeps; or sweep_label = "I", one label for all rows
+    keep = ["point"]              # columns that go unchanged into the record
+
+    [[sensors]]                   # one for each reading; amplitudes
+    name = "tip pitch"
+    column = "tip_pitch_accel_g_per_lb_e4"
+    quantity = "acceleration"     # or "velocity", or "displacement" (default)
+    factor = 1e-4                 # reading = factor times the number in the column (default 1)
+    unit = 386.0                  # of one unit of the reading, in the units above: here g in in/s^2 (default 1)
+    per_force = true              # readings are per unit of force (default false)
+    sd = "tip_pitch_sd_g_per_lb_e4"  # optional: standard uncertainty of the number in the column
+
+    [[yaw]]                       # optional: yaw displacement of a node measured in pitch only (Eq. 3.1.1)
+    name = "tail yaw"
+    tip_yaw = "tip yaw"           # names of sensors
+    tip_pitch = "tip pitch"
+    pitch = "tail pitch"
+
+    [node]                        # the motion that becomes the mode
+    sensor = "tail pitch"
+    phase = "tail_phase_rad"      # column: lag behind the force; without it nothing can be removed
+    phase_sd = "tail_phase_sd"    # optional: its standard uncertainty
+    lag = 0.0                     # known lag of the instruments, taken off the phase (in its unit)
+
+    [mode]
+    phi = 0.041                   # displacement of the node at unit modal displacement
+    phi_drive = 0.041             # the same where the force acts (default: phi)
+
+    [[modes]]                     # optional: other modes to be removed (Eqs. 3.1.13-3.1.15)
+    name = "1"
+    phi = 0.084                   # and phi_drive (default: phi)
+    mass = 62.9
+    frequency = 6.95
+
+    [rigid_body]                  # optional: rigid-body rotation to be removed (Eqs. 3.1.16-3.1.18)
+    frequency = 1.0
+    r2_over_i = 1.92e-4           # R^2/I: displacement of the node per unit force is R^2/I/(omega_R^2 - omega^2); or
+    identify_from = "column"      # a column of known total corrections C_t, to which R^2/I is fitted (Eq. 3.1.20)
+
+    [correction]                  # optional, in place of both: the total correction C_t (Eq. 3.1.20) as known
+    column = "correction_Ct2_in"
+
+    [principal]                   # optional: rotation into the principal planes (section 3.2)
+    theta = 28.0                  # degrees, from the direction of the force to the principal pitch plane
+    mass = 21.0
+    frequency_pitch = 11.40
+    frequency_yaw = 11.50
+    branch = "near"               # which root xi of Eq. 3.2.15: "low", "high", or "near" the one given
+    xi = 0.005                    # with "near"
+    largest = 0.05                # roots above are no damping factors of a structure (default 0.1)
+
+Standard uncertainties that are stated go through the chain (``damping.signals.uncertainty``) into the record's
+``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import radians
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from damping.arrays import RAD_S_PER_HZ
+from damping.records.keys import OPTIONAL_COLUMNS, REQUIRED_COLUMNS
+
+Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
+Name = Annotated[str, Field(min_length=1, max_length=80)]
+
+#: Columns of the working table with a meaning of their own.
+WORKING_COLUMNS = ("sweep", "omega", "force", "amplitude", "phase", "energy", "xi")
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Units(_Table):
+    """Names of units for people, and the two units that are converted."""
+
+    force: str = ""
+    length: str = ""
+    time: str = ""
+    frequency: Literal["Hz", "rad/s"] = "Hz"
+    phase: Literal["rad", "degrees"] = "rad"
+
+    @property
+    def rad_s(self) -> float:
+        """One unit of frequency in rad/s."""
+        return 1.0 if self.frequency == "rad/s" else RAD_S_PER_HZ
+
+    @property
+    def rad(self) -> float:
+        """One unit of phase in rad."""
+        return 1.0 if self.phase == "rad" else radians(1.0)
+
+
+class Raw(_Table):
+    """Columns of the raw table."""
+
+    frequency: Name
+    force: Name
+    force_sd: Name | None = None
+    sweep: Name | None = None
+    sweep_label: Name | None = None
+    keep: tuple[Name, ...] = Field(default=(), strict=False)
+
+
+class Sensor(_Table):
+    """One reading: amplitude = factor * column, of what quantity, in what unit."""
+
+    name: Name
+    column: Name
+    quantity: Literal["acceleration", "velocity", "displacement"] = "displacement"
+    factor: Positive = 1.0
+    unit: Positive = 1.0
+    per_force: bool = False
+    sd: Name | None = None
+
+
+class Yaw(_Table):
+    """Yaw displacement of a node whose pitch displacement is measured (Eq. 3.1.1); names of sensors."""
+
+    name: Name
+    tip_yaw: Name
+    tip_pitch: Name
+    pitch: Name
+
+
+class Node(_Table):
+    """The motion that becomes the mode."""
+
+    sensor: Name
+    phase: Name | None = None
+    phase_sd: Name | None = None
+    lag: FiniteFloat = 0.0
+
+
+class ModeFactor(_Table):
+    """Displacement of the node, and of the point where the force acts, at unit modal displacement."""
+
+    phi: FiniteFloat
+    phi_drive: FiniteFloat | None = None
+
+    @property
+    def drive(self) -> float:
+        """``phi_drive``, by default ``phi``."""
+        return self.phi if self.phi_drive is None else self.phi_drive
+
+
+class OtherMode(ModeFactor):
+    """A mode to be removed."""
+
+    name: Name
+    mass: Positive
+    frequency: Positive
+
+
+class RigidBody(_Table):
+    """Rigid-body rotation: its frequency, and R^2/I or the column that it is identified from."""
+
+    frequency: NonNegative
+    r2_over_i: FiniteFloat | None = None
+    identify_from: Name | None = None
+
+
+class Correction(_Table):
+    """Column of the total correction C_t."""
+
+    column: Name
+
+
+class Principal(_Table):
+    """The two principal planes, and which root of Eq. 3.2.15 is taken."""
+
+    theta: Annotated[FiniteFloat, Field(gt=-90.0, lt=90.0)]
+    mass: Positive
+    frequency_pitch: Positive
+    frequency_yaw: Positive
+    branch: Literal["low", "high", "near"]
+    xi: Positive | None = None
+    largest: Positive = 0.1
+
+
+class Problem(NamedTuple):
+    """Something in a description that contradicts the rest of it: the keys that lead there, and what was expected."""
+
+    keys: tuple[str | int, ...]
+    message: str
+    expected: str
+
+
+class Description(_Table):
+    """A whole CONDITION.toml."""
+
+    title: str = ""
+    units: Units = Units()
+    raw: Raw
+    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1, strict=False)]
+    yaw: tuple[Yaw, ...] = Field(default=(), strict=False)
+    node: Node
+    mode: ModeFactor
+    modes: tuple[OtherMode, ...] = Field(default=(), strict=False)
+    rigid_body: RigidBody | None = None
+    correction: Correction | None = None
+    principal: Principal | None = None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the raw table that hold numbers that are used."""
+        names = [self.raw.frequency, self.raw.force, *(sensor.column for sensor in self.sensors), self.node.phase]
+        names.append(self.rigid_body.identify_from if self.rigid_body else None)
+        names.append(self.correction.column if self.correction else None)
+        return tuple(dict.fromkeys(name for name in (*names, *self.uncertainties.values()) if name))
+
+    @property
+    def uncertainties(self) -> dict[str, str]:
+        """Columns of stated standard uncertainties, by the column whose they are."""
+        pairs = [(self.raw.force, self.raw.force_sd), *((sensor.column, sensor.sd) for sensor in self.sensors)]
+        pairs.append((self.node.phase or "", self.node.phase_sd))
+        return {column: sd for column, sd in pairs if column and sd}
+
+    def problems(self) -> Iterator[Problem]:
+        """What contradicts itself, in the order of the schema."""
+        yield from self._of_raw()
+        yield from self._of_names()
+        yield from self._of_mode()
+        yield from self._of_removals()
+
+    def _of_raw(self) -> Iterator[Problem]:
+        if (self.raw.sweep is None) == (self.raw.sweep_label is None):
+            yield Problem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
+        if self.raw.sweep in self.columns:
+            yield Problem(("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels")
+        meant = {*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS, *WORKING_COLUMNS, *(f"{name}_sd" for name in WORKING_COLUMNS)}
+        for name in self.raw.keep:
+            if name in meant:
+                yield Problem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
+
+    def _of_names(self) -> Iterator[Problem]:
+        seen = {*WORKING_COLUMNS, *self.raw.keep}
+        sensors = [sensor.name for sensor in self.sensors]
+        named = [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(self.sensors)]
+        named += [(("yaw", i, "name"), yaw.name) for i, yaw in enumerate(self.yaw)]
+        for keys, name in named:
+            if name in seen:
+                yield Problem(keys, f"{name!r} is taken", "a name of its own")
+            seen.add(name)
+        used = [(("yaw", i, key), getattr(y, key)) for i, y in enumerate(self.yaw) for key in _YAW_SENSORS]
+        for path, name in [*used, (("node", "sensor"), self.node.sensor)]:
+            if name not in sensors:
+                yield Problem(path, f"no sensor {name!r}", f"one of {', '.join(sensors)}")
+
+    def _of_mode(self) -> Iterator[Problem]:
+        for key in ("phi", "phi_drive"):
+            if getattr(self.mode, key) == 0.0:
+                yield Problem(("mode", key), "is 0: the mode cannot be seen or driven there", "another node")
+        if len({mode.name for mode in self.modes}) < len(self.modes):
+            yield Problem(("modes",), "two modes have one name", "different names")
+
+    def _of_removals(self) -> Iterator[Problem]:
+        rigid = self.rigid_body
+        if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
+            yield Problem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")
+        if self.correction is not None and (self.modes or rigid is not None):
+            yield Problem(("correction",), "the total correction is given and computed", "it, or modes and rigid_body")
+        removed = [key for key in ("modes", "rigid_body", "correction", "principal") if getattr(self, key)]
+        if self.node.phase is None and self.node.phase_sd is not None:
+            yield Problem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
+        if self.node.phase is None and removed:
+            yield Problem((removed[0],), "nothing can be removed without the phase of the node", "phase in [node]")
+        if self.principal is not None and (self.principal.branch == "near") != (self.principal.xi is not None):
+            yield Problem(("principal",), 'xi goes with branch = "near"', "both or neither")
+
+
+_YAW_SENSORS = ("tip_yaw", "tip_pitch", "pitch")

@@ -1,0 +1,275 @@
+"""Free decays to damping: amplitude, frequency and decay rate at levels, and the force of equal energy balance.
+
+The band-passed response and its analytic signal are one convolution, with a window w of some periods:
+
+    z(t) = int w(tau) exp(-i omega_0 tau) x(t + tau) d tau,    int w = 2,    int tau^2 w = 0.
+
+It is taken only where the window lies inside the record, so that no edge enters, and its zero second moment leaves an
+amplitude that changes as a cubic as it is. On a decay x = A exp(-delta t) cos(omega t) it gives A exp((-delta + i
+omega) t) times a known constant, which is divided out; a velocity or acceleration is divided by (-delta + i omega)^n.
+
+Slowly decaying free motion loses action as d/dt (M omega A^2/2) = -A C/2 (the part of the equation of motion in
+quadrature), so with delta = -A'/A
+
+    C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),
+
+which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
+frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.errors import AnalysisError, InputError
+from damping.signals.windows import Signal, Window, flat_window, noise_beside, thinned
+
+#: Periods of the window: what is further than some 2/periods of the frequency away is rejected.
+PERIODS = 6.0
+#: Levels of amplitude that a decay is cut into, at most.
+LEVELS = 16
+#: A level is kept where the amplitude is so many times the noise.
+ABOVE_NOISE = 10.0
+#: Fall of ln A over a level: less says little of the slope, more smears it.
+LEAST_FALL, MOST_FALL = 0.05, 0.4
+#: A level is kept where the slope is known so well (standard error over slope) ...
+WORST_SLOPE = 0.3
+#: ... and ln A is so straight (its bend over half a window) that the window does not smear it.
+LARGEST_BEND = 0.15
+#: A loss of the start is said where the motion was so many times larger.
+LARGEST_LOSS = 1.1
+
+_FEWEST_SAMPLES = 8  # a period must have so many
+_PART = 1_000_000  # samples looked at together
+_UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
+_MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
+
+
+@dataclass(frozen=True)
+class Decay:
+    """Levels of a free decay, arrays (levels,), largest amplitude first.
+
+    ``time`` at the middle of each level, ``amplitude`` of displacement, ``frequency`` of phase resonance (Hz),
+    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd`` and ``force_sd`` from noise.
+    ``noise`` is its amplitude in the unit of the signal, ``notes`` say what was left out.
+    """
+
+    time: FloatArray
+    amplitude: FloatArray
+    frequency: FloatArray
+    decay_rate: FloatArray
+    force: FloatArray
+    amplitude_sd: FloatArray
+    force_sd: FloatArray
+    noise: float
+    notes: tuple[str, ...]
+
+    @property
+    def damping_ratio(self) -> FloatArray:
+        """Fraction of critical damping at each level, delta/omega."""
+        return self.decay_rate / (RAD_S_PER_HZ * self.frequency)
+
+    def table(self, label: str) -> pd.DataFrame:
+        """Rows of a record: each level a sweep of its own, at phase resonance."""
+        return pd.DataFrame(
+            {
+                "sweep": [f"{label} {k + 1:02d}" for k in range(len(self.time))],
+                "force": self.force,
+                "frequency": self.frequency,
+                "amplitude": self.amplitude,
+                "amplitude_sd": self.amplitude_sd,
+                "force_sd": self.force_sd,
+                "time": self.time,
+                "damping_ratio": self.damping_ratio,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class _Level:
+    """One level: middle ``t``, ``A``, ``omega``, ``delta``; standard errors of ln A and delta; bend of ln A."""
+
+    t: float
+    A: float
+    omega: float
+    delta: float
+    sd_logarithm: float
+    sd_delta: float
+    bend: float
+
+
+def ring_down(
+    t: FloatArray,
+    x: FloatArray,
+    *,
+    order: int,
+    mass: float,
+    frequency: float,
+    periods: float = PERIODS,
+    levels: int = LEVELS,
+    start: float | None = None,
+    end: float | None = None,
+) -> Decay:
+    """Amplitude-dependent frequency and damping of one mode from its free decay.
+
+    Args:
+        t, x: time (n,) in s, evenly spaced, and motion (n,), the ``order``-th time derivative of displacement.
+        mass: generalized mass M.
+        frequency: of the mode, Hz; that of the decay may be off by some per cent.
+        periods: length of the window: more reject neighbouring modes better, and lose more of the start.
+        levels: most levels of amplitude.
+        start, end: part of the record to use, s; by default from the largest amplitude on.
+
+    Raises:
+        InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
+        AnalysisError: no decay above the noise that is long enough.
+    """
+    if not (periods >= 4.0 and levels >= 1):
+        raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
+    t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
+    t, x = thinned(t, x, _step(t, frequency), frequency)
+    dt = float(t[1] - t[0])
+    window = flat_window(frequency, periods, dt)
+    if len(x) < 2 * len(window.offsets):
+        raise AnalysisError(
+            f"the record has {len(x) * dt * frequency:.3g} periods, of which {2 * periods:g} are needed"
+        )
+    x = x - np.mean(x)
+    z = window.analytic(x)
+    times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
+    noise = noise_beside(window, x, z)
+    first = 0 if start is not None else int(np.argmax(np.abs(z)))
+    low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
+    last = first + int(low[0]) if len(low) else len(z)
+    kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+    lost = _lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
+    return _decay(kept, mass, noise, [*lost, *notes])
+
+
+def _lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
+    """A note where the motion is larger before ``since``, when the window first fits, than its ``size`` there."""
+    peak = int(np.argmax(np.abs(x)))
+    largest = float(np.abs(x[peak]))
+    if not (t[peak] < since and largest > LARGEST_LOSS * size):
+        return []
+    of = window.omega_0**order  # to displacement
+    return [
+        f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
+        f"{largest / of:.4g} to {size / of:.4g}; fewer --periods (4 or more) lose less"
+    ]
+
+
+def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
+    keep: BoolArray = (t >= (-np.inf if start is None else start)) & (t <= (np.inf if end is None else end))
+    if np.count_nonzero(keep) < 2:
+        has = f"{t[0]:g} to {t[-1]:g} s" if len(t) else "a time history"
+        raise InputError("there are no two samples between start and end", expected=has)
+    return (t, x) if keep.all() else (t[keep], x[keep])
+
+
+def _step(t: FloatArray, frequency: float) -> float:
+    """Time step of an even spacing that resolves the mode."""
+    dt = float((t[-1] - t[0]) / (len(t) - 1))
+    for first in range(0, len(t), _PART):
+        part = t[first : first + _PART]
+        off = np.abs(part - (t[0] + dt * np.arange(first, first + len(part))))
+        if not (np.isfinite(dt) and dt > 0.0 and np.max(off) <= _UNEVEN * dt):
+            raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+    if not frequency * dt <= 1.0 / _FEWEST_SAMPLES:
+        raise InputError(
+            f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz", expected=f"at least {_FEWEST_SAMPLES}"
+        )
+    return dt
+
+
+def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
+    """Samples at which levels of equal ratio end, each at least ``least`` samples long."""
+    edges = [0]
+    if len(amplitude) == 0 or not amplitude.all():
+        return edges
+    depth = np.log(amplitude[0] / np.minimum.accumulate(amplitude))
+    fall = min(max(float(depth[-1]) / levels, LEAST_FALL), MOST_FALL)
+    while len(edges) <= levels:
+        end = max(int(np.searchsorted(depth, depth[edges[-1]] + fall)), edges[-1] + max(least, 8))
+        if end >= len(amplitude):
+            break
+        edges.append(end)
+    return edges
+
+
+def _levels(
+    t: FloatArray, z: Signal, levels: int, window: Window, noise: float, order: int
+) -> tuple[list[_Level], list[str]]:
+    """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them."""
+    while True:
+        edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
+        found = [_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)]
+        kept, notes = _kept(found)
+        if 2 * len(kept) >= len(found) or levels == 1:
+            break
+        levels //= 2
+    if not kept:
+        raise AnalysisError("; ".join(["no level of the decay can be used", *notes]))
+    if len(edges) > levels:
+        notes.append(f"the decay after {t[edges[-1]]:.4g} s is not used: it is cut into {levels} levels")
+    return kept, notes
+
+
+def _level(t: FloatArray, z: Signal, window: Window, noise: float, order: int) -> _Level:
+    """Parabolas through ln |z| and the phase; errors from the noise, or from what they leave if that is more."""
+    middle, long = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
+    u = (t - middle) / long
+    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
+    fit = np.polynomial.polynomial.polyfit(u, logarithm, 2)
+    left = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
+    s = complex(fit[1]) / long
+    size = float(np.exp(fit[0].real))
+    sd = max(noise / _MEDIAN / size, float(left)) / np.sqrt(max(long / window.correlation, 1.0))
+    return _Level(
+        t=float(middle),
+        A=size / abs(window.gain(s)) / abs(s) ** order,
+        omega=s.imag,
+        delta=-s.real,
+        sd_logarithm=float(1.5 * sd),  # the middle of a parabola: sqrt(9/4) of that of a mean
+        sd_delta=float(sd * np.sqrt(12.0) / long),
+        bend=float(abs(fit[2].real) * (0.5 * window.length / long) ** 2),
+    )
+
+
+def _kept(found: list[_Level]) -> tuple[list[_Level], list[str]]:
+    """Levels whose slope is known, up to the first at which the window would smear the decay."""
+    notes = []
+    known = [level for level in found if level.delta > 0.0 and level.sd_delta <= WORST_SLOPE * level.delta]
+    if len(known) < len(found):
+        notes.append(
+            f"{len(found) - len(known)} of {len(found)} levels left out: their decay is not told from the noise"
+        )
+    bent = next((k for k, level in enumerate(known) if level.bend > LARGEST_BEND), len(known))
+    kept = known[:bent]
+    if bent < len(known):
+        notes.append(f"at amplitude {known[bent].A:.4g} and below the decay changes too much within the window")
+    return kept, notes
+
+
+def _decay(kept: list[_Level], mass: float, noise: float, notes: list[str]) -> Decay:
+    A, omega, delta = (np.array([getattr(level, name) for level in kept]) for name in ("A", "omega", "delta"))
+    sd, sd_delta = (np.array([getattr(level, name) for level in kept]) for name in ("sd_logarithm", "sd_delta"))
+    resonant = np.sqrt(omega**2 + delta**2)
+    change = np.gradient(omega, np.log(A)) if len(A) > 1 else np.zeros(1)
+    force = 2.0 * mass * delta * A * (resonant + 0.5 * change)
+    return Decay(
+        time=np.array([level.t for level in kept]),
+        amplitude=A,
+        frequency=resonant / RAD_S_PER_HZ,
+        decay_rate=delta,
+        force=force,
+        amplitude_sd=sd * A,
+        force_sd=force * np.hypot(sd, sd_delta / delta),
+        noise=noise,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,86 @@
+"""A window of some periods: band pass, analytic signal and noise beside the band in one convolution each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import oaconvolve
+from scipy.signal.windows import blackmanharris, hann
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+
+#: Samples a period that are enough: longer records are averaged in groups.
+ENOUGH = 32
+_BESIDE = 4.5  # where noise is looked for, in 1/length above the mode: outside the main lobe of the window used there
+
+Signal = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Window:
+    """A window: ``offsets`` (odd number, s), real ``weights`` there, the centre ``omega_0`` (rad/s)."""
+
+    offsets: FloatArray
+    weights: FloatArray
+    omega_0: float
+
+    @property
+    def length(self) -> float:
+        """Length, s."""
+        return float(self.offsets[-1] - self.offsets[0])
+
+    @property
+    def correlation(self) -> float:
+        """Time after which noise behind the window is independent: 1/(equivalent noise bandwidth), s."""
+        dt = float(self.offsets[1] - self.offsets[0])
+        return dt * float(np.sum(self.weights) ** 2 / np.sum(self.weights**2))
+
+    def analytic(self, x: FloatArray) -> Signal:
+        """z where the window lies inside x."""
+        kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
+        found: Signal = oaconvolve(x, kernel[::-1], mode="valid")
+        return found
+
+    def gain(self, s: complex) -> complex:
+        """What the window makes of exp(s t); its image at the conjugate of s averages out over a level."""
+        return complex(0.5 * self.weights @ np.exp((s - 1j * self.omega_0) * self.offsets))
+
+
+def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
+    """Means of groups of samples, so that about ``ENOUGH`` a period of ``frequency`` (Hz) are left.
+
+    A mean over k samples takes sin(k a)/(k sin a), a = pi f dt, of a sine; this is divided out at ``frequency``.
+    """
+    k = int(1.0 / (frequency * dt * ENOUGH))
+    n = len(x) // max(k, 1) * k
+    if k < 2 or n < 2 * k:
+        return t, x
+    angle = np.pi * frequency * dt
+    kept = np.sin(k * angle) / (k * np.sin(angle))
+    return t[0] + dt * (k * np.arange(n // k) + 0.5 * (k - 1)), x[:n].reshape(-1, k).mean(axis=1) / kept
+
+
+def flat_window(frequency: float, periods: float, dt: float) -> Window:
+    """Hann window times a + b tau^2 of area 2 and no second moment, ``periods`` of ``frequency`` (Hz) long."""
+    half = round(0.5 * periods / (frequency * dt))
+    offsets = dt * np.arange(-half, half + 1)
+    weights = np.asarray(hann(2 * half + 3)[1:-1], dtype=np.float64)
+    zeroth, second, fourth = (float(weights @ offsets**power) for power in (0, 2, 4))
+    a, b = np.linalg.solve([[zeroth, second], [second, fourth]], [2.0, 0.0])
+    flat = np.asarray(weights * (a + b * offsets**2), dtype=np.float64)
+    return Window(np.asarray(offsets, dtype=np.float64), flat, RAD_S_PER_HZ * frequency)
+
+
+def noise_beside(window: Window, x: FloatArray, z: Signal) -> float:
+    """Amplitude of noise in z, the window's view of x, at the end of the record.
+
+    Taken beside the pass band, where there is noise alone, and at most what is in the band, motion or noise.
+    """
+    tail = np.abs(z[-(len(z) // 10 + 1) :])
+    weights = np.asarray(blackmanharris(len(window.offsets)), dtype=np.float64)
+    weights *= np.sqrt(np.sum(window.weights**2) / np.sum(weights**2))  # lets as much noise pass
+    beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
+    floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
+    return float(min(np.median(tail), np.median(floor)))

@@ -1,1 +1,0 @@
-"""The effects: a contract, one small file each, and the catalogue."""

@@ -1,1 +1,0 @@
-"""Resonant amplitude beyond the test."""
