@@ -18,6 +18,7 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
+from damping_pipelines.cli import main
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_6 import printed_laws
 from damping_reed1970.reproduce import Studies, studies
@@ -155,3 +156,52 @@ def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callabl
             assert found["found"] == []
 
     return check
+
+
+REAL = Path(__file__).parents[2] / "shared" / "real"
+
+
+@pytest.fixture(scope="session")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Callable[[bytes | str, str], Path]:
+    """Writes bytes or text to a file of the given name and returns its path; the next call may overwrite it."""
+    folder = tmp_path_factory.mktemp("records")
+
+    def write(content: bytes | str, name: str = "record.csv") -> Path:
+        path = folder / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def real() -> Path:
+    """Folder of the measured records, which are not part of the project."""
+    if not REAL.is_dir():
+        pytest.skip("the folder of measured records is absent: their licences keep them out of the project")
+    return REAL
+
+
+@dataclass(frozen=True)
+class Run:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def damping(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
+    """``damping(*words)`` gives exit code, standard output and standard error."""
+
+    def run(*words: object) -> Run:
+        with pytest.raises(SystemExit) as stopped:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        return Run(int(stopped.value.code or 0), captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def saturn_data() -> Path:
+    return data_folder() / "saturn-v"

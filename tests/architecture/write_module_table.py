@@ -5,11 +5,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 HEAD = "| where | what |\n|---|---|\n"
-#: The arrow of imports, in which the table lists the parts of ``selection``.
+#: The arrow of imports, in which the table lists the parts of the library.
 ORDER = [
-    *("errors", "arrays", "units", "forces", "records", "conditioning", "response", "regression"),
-    *("posterior", "compare", "loads", "gap", "reproduction", "plots", "report", "api"),
+    *("errors", "arrays", "forces", "records", "signals", "predict", "regression"),
+    *("infer", "ranking", "extrapolation", "gap", "formats", "plots", "report", "api"),
 ]
+HOUSES = (
+    "selection/damping",
+    "pipelines/damping_pipelines",
+    "pipelines/damping_reed1970",
+    "pipelines/damping_validation",
+)
 
 
 def purpose(path: Path) -> str:
@@ -20,18 +26,20 @@ def purpose(path: Path) -> str:
 
 
 def modules() -> dict[str, str]:
-    """Every package and top-level module with its purpose."""
-    parts = {}
-    for top in ("selection", "pipelines"):
-        parts |= {f"{top}/{p.parent.name}/": p for p in (ROOT / top).glob("*/__init__.py")}
-        parts |= {f"{top}/{p.name}": p for p in (ROOT / top).glob("*.py") if p.name != "__init__.py"}
-    return {name: purpose(parts[name]) for name in sorted(parts, key=position)}
+    """Every house, and its packages and top-level modules, with its purpose."""
+    parts: dict[str, Path] = {}
+    for house in HOUSES:
+        parts[f"{house}/"] = ROOT / house / "__init__.py"
+        inside = {f"{house}/{p.parent.name}/": p for p in (ROOT / house).glob("*/__init__.py")}
+        inside |= {f"{house}/{p.name}": p for p in (ROOT / house).glob("*.py") if p.name != "__init__.py"}
+        parts |= {name: inside[name] for name in sorted(inside, key=position)}
+    return {name: purpose(path) for name, path in parts.items()}
 
 
-def position(name: str) -> tuple[bool, int, str]:
-    """Where a module stands in the table."""
-    top, part = name.removesuffix(".py").split("/")[:2]
-    return top == "pipelines", ORDER.index(part) if top == "selection" else 0, part
+def position(name: str) -> tuple[int, str]:
+    """Where a module stands in the table of its house."""
+    part = name.removesuffix(".py").rstrip("/").rpartition("/")[2]
+    return ORDER.index(part) if part in ORDER and "damping/" in name else len(ORDER), part
 
 
 def write() -> None:

@@ -35,7 +35,7 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	cd "$work/try$version"
 	"$bin/python" -c 'import damping, sys; assert damping.__file__.startswith(sys.prefix), damping.__file__'
 	"$bin/python" -m pytest -p no:cacheprovider -m "not sampling" tests/forces tests/contract tests/records/test_reading.py \
-		tests/records/test_mode.py tests/records/test_report_tables.py tests/regression tests/posterior/test_likelihood.py
+		tests/records/test_mode.py tests/reed1970/test_report_tables.py tests/regression tests/infer/test_likelihood.py
 	rm -r data tests
 	"$bin/damping" --help >/dev/null
 	"$bin/python" -c 'from damping_pipelines.settings import default_study; print(default_study())'
