@@ -19,12 +19,14 @@ from damping.extrapolation.prediction import Member, amplitude_draws, predict
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
 from damping.infer.observations import Observations
 from damping.ranking import Candidate
-from damping.ranking.weights import FEWEST_BELOW, level_numbers
+from damping.ranking.weights import level_numbers
 
 #: Laws with less weight do not take part in the average.
 LEAST_WEIGHT = 0.01
 #: Steps after which a chain that has not converged is given up: minutes, where most laws take seconds.
 SETTINGS = Settings(budget=5000)
+#: Levels below a held-out one, at least.
+FEWEST_BELOW = 2
 #: Effective importance draws that may stand for a chain that does not converge: they give the end of a 90 % band to 7 %
 #: of the standard deviation, sqrt(0.05 * 0.95 / n) / 0.103.
 INSTEAD = 200
@@ -59,12 +61,12 @@ def sample_members(
 def _member(law: Planned, posterior: Posterior) -> tuple[Member | None, str]:
     """A law with its draws, and what is to be said of them; None where there are too few."""
     if posterior.converged:
-        return Member(law.name, law.weight, posterior.coordinates, posterior.draws, law.kappa), ""
+        return Member(law.name, law.weight, posterior.coordinates, posterior.draws), ""
     said = f"{law.name}: the chain did not converge ({posterior.failure}), "
     if law.evidence.effective_draws < INSTEAD:
         return None, said + "left out"
     said += f"importance draws worth {law.evidence.effective_draws:.0f} are used"
-    return Member(law.name, law.weight, law.coordinates, law.evidence.draws, law.kappa, (said,)), said
+    return Member(law.name, law.weight, law.coordinates, law.evidence.draws, (said,)), said
 
 
 def sample_candidate(
@@ -90,7 +92,7 @@ def sample_candidate(
 def members_of(plan: Plan, least: float = 0.0) -> list[Member]:
     """Laws of a plan with a weight above ``least``, on the draws of importance sampling."""
     laws = [law for law in plan.laws if law.weight > least]
-    return [Member(law.name, law.weight, law.coordinates, law.evidence.draws, law.kappa) for law in laws]
+    return [Member(law.name, law.weight, law.coordinates, law.evidence.draws) for law in laws]
 
 
 def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mass: float | None = None) -> pd.DataFrame:

@@ -22,12 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.extrapolation import near as discrepancy
-from damping.extrapolation.plan import Plan
-from damping.infer.law import Coordinates, by_blocks, residuals
+from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
+from damping.infer.doubt import hold_slopes, stray
+from damping.infer.law import Coordinates, by_sweep, residuals
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
-from damping.ranking.weights import ENOUGH, level_numbers
+from damping.ranking.weights import level_numbers
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
@@ -46,7 +46,7 @@ def cautions(
         said.append("no prediction: the damping force does not reach this force at any amplitude")
     if force > largest:
         said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
-    return tuple(said + _of_test(force, data) + _of_weights(weights, plan))
+    return tuple(said + _of_test(force, data) + _of_weights(weights))
 
 
 def _of_plan(force: float, plan: Plan) -> list[str]:
@@ -55,15 +55,12 @@ def _of_plan(force: float, plan: Plan) -> list[str]:
 
 
 def _of_trend(force: float, plan: Plan) -> list[str]:
-    p, change = plan.trend, plan.change
-    if change:
-        foreseen = f"the laws of the lower levels gave the highest one a probability of {100.0 * change.foreseen:.0f} %"
-        if force > change.limit:
-            return [f"no prediction beyond {change.limit:.4g}: p is rising ({p.words}), and {foreseen}"]
-        return [f"p is rising ({p.words}), and {foreseen}: no prediction beyond {change.limit:.4g}"]
+    p = plan.trend
+    if force > plan.limit:
+        return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
     if p.falling:
-        return [f"p is falling at the top of the test ({p.words}): amplitudes may grow faster than any law here says"]
-    return [f"p is rising with level ({p.words}), as the laws here foresee"] if p.rising else []
+        return [f"p is falling at the top of the test ({p.words}): damping may stop growing, and the band allows for it"]
+    return [f"p is rising with level ({p.words})"] if p.rising else []
 
 
 def _of_test(force: float, data: Observations) -> list[str]:
@@ -80,14 +77,11 @@ def _of_test(force: float, data: Observations) -> list[str]:
     return said
 
 
-def _of_weights(weights: Sequence[float], plan: Plan | None) -> list[str]:
+def _of_weights(weights: Sequence[float]) -> list[str]:
     """How well the laws are told apart."""
     said = []
     if weights and max(weights) < 0.5 * sum(weights):
         said.append("no law has more than half of the weight")
-    if plan and plan.held_out < ENOUGH and len(plan.laws) > 1:
-        levels = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
-        said.append(f"{levels}: weights drawn towards equal ones over {len(plan.laws)} plausible laws")
     return said
 
 
@@ -96,22 +90,20 @@ AVERAGE_DRAWS = 20_000
 #: Share of draws without a resonance above which no prediction is given.
 REFUSED_SHARE = 0.05
 #: Names of the parts of a predictive distribution.
-PARTS = ("measurement_noise", "parameters", "between_model", "level_to_level")
+PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
 
 
 @dataclass(frozen=True)
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``kappa``: posterior probability of each of ``discrepancy.KAPPA``; the prior where None. ``cautions``: what to know
-    of the draws.
+    ``cautions``: what to know of the draws.
     """
 
     name: str
     weight: float
     coordinates: Coordinates
     draws: FloatArray
-    kappa: FloatArray | None = None
     cautions: tuple[str, ...] = ()
 
 
@@ -218,15 +210,17 @@ def predict(
     )
 
 
-_DRAWN = ("law", "level", "noise")
+_DRAWN = ("law", "stray", "noise")
+#: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
+_POINTS = 9
 
 
 @dataclass(frozen=True)
 class _Spread:
-    """Draws in ln A, (draws, forces): of the law's amplitude, of the level's departure from it, of the noise."""
+    """Draws in ln A, (draws, forces): of the law's amplitude as the levels correct it, of its straying, of the noise."""
 
     law: FloatArray
-    level: FloatArray
+    stray: FloatArray
     noise: FloatArray
 
 
@@ -234,21 +228,39 @@ def _spread(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> _Spread:
     """Draws of one law's parts; NaN where a draw has no resonance."""
-    amplitude = np.log(amplitude_draws(member, force, data))
+    tested, asked = np.log(data.tested_force), np.log(force)
+    z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
+    of_law = np.log(amplitude_draws(member, np.exp(z), data))
     row, level = member.coordinates.scatter(member.draws)
     if member.coordinates.with_level_scatter:
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    known = by_blocks(
-        lambda x: np.mean(residuals(member.coordinates.force(x), data)[2], axis=1), member.draws, len(data.A)
-    )
-    kappa = discrepancy.draw(discrepancy.prior() if member.kappa is None else member.kappa, len(row), rng)
-    beyond = kappa[:, None] * discrepancy.distance(force, data.tested_force)
-    sd_level, sd_noise = np.hypot(level[:, None], beyond), np.sqrt(row**2 + known)[:, None]
+    left, variance, known = _levels(member, row, level, data)
+    mean, drawn = stray(member.coordinates.doubt(member.draws), left, variance, tested, z, rng)
+    beyond = z >= tested.max()
+    columns = np.searchsorted(z, asked)
+
+    def at_forces(log_A: FloatArray) -> FloatArray:
+        held = log_A.copy()
+        held[:, beyond] = hold_slopes(log_A[:, beyond], z[beyond])
+        return held[:, columns]
+
+    law = at_forces(of_law + mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
-    normal = rng.standard_normal((2, len(row), 1))
-    return _Spread(amplitude, sd_level * normal[0], sd_noise * normal[1])
+    noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
+    return _Spread(law, at_forces(of_law + drawn) - law, np.broadcast_to(noise[:, None], law.shape))
+
+
+def _levels(
+    member: Member, row: FloatArray, level: FloatArray, data: Observations
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """ln A of each level less the law's and its variance, (draws, sweeps); mean known variance of a row, (draws,)."""
+    n, h, known = residuals(member.coordinates.force(member.draws), data)
+    weight = h / (row[:, None] ** 2 + known)
+    hh, hn = (by_sweep(weight * value, data) for value in (h, n))
+    hh = np.maximum(hh, 1e-6)  # a level whose rows say nothing of its amplitude
+    return hn / hh, 1.0 / hh + level[:, None] ** 2, known.mean(axis=1)
 
 
 def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatArray]:
@@ -260,7 +272,7 @@ def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatAr
         "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "level_to_level": weights @ np.array([np.mean(s.level**2, axis=0) for s in spreads]),
+        "discrepancy": weights @ np.array([np.nanvar(s.stray, axis=0) for s in spreads]),
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
@@ -274,6 +286,6 @@ def _band(name: str, weight: float, spread: _Spread, allowed: np.ndarray, level:
         filled = np.where(refused, 0.0, draws)
         return np.where(refused, np.nan, np.exp(np.nanpercentile(filled, q, axis=0)))
 
-    low, median, high = quantiles(spread.law + spread.level + spread.noise, [tail, 50.0, 100.0 - tail])
+    low, median, high = quantiles(spread.law + spread.stray + spread.noise, [tail, 50.0, 100.0 - tail])
     credible_low, credible_high = quantiles(spread.law, [tail, 100.0 - tail])
     return Band(name, weight, median, low, high, credible_low, credible_high)
