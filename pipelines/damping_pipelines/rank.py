@@ -11,14 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from damping import extrapolation as members
 from damping.arrays import RAD_S_PER_HZ
 from damping.errors import InputError
 from damping.extrapolation import LEAST_WEIGHT
+from damping.extrapolation.draws import Member
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, load_candidates, plan_loads
-from damping.extrapolation.prediction import PARTS, Loads, Member, predict
+from damping.extrapolation.prediction import PARTS, Loads, predict
+from damping.extrapolation.what_if import NextLevel, choose_next_level, vary_priors
 from damping.infer.observations import Observations, observe
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -149,10 +152,15 @@ def extrapolate(
     sampled = sample_members(plan, np.array(forces), seed)
     repeatability = described.repeatability.amplitude or 0.0
     loads = predict(sampled, np.array(forces), data, level, seed, plan, repeatability)
+    asked = np.array(forces)
+    varied = vary_priors(sampled, asked, data, level, seed, repeatability)
+    further = choose_next_level(sampled, min(float(asked.max()), plan.limit), data, level, seed, repeatability)
     if json_out is not None:
-        write_json(json_out, {**loads_form(loads), **plan_form(plan), "cautions": mode_cautions(data, described)})
+        form = {**loads_form(loads), **plan_form(plan), **what_if_form(varied, further)}
+        write_json(json_out, {**form, "cautions": mode_cautions(data, described)})
     if json_out != "-":
         _print(loads, plan, described, mode_cautions(data, described))
+        _print_what_if(varied, further)
 
 
 def check_forces(forces: list[float], level: float) -> None:
@@ -206,10 +214,35 @@ def loads_form(loads: Loads) -> dict[str, Any]:
 
 
 def plan_form(plan: Plan) -> dict[str, Any]:
-    """Extra keys of ``loads/1``: what the weights rest on, the local exponents, the limit."""
+    """Extra keys of ``loads/1``: the local exponents, the limit."""
     p = plan.trend
     exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
-    return {"held_out_levels": plan.held_out, "local_exponents": exponents, "limit": plan.limit}
+    return {"local_exponents": exponents, "limit": plan.limit}
+
+
+def what_if_form(varied: pd.DataFrame, further: NextLevel | None) -> dict[str, Any]:
+    """Extra keys of ``loads/1``: predictions with other priors, and the level that would most shrink the band."""
+    levels = None
+    if further is not None:
+        levels = {**vars(further), "others": further.others.to_dict("records")}
+    return {"sensitivity": varied.to_dict("records"), "next_level": levels}
+
+
+def _print_what_if(varied: pd.DataFrame, further: NextLevel | None) -> None:
+    """Bands with other priors, and what to test next."""
+    out = console()
+    forces = list(dict.fromkeys(varied["force"]))
+    table = plain_table("The same with other priors", ("prior", "times", *(f"{force:g}" for force in forces)))
+    for (prior, factor), rows in varied.groupby(["prior", "factor"], sort=False):
+        bands = (f"{number(r.median)} ({number(r.low)} to {number(r.high)})" for r in rows.itertuples())
+        table.add_row(str(prior), f"{factor:.2g}", *bands)
+    out.print(table)
+    if further is not None:
+        out.print(
+            f"One more level would shrink the band at {further.design:g} most at the force {further.force:.4g}: from "
+            f"high/low {further.width:.2f} to {further.expected:.2f} expected.",
+            highlight=False,
+        )
 
 
 def _print(loads: Loads, plan: Plan, mode: Mode, cautions: Sequence[str]) -> None:
@@ -234,8 +267,7 @@ def _print(loads: Loads, plan: Plan, mode: Mode, cautions: Sequence[str]) -> Non
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
     out.print(shares)
     laws = ", ".join(f"{band.name} {band.weight:.2f}" for band in loads.by_model)
-    held = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
-    out.print(f"Laws by weight ({held}): {laws}.", highlight=False)
+    out.print(f"Laws by weight: {laws}.", highlight=False)
     if len(plan.trend.p):
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)

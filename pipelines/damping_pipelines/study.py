@@ -18,9 +18,10 @@ import numpy as np
 from damping import __version__
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, sample_candidate
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation.prediction import predict
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -230,7 +231,7 @@ def chain_key(task: Task) -> str:
 def posterior_member(law: Candidate | Planned, draws: np.ndarray) -> Member:
     """A sampled law as a member of the average."""
     assert law.coordinates is not None  # a sampled law was fitted
-    return Member(law.name, law.weight, law.coordinates, draws, law.kappa if isinstance(law, Planned) else None)
+    return Member(law.name, law.weight, law.coordinates, draws)
 
 
 def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:

@@ -187,7 +187,7 @@ _PARTS = {
     "measurement_noise": ("measurement noise", "#999933"),
     "parameters": ("parameters", "#56b4e9"),
     "between_model": ("between models", "#d55e00"),
-    "level_to_level": ("level to level", "#0b2545"),
+    "discrepancy": ("discrepancy", "#0b2545"),
 }
 
 

@@ -107,7 +107,9 @@ def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
         shape = np.random.default_rng([number, len(name)])
         iwan = name == "iwan"
         _MEMORY[name, number] = (
-            _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.4), 1.0) if iwan else _bouc_wen(shape.uniform(1, 3), 1.0)
+            _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.4), 1.0)
+            if iwan
+            else _bouc_wen(shape.uniform(1, 3), 1.0)
         )
     moved = _TABLE - rng.uniform(np.log(0.5), np.log(6.0))
     return np.asarray(np.exp(np.interp(moved, _TABLE, np.log(np.maximum(_MEMORY[name, number], 1e-300)))))

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import KAPPA
-from damping.extrapolation.prediction import PARTS, Member, amplitude_draws, linear_amplitude, predict
+from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 

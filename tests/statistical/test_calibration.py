@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import Member, predict
+from damping.extrapolation.prediction import predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping_validation.calibration import (

@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 
 from damping.errors import AnalysisError
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.plan import Plan, Planned, plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation.prediction import predict
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
 from damping.infer.observations import Observations
 from damping.ranking import Candidate

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.observations import Observations, observe
 from damping.ranking.weights import level_numbers

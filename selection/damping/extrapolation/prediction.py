@@ -1,17 +1,12 @@
-"""What to know before using a prediction, in words.
-
-Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
+"""Resonant amplitude at design forces beyond the test, as credible and predictive distributions, and what to know of it.
 
 For a law the amplitude at phase resonance solves C(A, omega) = F, at the frequency of the resonance at the largest
 tested force. What the next test would read is made of four parts, added in ln A draw by draw:
 
-- parameters: posterior draws of the law's own;
-- between-model: which law, by weights from held-out levels;
-- level-to-level: a test does not repeat itself from level to level (scatter of the likelihood), and no law holds
-  beyond its data (kappa, growing with the distance from the test: :mod:`damping.extrapolation.near`);
-- measurement noise: scatter of a reading, and the uncertainties that the record states.
-
-With one row a level, noise and scatter from level to level cannot be told apart; both are then in the noise.
+- parameters: posterior draws of the law's own, as the tested levels correct it;
+- between-model: which law, by its posterior probability;
+- discrepancy: how far the structure strays from a law's exponent beyond the test (:mod:`damping.infer.doubt`);
+- measurement noise: scatter of a level and of a reading, and the uncertainties that the record states.
 """
 
 from __future__ import annotations
@@ -22,11 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.extrapolation.draws import Member, Spread, draw_spread, pool
 from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
-from damping.infer.doubt import hold_slopes, stray
-from damping.infer.law import Coordinates, by_sweep, residuals
 from damping.infer.observations import Observations
-from damping.predict.steady import resonant_amplitude
 from damping.ranking.weights import level_numbers
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
@@ -59,7 +52,9 @@ def _of_trend(force: float, plan: Plan) -> list[str]:
     if force > plan.limit:
         return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
     if p.falling:
-        return [f"p is falling at the top of the test ({p.words}): damping may stop growing, and the band allows for it"]
+        return [
+            f"p is falling at the top of the test ({p.words}): damping may stop growing, and the band allows for it"
+        ]
     return [f"p is rising with level ({p.words})"] if p.rising else []
 
 
@@ -85,26 +80,10 @@ def _of_weights(weights: Sequence[float]) -> list[str]:
     return said
 
 
-#: Draws of the average over models: the 5 % and 95 % points are then known to 1 % of the band's width.
-AVERAGE_DRAWS = 20_000
 #: Share of draws without a resonance above which no prediction is given.
 REFUSED_SHARE = 0.05
 #: Names of the parts of a predictive distribution.
 PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
-
-
-@dataclass(frozen=True)
-class Member:
-    """A law that takes part: its weight and posterior draws x, (draws, dimension).
-
-    ``cautions``: what to know of the draws.
-    """
-
-    name: str
-    weight: float
-    coordinates: Coordinates
-    draws: FloatArray
-    cautions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -155,12 +134,6 @@ def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     return data.tested_amplitude[data.top] * force / data.tested_force[data.top]
 
 
-def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:
-    """Amplitude of each draw at each force, (draws, forces); NaN where a draw has no resonance."""
-    damping = member.coordinates.force(member.draws)
-    return np.asarray(resonant_amplitude(damping, force[None, :], data.tested_omega[data.top]))
-
-
 def predict(
     members: Sequence[Member],
     force: FloatArray,
@@ -177,16 +150,11 @@ def predict(
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
     """
     rng = np.random.default_rng(seed)
-    spreads = [_spread(member, force, data, repeatability, rng) for member in members]
+    spreads = [draw_spread(member, force, data, repeatability, rng) for member in members]
     allowed = force <= (plan.limit if plan else np.inf)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    counts = rng.multinomial(AVERAGE_DRAWS, weights)
-    rows = [rng.integers(len(s.law), size=count) for s, count in zip(spreads, counts, strict=True)]
-    pooled = _Spread(
-        *(np.concatenate([getattr(s, part)[r] for s, r in zip(spreads, rows, strict=True)]) for part in _DRAWN)
-    )
-    average = _band("average over models", 1.0, pooled, allowed, level)
+    average = _band("average over models", 1.0, pool(spreads, weights, rng), allowed, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -210,60 +178,7 @@ def predict(
     )
 
 
-_DRAWN = ("law", "stray", "noise")
-#: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
-_POINTS = 9
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """Draws in ln A, (draws, forces): of the law's amplitude as the levels correct it, of its straying, of the noise."""
-
-    law: FloatArray
-    stray: FloatArray
-    noise: FloatArray
-
-
-def _spread(
-    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
-) -> _Spread:
-    """Draws of one law's parts; NaN where a draw has no resonance."""
-    tested, asked = np.log(data.tested_force), np.log(force)
-    z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
-    of_law = np.log(amplitude_draws(member, np.exp(z), data))
-    row, level = member.coordinates.scatter(member.draws)
-    if member.coordinates.with_level_scatter:
-        level = np.maximum(level, repeatability)
-    else:
-        row = np.maximum(row, repeatability)
-    left, variance, known = _levels(member, row, level, data)
-    mean, drawn = stray(member.coordinates.doubt(member.draws), left, variance, tested, z, rng)
-    beyond = z >= tested.max()
-    columns = np.searchsorted(z, asked)
-
-    def at_forces(log_A: FloatArray) -> FloatArray:
-        held = log_A.copy()
-        held[:, beyond] = hold_slopes(log_A[:, beyond], z[beyond])
-        return held[:, columns]
-
-    law = at_forces(of_law + mean)
-    # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
-    noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
-    return _Spread(law, at_forces(of_law + drawn) - law, np.broadcast_to(noise[:, None], law.shape))
-
-
-def _levels(
-    member: Member, row: FloatArray, level: FloatArray, data: Observations
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """ln A of each level less the law's and its variance, (draws, sweeps); mean known variance of a row, (draws,)."""
-    n, h, known = residuals(member.coordinates.force(member.draws), data)
-    weight = h / (row[:, None] ** 2 + known)
-    hh, hn = (by_sweep(weight * value, data) for value in (h, n))
-    hh = np.maximum(hh, 1e-6)  # a level whose rows say nothing of its amplitude
-    return hn / hh, 1.0 / hh + level[:, None] ** 2, known.mean(axis=1)
-
-
-def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatArray]:
+def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
     laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
     mean = np.array([np.nanmean(law, axis=0) for law in laws])
@@ -277,7 +192,7 @@ def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatAr
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
-def _band(name: str, weight: float, spread: _Spread, allowed: np.ndarray, level: float) -> Band:
+def _band(name: str, weight: float, spread: Spread, allowed: np.ndarray, level: float) -> Band:
     """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
     refused = (np.mean(~np.isfinite(spread.law), axis=0) > REFUSED_SHARE) | ~allowed
     tail = 50.0 * (1.0 - level)
@@ -286,6 +201,6 @@ def _band(name: str, weight: float, spread: _Spread, allowed: np.ndarray, level:
         filled = np.where(refused, 0.0, draws)
         return np.where(refused, np.nan, np.exp(np.nanpercentile(filled, q, axis=0)))
 
-    low, median, high = quantiles(spread.law + spread.stray + spread.noise, [tail, 50.0, 100.0 - tail])
+    low, median, high = quantiles(spread.total, [tail, 50.0, 100.0 - tail])
     credible_low, credible_high = quantiles(spread.law, [tail, 100.0 - tail])
     return Band(name, weight, median, low, high, credible_low, credible_high)

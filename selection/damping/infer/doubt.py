@@ -36,7 +36,12 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
 
 
 def stray(
-    sigma: FloatArray, left: FloatArray, variance: FloatArray, at: FloatArray, grid: FloatArray, rng: np.random.Generator
+    sigma: FloatArray,
+    left: FloatArray,
+    variance: FloatArray,
+    at: FloatArray,
+    grid: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
     """g on ``grid`` given what levels leave over: its mean, and one draw of it (Matheron's rule), each (draws, grid).
 
