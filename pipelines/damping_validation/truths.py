@@ -26,7 +26,7 @@ _CYCLE = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure drawn at random: ``log_C`` at the table's ln A; ``law`` is its own in the library, None where none."""
+    """A structure drawn at random: ``log_C`` at the table's ln A; ``law`` is its own in the library, if it has one."""
 
     name: str
     log_C: FloatArray
@@ -105,12 +105,10 @@ def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
     number = int(rng.integers(6))
     if (name, number) not in _MEMORY:
         shape = np.random.default_rng([number, len(name)])
-        iwan = name == "iwan"
-        _MEMORY[name, number] = (
-            _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.4), 1.0)
-            if iwan
-            else _bouc_wen(shape.uniform(1, 3), 1.0)
-        )
+        if name == "iwan":
+            _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.4), 1.0)
+        else:
+            _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
     moved = _TABLE - rng.uniform(np.log(0.5), np.log(6.0))
     return np.asarray(np.exp(np.interp(moved, _TABLE, np.log(np.maximum(_MEMORY[name, number], 1e-300)))))
 

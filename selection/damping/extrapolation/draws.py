@@ -35,7 +35,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Spread:
-    """Draws in ln A, (draws, forces): of the law's amplitude as the levels correct it, of its straying, of the noise."""
+    """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise."""
 
     law: FloatArray
     stray: FloatArray

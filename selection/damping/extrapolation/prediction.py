@@ -1,4 +1,4 @@
-"""Resonant amplitude at design forces beyond the test, as credible and predictive distributions, and what to know of it.
+"""Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
 
 For a law the amplitude at phase resonance solves C(A, omega) = F, at the frequency of the resonance at the largest
 tested force. What the next test would read is made of four parts, added in ln A draw by draw:

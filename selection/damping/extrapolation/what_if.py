@@ -121,15 +121,11 @@ def choose_next_level(
         low, high = at_design[order][np.minimum(np.searchsorted(cumulative, [tail, 1.0 - tail]), len(order) - 1)]
         return float(high - low)
 
-    expected = [
-        np.mean(
-            [
-                width(np.exp(-0.5 * ((drawn[:, i] - reading) / sd[i]) ** 2))
-                for reading in np.quantile(drawn[:, i], READINGS)
-            ]
-        )
-        for i in range(len(tried))
-    ]
+    def expected_width(at: FloatArray, noise: float) -> float:
+        readings = np.quantile(at, READINGS)
+        return float(np.mean([width(np.exp(-0.5 * ((at - reading) / noise) ** 2)) for reading in readings]))
+
+    expected = [expected_width(drawn[:, i], float(sd[i])) for i in range(len(tried))]
     table = pd.DataFrame({"force": tried, "expected": np.exp(expected)}).sort_values("expected", kind="stable")
     now = float(np.exp(width(np.ones(len(order)))))
     return NextLevel(design, float(table["force"].iloc[0]), now, float(table["expected"].iloc[0]), table)

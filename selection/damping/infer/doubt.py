@@ -63,7 +63,7 @@ def stray(
 
 
 def hold_slopes(log_A: FloatArray, z: FloatArray) -> FloatArray:
-    """ln A (draws, grid) with its slope from each point of ``z`` to the next held in ``SLOPES``; NaN counts as steep."""
+    """ln A (draws, grid), its slope from each point of ``z`` to the next held in ``SLOPES``; NaN counts as steep."""
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
         slope = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
