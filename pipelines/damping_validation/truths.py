@@ -106,10 +106,10 @@ def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
     if (name, number) not in _MEMORY:
         shape = np.random.default_rng([number, len(name)])
         if name == "iwan":
-            _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.4), 1.0)
+            _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
         else:
             _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
-    moved = _TABLE - rng.uniform(np.log(0.5), np.log(6.0))
+    moved = _TABLE - rng.uniform(np.log(0.6), np.log(6.0))
     return np.asarray(np.exp(np.interp(moved, _TABLE, np.log(np.maximum(_MEMORY[name, number], 1e-300)))))
 
 
@@ -133,7 +133,7 @@ def _growing(rng: np.random.Generator) -> FloatArray:
 
 def _two_sets(rng: np.random.Generator) -> FloatArray:
     """Two sliders of different limits beside a viscous part."""
-    first, second = np.exp(rng.uniform(np.log(0.1), np.log(0.4))), np.exp(rng.uniform(np.log(0.4), np.log(0.9)))
+    first, second = np.exp(rng.uniform(np.log(0.1), np.log(0.3))), np.exp(rng.uniform(np.log(0.3), np.log(0.8)))
     return _mixed(rng, _viscous(), _mixed(rng, _slip(first), _slip(second)))
 
 
@@ -170,8 +170,8 @@ TRUTHS: dict[str, tuple[Drawn, tuple[str, ...] | None]] = {
         lambda rng: _mixed(rng, _viscous(), _slip(np.exp(rng.uniform(np.log(0.2), np.log(0.9))))),
         ("viscous", "slip"),
     ),
-    "Iwan joint": (lambda rng: _mixed(rng, _viscous(), _with_memory("iwan", rng)), None),
-    "Bouc-Wen": (lambda rng: _mixed(rng, _viscous(), _with_memory("bouc-wen", rng)), None),
+    "Iwan joint": (lambda rng: _mixed(rng, _viscous(), _with_memory("iwan", rng), least=0.3), None),
+    "Bouc-Wen": (lambda rng: _mixed(rng, _viscous(), _with_memory("bouc-wen", rng), least=0.3), None),
     "saturating": (_saturating, None),
     "falling": (_falling, None),
     "growing": (_growing, None),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.infer.doubt import hold_slopes, stray
-from damping.infer.law import Coordinates, by_sweep, residuals
+from damping.infer.doubt import extend, stray
+from damping.infer.law import Coordinates, by_sweep, residuals, stray_scale
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -77,19 +77,20 @@ def draw_spread(
     else:
         row = np.maximum(row, repeatability)
     left, variance, known = _levels(member, row, level, data)
-    mean, drawn = stray(member.coordinates.doubt(member.draws), left, variance, tested, z, rng)
+    doubt = stray_scale(member.draws, member.coordinates, data)
+    mean, drawn = stray(doubt, left, variance, tested, z, rng)
     beyond = z >= tested.max()
     columns = np.searchsorted(z, asked)
 
-    def at_forces(log_A: FloatArray) -> FloatArray:
-        held = log_A.copy()
-        held[:, beyond] = hold_slopes(log_A[:, beyond], z[beyond])
-        return held[:, columns]
+    def at_forces(strays: FloatArray) -> FloatArray:
+        log_A = of_law + strays
+        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond])
+        return log_A[:, columns]
 
-    law = at_forces(of_law + mean)
+    law = at_forces(mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
     noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
-    return Spread(law, at_forces(of_law + drawn) - law, np.broadcast_to(noise[:, None], law.shape))
+    return Spread(law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape))
 
 
 def _levels(

@@ -21,6 +21,8 @@ from damping.arrays import FloatArray
 LENGTH = 1.5
 #: Prior of sigma: median and log standard deviation (learned from the structures of ``damping calibrate``).
 DOUBT_MEDIAN, DOUBT_LOG_SD = 0.03, 1.5
+#: A law counts as no less nonlinear than this, |1/p - 1|: no structure is quite linear.
+LEAST_NONLINEAR = 0.05
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
@@ -62,9 +64,14 @@ def stray(
     return gained[..., 0], drawn[:, n:] + gained[..., 1]
 
 
-def hold_slopes(log_A: FloatArray, z: FloatArray) -> FloatArray:
-    """ln A (draws, grid), its slope from each point of ``z`` to the next held in ``SLOPES``; NaN counts as steep."""
+def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
+    """ln A (draws, grid) beyond the test, from a law's and its straying g: the slope q exp(delta/q), held in ``SLOPES``.
+
+    To first order q + delta; it falls short of no damping and exceeds it as far as data allow. NaN counts as steep.
+    """
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
-        slope = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
-    return np.concatenate([log_A[:, :1], log_A[:, :1] + np.cumsum(slope * step, axis=1)], axis=1)
+        q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
+    slope = np.clip(q * np.exp(np.diff(strays, axis=1) / step / q), *SLOPES)
+    start = log_A[:, :1] + strays[:, :1]
+    return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
