@@ -279,7 +279,7 @@ def stray_scale(x: FloatArray, coordinates: Coordinates, data: Observations) -> 
     force = coordinates.force(x)
     with np.errstate(all="ignore"):
         A, omega = data.tested_amplitude, data.tested_omega
-        q = force.quadrature(A, omega) / force.slope(A, omega)
+        q = np.asarray(force.quadrature(A, omega) / force.slope(A, omega))
     nonlinear = np.sqrt(np.mean(np.clip(q - 1.0, -1.0, 1.0) ** 2, axis=-1))
     return coordinates.doubt(x) * np.maximum(np.nan_to_num(nonlinear, nan=1.0), LEAST_NONLINEAR)
 
@@ -292,12 +292,12 @@ def _of_levels(hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatA
     """
     root = np.sqrt(hh)
     B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
-    fine = np.isfinite(B).all(axis=(1, 2))
+    fine = np.asarray(np.isfinite(B).all(axis=(1, 2)))
     factor = np.linalg.cholesky(np.where(fine[:, None, None], B, np.eye(hh.shape[1])))
     u = np.where(root > 0.0, hn / root, 0.0)
     white = np.linalg.solve(factor, u[..., None])[..., 0]
     half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    return np.where(fine, 0.5 * np.sum(u**2 - white**2, axis=1) - half_log_det, -np.inf)
+    return np.asarray(np.where(fine, 0.5 * np.sum(u**2 - white**2, axis=1) - half_log_det, -np.inf))
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
