@@ -58,7 +58,7 @@ class Sizes:
     chains: int
 
 
-LARGEST = FULL = Sizes(16, 4, 1, 64, 16)
+LARGEST = FULL = Sizes(10, 2, 0, 24, 4)
 QUICK = Sizes(1, 0, 0, 12, 2)
 
 

@@ -23,6 +23,7 @@ from scipy.stats import t as student
 from damping.arrays import BoolArray, FloatArray, Floats
 from damping.extrapolation import LEAST_WEIGHT, members_of, sample_members
 from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.near import at_resonance
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict
 from damping.forces import CATALOGUE, make
@@ -184,7 +185,7 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
     tested = np.geomspace(span**-0.5, span**0.5, levels)
     swept = rng.random() < SWEPT_SHARE
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
-    data = sweeps(truth, tested, noise, rng) if swept else peaks(tested, read)
+    data = at_resonance(sweeps(truth, tested, noise, rng)) if swept else peaks(tested, read)
     force = tested[-1] * np.array(RATIOS)
     plan = plan_loads(data, CANDIDATES, seed, estimate=laplace if way == "fast" else evidence)
     members = sample_members(plan, force, seed) if way == "chains" else members_of(plan, LEAST_WEIGHT)

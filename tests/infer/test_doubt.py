@@ -6,9 +6,9 @@ from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal
 
 from damping.infer.doubt import LENGTH, SLOPES, extend, stray, stray_covariance
-from damping.infer.law import Coordinates, Law, level_covariance, log_likelihood, residuals, stray_scale
-from damping_validation.truths import sweeps as simulated_sweeps
+from damping.infer.law import Coordinates, Law, level_covariance, log_likelihood, residuals
 from damping_validation.truths import draw_truth
+from damping_validation.truths import sweeps as simulated_sweeps
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.7, 1.9), (-0.4, 1.1), (-1.0, -0.2)])
@@ -39,7 +39,7 @@ def test_slopes_stay_within_what_damping_can_do():
     assert slope.min() >= SLOPES[0] - 1e-12
     assert slope.max() <= SLOPES[1] + 1e-12
     # small strays add to the law's slope
-    np.testing.assert_allclose(extend(0.7 * z[None], 1e-4 * z[None], z), 0.7001 * z[None], rtol=1e-7)
+    np.testing.assert_allclose(extend(0.7 * z[None], 1e-5 * z[None], z), 0.70001 * z[None], rtol=1e-8)
 
 
 def test_a_law_without_resonance_counts_as_steep():
@@ -60,12 +60,3 @@ def test_likelihood_is_the_dense_normal_one():
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T
         np.testing.assert_allclose(value, multivariate_normal.logpdf(n[i], cov=covariance), rtol=1e-9)
-
-
-def test_linear_damping_is_least_in_doubt():
-    rng = np.random.default_rng(0)
-    data = simulated_sweeps(draw_truth("viscous", rng), np.array([0.6, 1.0, 1.7]), 0.01, rng)
-    for law, nonlinear in ((("viscous",), 0.05), (("velocity-squared",), 0.5)):
-        c = Coordinates.of(Law(law), data)
-        x = np.zeros((1, c.dimension))
-        np.testing.assert_allclose(stray_scale(x, c, data), nonlinear * c.doubt(x), rtol=1e-12)  # |1/p - 1|, p = 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.infer.doubt import extend, stray
-from damping.infer.law import Coordinates, by_sweep, residuals, stray_scale
+from damping.infer.law import Coordinates, by_sweep, residuals
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -77,8 +77,7 @@ def draw_spread(
     else:
         row = np.maximum(row, repeatability)
     left, variance, known = _levels(member, row, level, data)
-    doubt = stray_scale(member.draws, member.coordinates, data)
-    mean, drawn = stray(doubt, left, variance, tested, z, rng)
+    mean, drawn = stray(member.coordinates.doubt(member.draws), left, variance, tested, z, rng)
     beyond = z >= tested.max()
     columns = np.searchsorted(z, asked)
 

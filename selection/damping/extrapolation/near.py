@@ -15,12 +15,17 @@ from damping.ranking.weights import level_numbers
 from damping.records.record import Record
 from damping.records.resonance import resonances
 
+#: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
+#: response does not.
+TELLING = 1.1
 #: Rows with |cot phase| up to this are near: those between the half-power points of their sweep.
 NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """Observations of the rows near resonance.
+    """One row a sweep, its phase resonance; all rows near resonance where one level alone says how damping changes.
+
+    Rows of one sweep share their error, so counting them one by one would single out a law falsely.
 
     A constant phase offset rotates the energy of a row by offset times cot(phase), relative: what
     :func:`damping.records.resonance.resonances` finds of it is taken off first (not where the record has energies of
@@ -31,7 +36,9 @@ def near_resonance(record: Record) -> Observations:
         AnalysisError: no row says anything about damping.
     """
     data = observe(without_offset(record))
-    return _rows(data, _near(data))
+    data = _rows(data, _near(data))
+    one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
+    return data if one_telling else at_resonance(data)
 
 
 def without_offset(record: Record) -> Record:

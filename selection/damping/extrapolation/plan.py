@@ -13,16 +13,13 @@ import numpy as np
 from scipy.special import softmax
 
 from damping.errors import AnalysisError
-from damping.extrapolation.near import Trend, at_resonance, bistability, trend
+from damping.extrapolation.near import Trend, bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import candidate_laws
 from damping.ranking.weights import level_numbers, resonance_scatter
 
-#: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
-#: response does not.
-TELLING = 1.1
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
 ENOUGH_LEVELS, NEAREST = 3, 1.5
 
@@ -61,7 +58,7 @@ class Plan:
 
 def load_candidates(data: Observations) -> list[Law]:
     """Candidates on what laws are judged on."""
-    return candidate_laws(_judged(data))
+    return candidate_laws(data)
 
 
 def plan_loads(
@@ -102,12 +99,6 @@ def plan_loads(
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         bistable=bistability(data, mass) if mass else "",
     )
-
-
-def _judged(data: Observations) -> Observations:
-    """What laws are judged on: the resonances alone, or all rows of one level whose amplitudes differ enough."""
-    one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
-    return data if one_telling else at_resonance(data)
 
 
 def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Coordinates, Evidence]:

@@ -41,7 +41,7 @@ from damping.arrays import FloatArray
 from damping.forces import CATALOGUE, parameter_names
 from damping.forces.contract import Force, Sum
 from damping.forces.powers import EnergyTerm
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LEAST_NONLINEAR, stray_covariance
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, stray_covariance
 from damping.infer.observations import Observations
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
@@ -265,23 +265,8 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
     """Covariance of ln A of the levels about the law: scatter of each and straying of the exponent, (points, s, s)."""
     z = np.log(data.tested_force)
     strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
-    level, doubt = coordinates.scatter(x)[1], stray_scale(x, coordinates, data)
+    level, doubt = coordinates.scatter(x)[1], coordinates.doubt(x)
     return level[:, None, None] ** 2 * np.eye(len(z)) + doubt[:, None, None] ** 2 * strays
-
-
-def stray_scale(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Standard deviation of the straying slope, (points,): ``doubt`` times how nonlinear the law is in the test.
-
-    That is the root mean square of 1/p - 1 over the tested resonances. Linear damping is least in doubt.
-    """
-    if not coordinates.with_doubt:
-        return np.zeros(len(x))
-    force = coordinates.force(x)
-    with np.errstate(all="ignore"):
-        A, omega = data.tested_amplitude, data.tested_omega
-        q = np.asarray(force.quadrature(A, omega) / force.slope(A, omega))
-    nonlinear = np.sqrt(np.mean(np.clip(q - 1.0, -1.0, 1.0) ** 2, axis=-1))
-    return coordinates.doubt(x) * np.maximum(np.nan_to_num(nonlinear, nan=1.0), LEAST_NONLINEAR)
 
 
 def _of_levels(hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
