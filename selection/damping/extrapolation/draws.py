@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.infer.doubt import extend, stray
 from damping.infer.law import Coordinates, by_sweep, residuals
 from damping.infer.observations import Observations
@@ -35,11 +35,15 @@ class Member:
 
 @dataclass(frozen=True)
 class Spread:
-    """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise."""
+    """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise.
+
+    ``resonates``: whether the law itself reaches the force at any amplitude.
+    """
 
     law: FloatArray
     stray: FloatArray
     noise: FloatArray
+    resonates: BoolArray
 
     @property
     def total(self) -> FloatArray:
@@ -89,7 +93,7 @@ def draw_spread(
     law = at_forces(mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
     noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
-    return Spread(law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape))
+    return Spread(law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns]))
 
 
 def _levels(

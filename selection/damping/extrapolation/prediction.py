@@ -194,7 +194,7 @@ def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArr
 
 def _band(name: str, weight: float, spread: Spread, allowed: np.ndarray, level: float) -> Band:
     """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
-    refused = (np.mean(~np.isfinite(spread.law), axis=0) > REFUSED_SHARE) | ~allowed
+    refused = (np.mean(~spread.resonates, axis=0) > REFUSED_SHARE) | ~allowed
     tail = 50.0 * (1.0 - level)
 
     def quantiles(draws: FloatArray, q: list[float]) -> FloatArray:
