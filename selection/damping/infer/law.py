@@ -254,10 +254,12 @@ def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations)
     n, h, known = residuals(coordinates.force(x), data)
     variance = coordinates.scatter(x)[0][:, None] ** 2 + known
     with np.errstate(all="ignore"):
-        value = -0.5 * np.sum(n**2 / variance + np.log(2.0 * np.pi * variance), axis=-1)
+        value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            hh, hn = by_sweep(h**2 / variance, data), by_sweep(h * n / variance, data)
-            value += _of_levels(hh, hn, level_covariance(x, coordinates, data))
+            sums = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
+            value += _of_levels(*sums, level_covariance(x, coordinates, data))
+        else:
+            value -= 0.5 * np.sum(n**2 / variance, axis=-1)
     return np.where(np.isfinite(value), value, -np.inf)
 
 
@@ -269,11 +271,11 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
     return level[:, None, None] ** 2 * np.eye(len(z)) + doubt[:, None, None] ** 2 * strays
 
 
-def _of_levels(hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
-    """What a covariance K of the levels adds to the log likelihood, (points,): by Woodbury, with B = I + S K S.
+def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Quadratic form and determinant of rows whose levels have a covariance K, (points,): Woodbury, B = I + S K S.
 
     Args:
-        hh, hn: sums over each sweep's rows of h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
+        nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
     """
     root = np.sqrt(hh)
     B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
@@ -282,7 +284,8 @@ def _of_levels(hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatA
     u = np.where(root > 0.0, hn / root, 0.0)
     white = np.linalg.solve(factor, u[..., None])[..., 0]
     half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    return np.asarray(np.where(fine, 0.5 * np.sum(u**2 - white**2, axis=1) - half_log_det, -np.inf))
+    within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
+    return np.asarray(np.where(fine, -0.5 * np.sum(within + white**2, axis=1) - half_log_det, -np.inf))
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
