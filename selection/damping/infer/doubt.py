@@ -21,7 +21,7 @@ from damping.arrays import FloatArray
 LENGTH = 1.5
 #: Prior of sigma: median and log standard deviation. Learned from the structures of ``damping calibrate``: for half of
 #: them a law of the library holds, and one in ten strays by more than 0.1 (p by a tenth, from one e-fold to the next).
-DOUBT_MEDIAN, DOUBT_LOG_SD = 0.004, 2.5
+DOUBT_MEDIAN, DOUBT_LOG_SD = 0.02, 1.75
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
