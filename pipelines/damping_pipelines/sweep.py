@@ -14,7 +14,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.forces import CubicStiffness, Force, Sum, from_damping
-from damping.gap.effects import check_effects
+from damping.effects import check_effects
 from damping.gap.steady import swept
 from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.integrate import sweep_in_time

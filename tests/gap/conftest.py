@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
+from damping.effects import CATALOGUE
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
 from damping_validation.generator.forces import Effect

@@ -7,7 +7,7 @@ import pytest
 
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
-from damping.gap.effects import CATALOGUE
+from damping.effects import CATALOGUE
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damping.gap import effects as catalogue
+from damping import effects as catalogue
 from damping.gap.corrected import effect_values
-from damping.gap.effects import CATALOGUE
+from damping.effects import CATALOGUE
 from damping.gap.problem import setting
 from damping.gap.search import Search
 from damping.gap.steady import fitted_terms, steady
-from damping.gap.terms import predict
+from damping.effects.terms import predict
 from damping.records.keys import EFFECT_NAMES
 from damping.records.mode import read_mode
 from damping.records.reading import read_record

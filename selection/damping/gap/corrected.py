@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.gap.effects.contract import Effect
+from damping.effects.contract import Effect
 from damping.gap.fit import Fit
 from damping.gap.model import Part, within_tolerance
 from damping.infer.chains import Chains, Settings, Start, Target, run

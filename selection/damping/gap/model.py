@@ -22,10 +22,10 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces import make, parameter_names
-from damping.gap.effects import with_effects
-from damping.gap.effects.contract import Form, Scales
+from damping.effects import with_effects
+from damping.effects.contract import Form, Scales
 from damping.gap.rows import Rows, wrapped
-from damping.gap.terms import ComplexArray, Prediction, Terms, predict
+from damping.effects.terms import ComplexArray, Prediction, Terms, predict
 from damping.records.mode import Mode
 
 #: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).

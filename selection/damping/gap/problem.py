@@ -13,12 +13,12 @@ import numpy as np
 from damping.arrays import POUND_FORCE_N, RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
 from damping.errors import AnalysisError
 from damping.forces import from_damping
-from damping.gap.effects import check_effects
-from damping.gap.effects.contract import Scales
+from damping.effects import check_effects
+from damping.effects.contract import Scales
 from damping.gap.fit import Fit, Unknowns, unknowns
 from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
 from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
-from damping.gap.terms import predict
+from damping.effects.terms import predict
 from damping.records.mode import Mode
 from damping.records.record import Record
 

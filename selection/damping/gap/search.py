@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
-from damping.gap.effects import CONTRADICTORY
-from damping.gap.effects.contract import Effect, Form
+from damping.effects import CONTRADICTORY
+from damping.effects.contract import Effect, Form
 from damping.gap.fit import Fit, Unknowns, fit, settled
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
 

@@ -19,11 +19,11 @@ import numpy as np
 from damping.arrays import Floats
 from damping.forces.contract import Sum
 from damping.forces.joints import PowerStiffness, Slip
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
+from damping.effects.contract import Effect, Form, Scales, Shape
 from damping.gap.fit import Fit, Unknowns
 from damping.gap.model import Problem
 from damping.gap.search import Hypothesis, Search
-from damping.gap.terms import Terms
+from damping.effects.terms import Terms
 
 #: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
 _LIMITS = np.geomspace(0.005, 4.0, 14)

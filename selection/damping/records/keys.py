@@ -43,7 +43,7 @@ PARAMETER_RANGES: dict[str, tuple[float, bool]] = {
 }
 ANY_PARAMETER = (0.0, True)
 
-#: Names of effects (``selection/damping/gap/effects``): what a model file may carry in
+#: Names of effects (``selection/damping/effects``): what a model file may carry in
 #: ``[effects.NAME]`` and what a gap may be called, in this order.
 EFFECT_NAMES: tuple[str, ...] = (
     "viscous-coefficient",

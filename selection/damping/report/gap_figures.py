@@ -18,7 +18,7 @@ from damping.gap.model import Model, deviated
 from damping.gap.rows import Rows
 from damping.gap.size import nominal_residuals, refitted, regular_values
 from damping.gap.steady import fitted_terms, steady
-from damping.gap.terms import Terms, complex_stiffness
+from damping.effects.terms import Terms, complex_stiffness
 from damping.gap.where import LocalEstimate, by_quantity, footprint
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 

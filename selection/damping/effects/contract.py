@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from damping.arrays import Floats
-from damping.gap.terms import Terms
+from damping.effects.terms import Terms
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ import numpy as np
 
 from damping.arrays import FloatArray, Floats
 from damping.forces.polynomial import Viscous
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
-from damping.gap.terms import Plane, Terms
+from damping.effects.contract import Effect, Form, Scales, Shape
+from damping.effects.terms import Plane, Terms
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:

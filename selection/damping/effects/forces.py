@@ -13,8 +13,8 @@ from damping.arrays import Floats
 from damping.forces.contract import Force
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.polynomial import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
-from damping.gap.terms import Terms
+from damping.effects.contract import Effect, Form, Scales, Shape
+from damping.effects.terms import Terms
 
 
 def _effect(name: str, force: str, build: Callable[[Floats], Force], sentence: str) -> Effect:

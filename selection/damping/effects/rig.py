@@ -14,8 +14,8 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
-from damping.gap.terms import Terms
+from damping.effects.contract import Effect, Form, Scales, Shape
+from damping.effects.terms import Terms
 
 
 def gain_forms(scales: Scales) -> tuple[Form, ...]:

@@ -8,8 +8,8 @@ Effects that a model file holds already: their tables checked, and added to its 
 from __future__ import annotations
 
 from damping.errors import InputError
-from damping.gap.effects.contract import Effect
-from damping.gap.effects.forces import (
+from damping.effects.contract import Effect
+from damping.effects.forces import (
     COULOMB_FRICTION,
     DISPLACEMENT,
     DISPLACEMENT_VELOCITY,
@@ -19,9 +19,9 @@ from damping.gap.effects.forces import (
     STIFFNESS_SOFTENING,
     VELOCITY_SQUARED,
 )
-from damping.gap.effects.rig import AMPLITUDE_SCALE, FORCE_DROPOUT, PHASE_LAG
-from damping.gap.effects.structure import NATURAL_FREQUENCY, PLANAR_COUPLING, RESIDUAL_MODES, VISCOUS_COEFFICIENT
-from damping.gap.terms import Terms
+from damping.effects.rig import AMPLITUDE_SCALE, FORCE_DROPOUT, PHASE_LAG
+from damping.effects.structure import NATURAL_FREQUENCY, PLANAR_COUPLING, RESIDUAL_MODES, VISCOUS_COEFFICIENT
+from damping.effects.terms import Terms
 from damping.records.keys import nearest
 from damping.records.mode import Mode
 
