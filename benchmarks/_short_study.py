@@ -23,7 +23,6 @@ LAWS = ("viscous", "velocity-squared")
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
     candidates.CATALOGUE = {name: candidates.CATALOGUE[name] for name in LAWS}
-    vars(candidates)["PARTNERS"] = ()
     build.record_figures = lambda result, level: {"fits": figures._fits(result)}
     vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:

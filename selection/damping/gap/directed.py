@@ -27,10 +27,10 @@ from scipy.stats import chi2, norm
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
+from damping.effects.terms import ComplexArray
 from damping.gap.fit import Fit
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows
-from damping.effects.terms import ComplexArray
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
 ALARM = 0.003
