@@ -1,10 +1,16 @@
 """Coordinates of a law: the prior is what the module says."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.stats import beta, kstest, lognorm, uniform
 
+from damping.errors import InputError
+from damping.forces import CATALOGUE
+from damping.forces.contract import Force
 from damping.forces.powers import EXPONENT
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Coordinates, Law
 
 DRAWS = 20_000
