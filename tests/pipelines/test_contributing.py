@@ -98,8 +98,9 @@ def test_the_force_is_swept_in_time_as_by_averages(copy):
     averaged, integrated = (
         np.loadtxt(folder / name, delimiter=",", skiprows=1, usecols=(3, 4)) for name in ("cubed.csv", "time.csv")
     )
-    # fractions of critical damping are below 0.02: the averages err by a few of their squares
-    np.testing.assert_allclose(averaged, integrated, rtol=2e-3, atol=0.0)
+    # the averages leave out the third harmonic: at 4 % of critical damping, a third of the damping force 0.08 K A on
+    # 8 K moves 0.3 % of A; phases of a few tenths of rad feel it as 0.5 %
+    np.testing.assert_allclose(averaged, integrated, rtol=5e-3, atol=0.0)
 
 
 def test_the_force_is_a_candidate_and_wins_on_its_own_data(copy):
