@@ -60,7 +60,7 @@ def imported(path: Path) -> list[str]:
 
 @pytest.mark.parametrize("path", SELECTION, ids=name)
 def test_imports_go_one_way(path):
-    own = (dotted(path).split(".") + ["api"])[1]
+    own = [*dotted(path).split("."), "api"][1]
     for module in imported(path):
         parts = module.split(".")
         if parts[0] == "damping" and parts[1] in LAYERS:
