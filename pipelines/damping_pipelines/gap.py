@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.corrected import EffectPosterior, corrected_mode, effect_values, refitted_values, sample_effects
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.report.gap_page import doubts, following, outside, place, reach, verdict

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError, InputError
-from damping.forces import CubicStiffness, Force, Sum, from_damping
-from damping.gap.effects import check_effects
+from damping.forces import Force, Sum, from_damping
 from damping.gap.steady import swept
 from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.integrate import sweep_in_time
@@ -26,8 +26,6 @@ from damping_pipelines.terminal import progress
 
 Direction = Literal["up", "down"]
 
-#: Effects of a model that are simulated in time, as the sign of their cubic stiffness ``coefficient`` (force/length^3).
-_CUBIC_SIGN = {"stiffness-hardening": 1.0, "stiffness-softening": -1.0}
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
 
 
@@ -46,7 +44,6 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
     _choice("--direction", direction, ("up", "down"))
     _choice("--method", method, ("ritz", "time"))
     mode = read_mode(model)
-    check_effects(mode)
     states = _read if mode.effects and method == "ritz" else _averaged if method == "ritz" else _integrated
     way = cast(Direction, direction)
     order = hertz if way == "up" else hertz[::-1]
@@ -62,21 +59,22 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
 
 
 def simulated_force(mode: Mode) -> Force:
-    """The forces of a model that is integrated: its damping, and a cubic spring where it has a stiffness effect.
+    """The forces of a model that is integrated: its damping, and those that its effects add.
 
     Raises:
-        AnalysisError: an effect that is not integrated in time.
+        AnalysisError: an effect that is no force, so that it is not integrated in time.
     """
-    springs: list[Force] = []
-    for name, parameters in mode.effects.items():
-        if name not in _CUBIC_SIGN or set(parameters) != {"coefficient"}:
-            known = ", ".join(_CUBIC_SIGN)
+    added: list[Force] = []
+    for name, table in mode.effects.items():
+        effect = find_effect(name)
+        if effect.force is None:
+            known = ", ".join(other.name for other in CATALOGUE.values() if other.force)
             raise AnalysisError(
-                f"{mode.source}: --method time cannot simulate [effects.{name}]; of effects it knows cubic springs "
-                f"({known}); --method ritz knows all"
+                f"{mode.source}: --method time cannot simulate [effects.{name}]; of effects it knows those that add a "
+                f"force ({known}); --method ritz knows all"
             )
-        springs.append(CubicStiffness(_CUBIC_SIGN[name] * parameters["coefficient"]))
-    return Sum((*from_damping(mode.damping).forces, *springs))
+        added.append(effect.force(effect.complete(table)))
+    return Sum((*from_damping(mode.damping).forces, *added))
 
 
 def _averaged(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:

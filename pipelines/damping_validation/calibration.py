@@ -13,6 +13,7 @@ likelihood; the rank of each true value among posterior draws must then be unifo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -24,8 +25,9 @@ from damping.arrays import BoolArray, FloatArray, Floats
 from damping.extrapolation import members_of
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import Member, amplitude_draws, predict
-from damping.forces import CATALOGUE, make
-from damping.forces.contract import Force, Sum
+from damping.forces import CATALOGUE, component
+from damping.forces.contract import AveragedForce, Force, Sum
+from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
 from damping.infer.chains import sample
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
@@ -37,11 +39,10 @@ OMEGA = 10.0
 
 
 @dataclass(frozen=True)
-class Iwan(Force):
+class Iwan(AveragedForce):
     """Joint of sliders that slip at the displacements x with density R x^chi up to ``limit`` (Segalman 2005, no spike).
 
-    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx. Only the
-    average is given, so the cycle is the equivalent viscous one, C cos(theta).
+    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx.
     """
 
     strength: Floats
@@ -51,6 +52,11 @@ class Iwan(Force):
     name: ClassVar[str] = "iwan"
     label: ClassVar[str] = "Iwan joint"
     formula: ClassVar[str] = "sliders of density R x^chi up to the limit"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("strength", FORCE / LENGTH**2.0 / LENGTH ** "chi", least=0.0),
+        Shape("chi", above=-2.0),
+        Shape("limit", LENGTH, above=0.0),
+    )
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit)."""
@@ -63,10 +69,6 @@ class Iwan(Force):
         n = self.chi + 3.0
         x = np.minimum(A, self.limit)
         return np.asarray(4.0 / np.pi * self.strength * x**n / (n * A) + 0.0 * omega)
-
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C cos(theta)."""
-        return self.quadrature(A, omega) * np.cos(theta)
 
 
 @dataclass(frozen=True)
@@ -82,12 +84,14 @@ class Structure:
         return resonant_amplitude(self.force, force, OMEGA)
 
 
+#: Forces that are no candidates, by name.
+BUILDERS: dict[str, Callable[..., Force]] = {Iwan.name: Iwan}
+
+
 def carrying(share: float, name: str, **shapes: float) -> Force:
     """The force called ``name`` that carries ``share`` at the amplitude 1 and ``OMEGA``."""
-    if name == "iwan":
-        return Iwan(share / float(Iwan(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
-    scale = "stiffness" if name == "slip" else "coefficient"
-    return make(name, **{scale: share / float(make(name, **{scale: 1.0}, **shapes).quadrature(1.0, OMEGA))}, **shapes)
+    build = BUILDERS.get(name) or component(name).build
+    return build(share / float(build(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
 
 
 def structures() -> tuple[Structure, ...]:
@@ -157,12 +161,13 @@ SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
-    *(Law((name,)) for name in CATALOGUE if name != "coulomb"),
-    *(Law(("viscous", name)) for name in ("displacement", "velocity-squared", "displacement-velocity")),
-    *(Law(("viscous", name)) for name in ("quadratic-displacement", "coulomb", "slip")),
+    *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.beside_viscous),
 )
 #: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
 _FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
+#: What the calibration data are taken to cover, for the priors of shapes.
+TESTED = Tested(0.5, 2.0, OMEGA)
 
 
 @dataclass(frozen=True)
@@ -210,7 +215,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
         chains: sample by emcee; by importance draws otherwise.
     """
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), False)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, False)
     true = _prior_draw(coordinates, rng)
     noise = coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))
     data = peaks(_FORCES, _amplitudes(coordinates, true)[0] * np.exp(noise))
@@ -220,7 +225,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
 def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
     """The same from whole sweeps: four of nine rows between the half-power points, with scatter of rows and levels."""
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), True)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, True)
     true = _prior_draw(coordinates, rng)
     row, level = (float(value[0]) for value in coordinates.scatter(true))
     phase = np.tile(np.linspace(0.25 * np.pi, 0.75 * np.pi, 9), len(_FORCES))

@@ -11,6 +11,7 @@ LAYERS = (
     "errors",
     "arrays",
     "forces",
+    "effects",
     "records",
     "signals",
     "predict",

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
 from damping_validation.generator.forces import Effect

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
+from damping.effects.terms import ComplexArray, Terms, complex_stiffness
 from damping.gap.fit import Fit
 from damping.gap.model import STEP, Problem, residuals
 from damping.gap.rows import Rows
 from damping.gap.steady import Motion, steady
-from damping.gap.terms import ComplexArray, Terms, complex_stiffness
 
 #: Rows of a sweep that does not repeat a measured one.
 _ROWS = 40

@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
-from damping.gap.terms import Drive
+from damping.effects.terms import Drive
 from damping.records.mode import Mode
 from damping.records.record import Record
 

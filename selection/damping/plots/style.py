@@ -27,6 +27,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
+from damping.forces import CATALOGUE, Viscous
+
 _POINTS = 72.0
 _SCALES = ("linear", "log")
 
@@ -78,17 +80,9 @@ INK, MUTED, GRID = "#1f2328", "#5c6670", "#e3e6e9"
 MEASURED, AVERAGE, LINEAR, BEYOND, ALERT = "#1f2328", "#0b2545", "#a3123a", "#f6f1e6", "#c8500a"
 CREDIBLE, PREDICTIVE = "#93b3d1", "#cddcea"
 
-_FORCE_COLOURS = {
-    "viscous": "#5c6670",
-    "displacement": "#e69f00",
-    "velocity-squared": "#d55e00",
-    "displacement-velocity": "#0060a8",
-    "quadratic-displacement": "#009e73",
-    "velocity-power": "#d45fb0",
-    "displacement-velocity-power": "#332288",
-    "coulomb": "#999933",
-    "slip": "#56b4e9",
-}
+#: Colours of the forces of the catalogue, in its order; of what comes after, as of any other law.
+_COLOURS = ("#5c6670", "#e69f00", "#d55e00", "#0060a8", "#009e73", *("#d45fb0", "#332288", "#999933", "#56b4e9"))
+_FORCE_COLOURS = dict(zip(CATALOGUE, _COLOURS, strict=False))
 _OTHER_COLOURS = (
     *("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677"),
     *("#3d5a80", "#c774b8", "#7a3e12", "#44aa99"),
@@ -155,7 +149,7 @@ def styled(draw: Callable[Parameters, Figure]) -> Callable[Parameters, Figure]:
 def law_style(name: str) -> LawStyle:
     """Colour and line of the law called ``name`` (component names joined by `` + ``), the same in every figure."""
     parts = name.split(" + ")
-    others = [part for part in parts if part != "viscous"] or ["viscous"]
+    others = [part for part in parts if part != Viscous.name] or [Viscous.name]
     if len(others) == 1 and others[0] in _FORCE_COLOURS:
         return LawStyle(_FORCE_COLOURS[others[0]], "-" if len(parts) == 1 else (0, (4.5, 1.6)))
     number = crc32(name.encode())

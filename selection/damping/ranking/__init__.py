@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.errors import AnalysisError
 from damping.infer.evidence import Estimate, Evidence, evidence
-from damping.infer.law import EXPONENT_RANGE, Coordinates, Law
+from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
     Fit,
@@ -32,6 +32,8 @@ from damping.ranking.candidates import (
 CRITERION = "-2 ln(marginal likelihood), coefficients >= 0"
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
+#: A fitted shape within this of an end of its range is said to be at the edge of it.
+EDGE = 0.01
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,6 @@ def _candidate(law: Law, data: Observations, seed: int, estimate: Estimate, hold
     except AnalysisError as error:
         return replace(nothing, cautions=(str(error),))
     least_squares = fit(coordinates, data, found.mode)
-    parts = len(law.parts)
     errors = percent_errors(fitted_force(coordinates, least_squares, found.mode), data)
     held_out, held_out_caution = _held_out(law, data) if hold_out else (np.nan, ())
     return Candidate(
@@ -161,7 +162,7 @@ def _candidate(law: Law, data: Observations, seed: int, estimate: Estimate, hold
         held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(errors))),
         physical=least_squares.physical,
-        cautions=(*_cautions(least_squares, parts, found, data), *held_out_caution),
+        cautions=(*_cautions(law, least_squares, found, data), *held_out_caution),
         fit=least_squares,
         evidence=found,
         coordinates=coordinates,
@@ -182,23 +183,24 @@ def _coefficients(coordinates: Coordinates, least_squares: Fit, found: Evidence)
     """Rows of the coefficient table: least squares beside the credible interval."""
     draws = coordinates.parameters(found.draws)
     tail = 50.0 * (1.0 - INTERVAL)
+    kinked = {name for name, shape in coordinates.law.free_shapes.items() if not shape.smooth}
     rows = []
     for name, value, error, t in zip(
         least_squares.names, least_squares.values, least_squares.std_errors, least_squares.t_ratios, strict=True
     ):
         low, high = np.percentile(draws[name], [tail, 100.0 - tail])
         force, _, shape = name.partition(" ")
-        if shape == "limit":  # least squares has a kink at every measured amplitude: the posterior's spread instead
+        if name in kinked:  # least squares has a kink at every measured amplitude: the posterior's spread instead
             error = np.std(draws[name])
             t = value / error
         rows.append(Coefficient(force, shape, float(value), float(error), float(t), float(low), float(high)))
     return tuple(rows)
 
 
-def _cautions(least_squares: Fit, parts: int, found: Evidence, data: Observations) -> tuple[str, ...]:
+def _cautions(law: Law, least_squares: Fit, found: Evidence, data: Observations) -> tuple[str, ...]:
     """What a reader of the row should know, in words."""
     said = []
-    for name, value in zip(least_squares.names[:parts], least_squares.values[:parts], strict=True):
+    for name, value in zip(law.components, least_squares.values, strict=False):
         if value < 0.0:
             said.append(f"coefficient of {name} is negative: not a damping force; left out of the weights")
     freedom = least_squares.rows - least_squares.parameters
@@ -207,8 +209,10 @@ def _cautions(least_squares: Fit, parts: int, found: Evidence, data: Observation
         said.append(f"{points}, {_degrees(freedom)}: standard errors rest on the stated scatter")
     if np.isnan(least_squares.std_errors).any():
         said.append("the data cannot tell its parameters apart")
-    for name, value in zip(least_squares.names, least_squares.values, strict=True):
-        if name.endswith("exponent") and not EXPONENT_RANGE[0] + 0.01 < value < EXPONENT_RANGE[1] - 0.01:
+    fitted = dict(zip(least_squares.names, least_squares.values, strict=True))
+    for name, shape in law.free_shapes.items():
+        edges = shape.prior.range if shape.prior else None
+        if edges is not None and not edges[0] + EDGE < fitted[name] < edges[1] - EDGE:
             said.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
         said.append(f"{len(data.sweeps)} force level{'s' * (len(data.sweeps) > 1)}: amplitude dependence hardly tested")

@@ -18,37 +18,25 @@ from scipy.optimize import least_squares
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE
+from damping.forces import CATALOGUE, Viscous, term_name
 from damping.forces.contract import Force, Sum
 from damping.infer.evidence import find_mode
-from damping.infer.law import EXPONENT_RANGE, Coordinates, Law, residuals
+from damping.infer.law import Coordinates, Law, residuals
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.regression.design import design_of_arrays
 from damping.regression.subsets import best_subsets
 
-#: Forces that go with a viscous part; a free exponent beside a viscous term adds nothing that data can show.
-PARTNERS = ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement", "coulomb", "slip")
-#: Powers (m, n) of A^m omega^n in the energy polynomial (5.3.6), by the force that each term is (Table 5.I; A is
-#: Coulomb friction) or by the term where no force is known for it.
-POLYNOMIAL = {
-    "viscous": (2, 1),
-    "displacement": (2, 0),
-    "velocity-squared": (3, 2),
-    "displacement-velocity": (3, 1),
-    "quadratic-displacement": (4, 1),
-    "coulomb": (1, 0),
-    "A^3": (3, 0),
-    "A^4": (4, 0),
-    "A^2*omega^2": (2, 2),
-}
+#: Powers (m, n) of A^m omega^n in the energy polynomial (5.3.6). Six of the nine terms are forces (Table 5.I).
+POWERS = ((2.0, 1.0), (2.0, 0.0), (3.0, 2.0), (3.0, 1.0), (4.0, 1.0), (1.0, 0.0), (3.0, 0.0), (4.0, 0.0), (2.0, 2.0))
 #: Best subsets of the polynomial of each size that become candidates, and the most terms of one.
 SUBSETS_PER_SIZE, MOST_TERMS = 2, 3
 
 
 def candidate_laws(data: Observations) -> list[Law]:
     """All candidates for a record, named ones first, each once."""
-    laws = [Law((name,)) for name in CATALOGUE] + [Law(("viscous", name)) for name in PARTNERS]
+    beside = [name for name, kind in CATALOGUE.items() if kind.beside_viscous]
+    laws = [Law((name,)) for name in CATALOGUE] + [Law((Viscous.name, name)) for name in beside]
     known = {frozenset(law.components) for law in laws}
     return laws + [law for law in polynomial_laws(data) if frozenset(law.components) not in known]
 
@@ -58,18 +46,18 @@ def polynomial_laws(data: Observations) -> list[Law]:
 
     None where there are no more rows than terms: the nine terms cannot then be told apart.
     """
-    terms = np.column_stack([data.A**m * data.omega**n for m, n in POLYNOMIAL.values()])
+    terms = np.column_stack([data.A**m * data.omega**n for m, n in POWERS])
+    names = np.array([term_name(m, n) for m, n in POWERS])
     energy = np.pi * data.A * data.D
-    if len(energy) <= len(POLYNOMIAL):
+    if len(energy) <= len(POWERS):
         return []
     try:
         found = best_subsets(
-            design_of_arrays(terms, energy, list(POLYNOMIAL)), "bic", nonnegative=True, per_size=SUBSETS_PER_SIZE
+            design_of_arrays(terms, energy, list(names)), "bic", nonnegative=True, per_size=SUBSETS_PER_SIZE
         )
     except AnalysisError:  # one frequency only, or amplitudes that repeat: the terms are one column written twice
         return []
-    names = np.array(list(POLYNOMIAL))
-    return [Law(tuple(names[members])) for members in found.members if members.sum() <= MOST_TERMS]
+    return [Law(tuple(names[members].tolist())) for members in found.members if members.sum() <= MOST_TERMS]
 
 
 @dataclass(frozen=True)
@@ -112,8 +100,8 @@ def natural_force(law: Law, values: FloatArray) -> Sum:
     position, forces = len(law.parts), []
     for part, coefficient in zip(law.parts, values, strict=False):
         shapes = {}
-        for shape in part.shapes:
-            shapes[shape] = values[position]
+        for shape in part.free_shapes:
+            shapes[shape.name] = values[position]
             position += 1
         forces.append(part.build(coefficient, **shapes))
     return Sum(tuple(forces))
@@ -124,9 +112,8 @@ def fit(coordinates: Coordinates, data: Observations, mode: FloatArray) -> Fit:
     law = coordinates.law
     start = _natural(coordinates, mode)
     row, level = (float(value[0]) for value in coordinates.scatter(mode[None, :]))
-    shapes = [shape for part in law.parts for shape in part.shapes]
-    low = [-np.inf] * len(law.parts) + [EXPONENT_RANGE[0] if s == "exponent" else 0.0 for s in shapes]
-    high = [np.inf] * len(law.parts) + [EXPONENT_RANGE[1] if s == "exponent" else np.inf for s in shapes]
+    ranges = [shape.fitted_range for shape in law.free_shapes.values()]
+    low, high = zip(*[(-np.inf, np.inf)] * len(law.parts), *ranges, strict=True)
     scale = np.where(np.abs(start) > 0, np.abs(start), 1.0)
 
     def whitened(values: FloatArray) -> FloatArray:
@@ -152,7 +139,7 @@ def fit(coordinates: Coordinates, data: Observations, mode: FloatArray) -> Fit:
 
 def _names(law: Law) -> tuple[str, ...]:
     """Parameter names: components, then their shapes."""
-    return (*law.components, *(f"{part.name} {shape}" for part in law.parts for shape in part.shapes))
+    return (*law.components, *law.free_shapes)
 
 
 def _natural(coordinates: Coordinates, x: FloatArray) -> FloatArray:

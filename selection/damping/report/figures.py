@@ -58,7 +58,7 @@ def leading(result: RecordResult) -> LawPosterior | None:
 def shown_laws(result: RecordResult) -> list[Candidate]:
     """The candidates of largest weight, and viscous damping for comparison."""
     best = [c for c in result.ranking.candidates if c.rank is not None and c.weight > 0.0][:MOST_LAWS]
-    viscous = [c for c in result.ranking.candidates if c.name == "viscous" and c.rank is not None and c not in best]
+    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in best]
     return best + viscous
 
 
