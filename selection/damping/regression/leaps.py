@@ -104,7 +104,8 @@ class _Problem:
         return np.asarray(criteria(values, values, sizes, self.observed).score(self.criterion))
 
     def values(self, score: float, sizes: IntArray) -> FloatArray:
-        """The sums of squares at which models of these sizes have the score: the inverse of ``scores``."""
+        """The sums of squares at which models of these sizes have the score: the inverse of ``scores``, rounded up."""
+        score += _ROUNDINGS * abs(score)
         at_one = self.scores(np.ones(len(sizes)), sizes)
         if self.leaves_out:
             return np.where(np.isfinite(at_one), (score / at_one) ** 2, -np.inf)
@@ -241,6 +242,9 @@ def search(
     batch, visited = min(_FIRST_BATCH, largest), 1
     waiting = [_visit(_root(problem), problem, best)]
     while waiting:
+        if not len(waiting[-1].parents):
+            waiting.pop()
+            continue
         children = _children(waiting[-1].nodes, *waiting[-1].pop(batch), problem)
         visited += len(children)
         if visited > most:
@@ -249,8 +253,6 @@ def search(
                 "give fewer terms or select them stepwise"
             )
         waiting.append(_visit(children, problem, best))
-        while waiting and not len(waiting[-1].parents):
-            waiting.pop()
         batch = min(2 * batch, largest)
     return best.members, visited
 
