@@ -22,8 +22,7 @@ least value: with a = Q'(W - 1) e, by sum_i w_i e_i^2 - |a|^2 and the costs of d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from math import comb
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
@@ -32,7 +31,8 @@ from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.regression.decomposition import Basis
 from damping.regression.design import Design
-from damping.regression.fit import criteria, leave_one_out
+from damping.regression.fit import leave_one_out
+from damping.regression.shortlist import LARGEST_LEVERAGE, Problem, Shortlist, state_problem
 
 #: Multiplications that a search may take, about two minutes; a node takes k^2, by leave-one-out n k more.
 MOST_WORK = 4e9
@@ -40,10 +40,6 @@ MOST_WORK = 4e9
 _BATCH_NUMBERS = 2**18
 #: Nodes of the first batch. It doubles, so that good subsets are known before many nodes are opened.
 _FIRST_BATCH = 8
-#: Roundings of the response, times the condition number, that a sum of squares' root may be wrong by.
-_ROUNDINGS = 16.0 * float(np.finfo(np.float64).eps)
-#: Leverages count up to here in the bound of the leave-one-out error, so that rounding is magnified 100 times at most.
-_LARGEST_LEVERAGE = 0.99
 
 
 @dataclass(frozen=True)
@@ -57,115 +53,6 @@ class Proof:
     subsets: int
     nodes: int
     bound: float
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """What is searched, for a response of length 1.
-
-    ``factor`` R and ``duals`` R^-1 (k, k); ``along`` (k,) the response along the basis and ``beyond`` (n,) across it;
-    ``orthonormal`` (n, k); ``rounding`` of the root of a sum of squares.
-    """
-
-    criterion: str
-    nonnegative: bool
-    observed: FloatArray
-    factor: FloatArray
-    duals: FloatArray
-    orthonormal: FloatArray
-    along: FloatArray
-    beyond: FloatArray
-    rounding: float
-
-    @property
-    def k(self) -> int:
-        return len(self.along)
-
-    @property
-    def leaves_out(self) -> bool:
-        """Whether the criterion is the leave-one-out error."""
-        return self.criterion == "loo"
-
-    @property
-    def cost(self) -> int:
-        """Multiplications of a node, about."""
-        return self.k**2 + (len(self.observed) * self.k if self.leaves_out else 0)
-
-    def sse(self, rest: FloatArray) -> FloatArray:
-        """Sums of squared deviations (m,) of fits that leave a ``rest`` (m, k) along the basis."""
-        return np.asarray(np.einsum("mk,mk->m", rest, rest) + self.beyond @ self.beyond)
-
-    def deviations(self, rest: FloatArray) -> FloatArray:
-        """The deviations of such fits (m, n)."""
-        return np.asarray(self.beyond + rest @ self.orthonormal.T)
-
-    def scores(self, values: FloatArray, sizes: IntArray) -> FloatArray:
-        """Scores of models from their sums of squares: of deviations, or of leave-one-out errors."""
-        return np.asarray(criteria(values, values, sizes, self.observed).score(self.criterion))
-
-    def values(self, score: float, sizes: IntArray) -> FloatArray:
-        """The sums of squares at which models of these sizes have the score: the inverse of ``scores``, rounded up."""
-        score += _ROUNDINGS * abs(score)
-        at_one = self.scores(np.ones(len(sizes)), sizes)
-        if self.leaves_out:
-            return np.where(np.isfinite(at_one), (score / at_one) ** 2, -np.inf)
-        if self.criterion == "adjusted-r2":
-            return np.nan_to_num((score + 1.0) / (at_one + 1.0), nan=-np.inf)
-        return np.nan_to_num(np.exp((score - at_one) / len(self.observed)), nan=-np.inf)
-
-
-@dataclass
-class _List:
-    """The best subsets so far: ``members`` (m, k), their sums of squares ``values`` (m,), and ``limits`` (k + 1,): no
-    subset of a size can enter the list with more, ``ceiling`` (k + 1,) from the start. ``reach`` (k + 1,): nor any of
-    that size or a larger one."""
-
-    problem: _Problem
-    number: int | None
-    per_size: int | None
-    ceiling: FloatArray
-    members: BoolArray = field(init=False)
-    values: FloatArray = field(init=False)
-    limits: FloatArray = field(init=False)
-    reach: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.members, self.values = np.zeros((0, self.problem.k), dtype=np.bool_), np.zeros(0)
-        self._limit()
-
-    def enter(self, members: BoolArray, values: FloatArray) -> None:
-        """Take in subsets that no subset listed equals, and let go of what they push out."""
-        sizes = members.sum(axis=1)
-        good = (sizes > 0) & (values <= self.limits[sizes])
-        good[good] = np.isfinite(self.problem.scores(values[good], sizes[good]))
-        if not good.any():
-            return
-        self.members = np.concatenate([self.members, members[good]])
-        self.values = np.concatenate([self.values, values[good]])
-        self._limit()
-        kept = self.values <= self.limits[self.members.sum(axis=1)]
-        self.members, self.values = self.members[kept], self.values[kept]
-
-    def _limit(self) -> None:
-        k = self.problem.k
-        all_sizes, sizes = np.arange(k + 1), self.members.sum(axis=1)
-        scores = self.problem.scores(self.values, sizes)
-        order = np.argsort(scores, kind="stable")
-        limits = np.where(np.isfinite(self.problem.scores(np.ones(k + 1), all_sizes)), np.inf, -np.inf)
-        if self.per_size is not None:
-            ranks = [order[sizes[order] == size] for size in all_sizes]
-            for size in all_sizes:
-                full = self.per_size if self.problem.nonnegative else min(self.per_size, comb(k, size))
-                if len(ranks[size]) >= full > 0:
-                    limits[size] = min(limits[size], self.values[ranks[size][full - 1]])
-            order = np.sort(np.concatenate([rank[: self.per_size] for rank in ranks]))
-            order = order[np.argsort(scores[order], kind="stable")]
-        if self.number is not None and len(order) >= self.number:
-            limits = np.minimum(limits, self.problem.values(float(scores[order[self.number - 1]]), all_sizes))
-        possible = limits > -np.inf
-        limits[possible] = (np.sqrt(np.maximum(limits[possible], 0.0)) + self.problem.rounding) ** 2
-        self.limits = np.minimum(limits, self.ceiling)
-        self.reach = np.maximum.accumulate(self.limits[::-1])[::-1]
 
 
 @dataclass(frozen=True)
@@ -232,11 +119,11 @@ def search(
     Raises:
         AnalysisError: the search would take more than ``MOST_WORK``.
     """
-    problem = _problem(design, basis, criterion, nonnegative)
-    first = _List(problem, number, per_size, np.full(problem.k + 1, np.inf))
+    problem = state_problem(design, basis, criterion, nonnegative)
+    first = Shortlist(problem, number, per_size, np.full(problem.k + 1, np.inf))
     if not nonnegative:
         _eliminate(problem, first)
-    best = _List(problem, number, per_size, first.limits)
+    best = Shortlist(problem, number, per_size, first.limits)
     most = int(MOST_WORK / problem.cost)
     largest = max(_BATCH_NUMBERS // (problem.k**2 + (design.n if problem.leaves_out else 0)), 1)
     batch, visited = min(_FIRST_BATCH, largest), 1
@@ -257,29 +144,7 @@ def search(
     return best.members, visited
 
 
-def rounding_of(basis: Basis, criterion: str) -> float:
-    """What the root of a sum of squares may be wrong by, over the length of the response."""
-    return _ROUNDINGS * basis.condition_number / (1.0 - _LARGEST_LEVERAGE if criterion == "loo" else 1.0)
-
-
-def _problem(design: Design, basis: Basis, criterion: str, nonnegative: bool) -> _Problem:
-    observed = design.observed / (np.linalg.norm(design.observed) or 1.0)
-    along = observed @ basis.orthonormal
-    length = np.linalg.norm(basis.factor, axis=0)
-    return _Problem(
-        criterion=criterion,
-        nonnegative=nonnegative,
-        observed=observed,
-        factor=basis.factor / length,
-        duals=basis.inverse * length[:, None],
-        orthonormal=basis.orthonormal,
-        along=along,
-        beyond=observed - basis.orthonormal @ along,
-        rounding=rounding_of(basis, criterion),
-    )
-
-
-def _eliminate(problem: _Problem, best: _List) -> None:
+def _eliminate(problem: Problem, best: Shortlist) -> None:
     """Enter what backward elimination sees: from all terms on, the model without each one, then the best of these."""
     root = _root(problem)
     inside, duals, rest, leverages = root.inside[0], root.duals[0], root.rest[0], root.leverages[0]
@@ -301,17 +166,15 @@ def _eliminate(problem: _Problem, best: _List) -> None:
         duals = duals - np.outer(duals @ direction, direction)
 
 
-def _root(problem: _Problem) -> _Nodes:
+def _root(problem: Problem) -> _Nodes:
     """All terms, all open."""
     k, n = problem.k, len(problem.observed) if problem.leaves_out else 0
     leverages = np.einsum("nk,nk->n", problem.orthonormal, problem.orthonormal)[:n]
     everything = np.ones((1, k), dtype=np.bool_)
-    return _Nodes(
-        everything, np.arange(k)[None], np.array([k]), problem.duals[None], np.zeros((1, k)), leverages[None]
-    )
+    return _Nodes(everything, np.arange(k)[None], np.array([k]), problem.duals[None], np.zeros((1, k)), leverages[None])
 
 
-def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: _Problem) -> _Nodes:
+def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: Problem) -> _Nodes:
     """The nodes that drop a term; open terms before it stay open, those after it stay in."""
     rows = np.arange(len(parents))
     direction = nodes.duals[parents, drops]
@@ -329,7 +192,7 @@ def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: _Probl
     return _Nodes(inside, nodes.terms[parents, :most], drops, duals, rest, leverages)
 
 
-def _visit(nodes: _Nodes, problem: _Problem, best: _List) -> _Opened:
+def _visit(nodes: _Nodes, problem: Problem, best: Shortlist) -> _Opened:
     """Fit nodes, enter the subsets that they stand for, and open what is worth it."""
     stay = nodes.stay
     if problem.nonnegative:
@@ -351,7 +214,7 @@ def _visit(nodes: _Nodes, problem: _Problem, best: _List) -> _Opened:
     return _open(nodes, numbers, numbers + change, least, stay, best)
 
 
-def _nonnegative(nodes: _Nodes, problem: _Problem) -> tuple[FloatArray, FloatArray]:
+def _nonnegative(nodes: _Nodes, problem: Problem) -> tuple[FloatArray, FloatArray]:
     """Coefficients (b, k) of non-negative least squares on the terms inside, and the response's rest (b, k)."""
     coefficients = np.zeros(nodes.inside.shape)
     for row, inside in zip(coefficients, nodes.inside, strict=True):
@@ -363,19 +226,19 @@ def _nonnegative(nodes: _Nodes, problem: _Problem) -> tuple[FloatArray, FloatArr
     return coefficients, problem.along - coefficients @ problem.factor.T
 
 
-def _leverages(subsets: BoolArray, problem: _Problem) -> FloatArray:
+def _leverages(subsets: BoolArray, problem: Problem) -> FloatArray:
     """Leverages (m, n) of subsets."""
     directions = [problem.orthonormal @ np.linalg.qr(problem.factor[:, members])[0] for members in subsets]
     return np.array([np.einsum("nk,nk->n", d, d) for d in directions]).reshape(len(subsets), len(problem.observed))
 
 
-def _weighted(nodes: _Nodes, deviations: FloatArray, problem: _Problem) -> tuple[FloatArray, FloatArray]:
+def _weighted(nodes: _Nodes, deviations: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
     """The least sum of squared leave-one-out errors within nodes (b,), and by how much the coefficients of open terms
     (b, m) differ there."""
     open_directions = np.linalg.qr(nodes.duals.transpose(0, 2, 1))[0][:, :, : nodes.duals.shape[1]]
     open_directions = open_directions * nodes.is_open[:, None, : open_directions.shape[2]]
     within = np.matmul(problem.orthonormal, open_directions)
-    stay = np.clip(nodes.leverages - np.einsum("bnm,bnm->bn", within, within), 0.0, _LARGEST_LEVERAGE)
+    stay = np.clip(nodes.leverages - np.einsum("bnm,bnm->bn", within, within), 0.0, LARGEST_LEVERAGE)
     excess = (1.0 / (1.0 - stay) ** 2 - 1.0) * deviations
     shift = excess @ problem.orthonormal
     least = np.einsum("bn,bn->b", deviations, deviations + excess) - np.einsum("bk,bk->b", shift, shift)
@@ -383,7 +246,7 @@ def _weighted(nodes: _Nodes, deviations: FloatArray, problem: _Problem) -> tuple
 
 
 def _open(
-    nodes: _Nodes, coefficients: FloatArray, about: FloatArray, least: FloatArray, stay: BoolArray, best: _List
+    nodes: _Nodes, coefficients: FloatArray, about: FloatArray, least: FloatArray, stay: BoolArray, best: Shortlist
 ) -> _Opened:
     """The children of nodes that may have subsets for the list.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy import stats
@@ -21,12 +21,15 @@ from damping.errors import AnalysisError
 from damping.regression.decomposition import Basis, decompose
 from damping.regression.design import Design
 from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, leave_one_out
-from damping.regression.leaps import Proof, rounding_of, search
+from damping.regression.leaps import Proof, search
+from damping.regression.shortlist import rounding_of
 
 #: Of so many terms and no more every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
 _ONE_THREAD = 2**18  # multiplications
 _BLOCK, _BLOCK_SIZE = 9, 2e6  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+
+_PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 
 
 @dataclass(frozen=True)
@@ -99,14 +102,8 @@ class Subsets:
 
     def take(self, models: IntArray | BoolArray) -> Subsets:
         """Some of the models, in the order given."""
-        return replace(
-            self,
-            members=self.members[models],
-            coefficients=self.coefficients[models],
-            unit_errors=self.unit_errors[models],
-            sse=self.sse[models],
-            press=self.press[models],
-        )
+        chosen: dict[str, Any] = {name: getattr(self, name)[models] for name in _PER_MODEL}
+        return replace(self, **chosen)
 
     def label(self, model: int) -> tuple[str, ...]:
         """Names of the terms of one model."""
@@ -114,36 +111,19 @@ class Subsets:
 
 
 def all_subsets(design: Design, basis: Basis | None = None) -> Subsets:
-    """All 2^k - 1 subsets with their statistics.
+    """All 2^k - 1 subsets with their statistics, some hundreds at a time.
 
     Raises:
         AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
     """
-    return joined(list(subset_blocks(design, decompose(design) if basis is None else basis)))
-
-
-def subset_blocks(design: Design, basis: Basis) -> Iterator[Subsets]:
-    """All subsets, each once, some hundreds at a time."""
+    basis = decompose(design) if basis is None else basis
     if design.k > MOST_TERMS:
         raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
     doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
-    root = _empty_set(design, basis)
-    for i, block in enumerate(_blocks(root, basis, range(design.k), doublings)):
-        yield _finished(block, design, basis, drop=int(i == 0))
-
-
-def joined(parts: list[Subsets]) -> Subsets:
-    """One list of models from several of the same response."""
-    if len(parts) == 1:
-        return parts[0]
-    return replace(
-        parts[0],
-        members=np.concatenate([part.members for part in parts]),
-        coefficients=np.concatenate([part.coefficients for part in parts]),
-        unit_errors=np.concatenate([part.unit_errors for part in parts]),
-        sse=np.concatenate([part.sse for part in parts]),
-        press=np.concatenate([part.press for part in parts]),
-    )
+    blocks = enumerate(_blocks(_empty_set(design, basis), basis, range(design.k), doublings))
+    parts = [_finished(block, design, basis, drop=int(i == 0)) for i, block in blocks]
+    whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_MODEL}
+    return replace(parts[0], **whole)
 
 
 def best_subsets(
@@ -202,8 +182,8 @@ def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) 
 def _lower_bound(models: Subsets, criterion: str, rounding: float) -> float:
     """The score of the first model, less what rounding may take off it."""
     off = rounding * np.linalg.norm(models.observed)
-    least = [np.maximum(np.sqrt(value[0]) - off, 0.0) ** 2 for value in (models.sse, models.press)]
-    return float(criteria(*least, int(models.sizes[0]), models.observed).score(criterion))
+    sse, press = (float(np.maximum(np.sqrt(v[0]) - off, 0.0) ** 2) for v in (models.sse, models.press))
+    return float(criteria(sse, press, int(models.sizes[0]), models.observed).score(criterion))
 
 
 def _fitted(subsets: BoolArray, design: Design, basis: Basis) -> Subsets:
