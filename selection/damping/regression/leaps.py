@@ -1,7 +1,7 @@
 """The best subsets of many terms by leaps and bounds, proved without a look at every subset (Furnival and Wilson 1974).
 
 The search drops terms. A node holds the terms that stay in, the terms still open, and the fit of both together: no
-subset of them deviates less. Its child drops one open term and keeps those that matter more, so each subset is met once.
+subset of them deviates less. Its child drops one open term and keeps those that matter more: each subset is met once.
 A node ends where no subset within it can enter the list. That is seen early by a bound on what several drops cost at
 once. With G the columns' products, b the coefficients of all terms of the node and H = G^-1,
 
@@ -112,7 +112,7 @@ class _Opened:
 def search(
     design: Design, basis: Basis, criterion: str, *, nonnegative: bool, number: int | None, per_size: int | None
 ) -> tuple[BoolArray, int]:
-    """The subsets (m, k) that are among the ``number`` best, at most ``per_size`` of a size, and how many nodes it took.
+    """The subsets (m, k) among the ``number`` best, at most ``per_size`` of a size, and how many nodes it took.
 
     Where rounding leaves open which of several are better all of them are returned, in no order.
 

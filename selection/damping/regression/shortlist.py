@@ -42,6 +42,7 @@ class Problem:
 
     @property
     def k(self) -> int:
+        """Number of terms."""
         return len(self.along)
 
     @property
@@ -137,6 +138,7 @@ def rounding_of(basis: Basis, criterion: str) -> float:
 
 
 def state_problem(design: Design, basis: Basis, criterion: str, nonnegative: bool) -> Problem:
+    """The problem of a design: response and columns scaled to length 1."""
     observed = design.observed / (np.linalg.norm(design.observed) or 1.0)
     along = observed @ basis.orthonormal
     length = np.linalg.norm(basis.factor, axis=0)

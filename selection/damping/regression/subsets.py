@@ -1,9 +1,10 @@
 """Subsets of the terms as models with their statistics: the best of all 2^k - 1, or every one.
 
-The best are found by leaps and bounds (``leaps``). Where every subset is asked for, all are fitted at once. The design is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is
-subset S with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through
-the terms j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients,
-standard errors, deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
+The best are found by leaps and bounds (``leaps``). Where every subset is asked for, all are fitted at once. The design
+is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is subset S
+with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through the terms
+j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients, standard errors,
+deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Subsets:
 
     ``members`` (m, k) which terms; ``coefficients`` (m, k), 0 for terms left out; ``unit_errors`` (m, k) standard
     errors of the coefficients for deviations of variance 1; ``sse`` and ``press`` (m,) sums of squared deviations and
-    leave-one-out errors; ``observed`` (n,); ``names`` (k); ``proof`` that the first is the best of all, where that is so.
+    leave-one-out errors; ``observed`` (n,); ``names`` (k); ``proof`` that none is better than the first.
     """
 
     names: tuple[str, ...]
