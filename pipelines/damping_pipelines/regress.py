@@ -123,6 +123,7 @@ def regress_form(result: Regression) -> Form:
         "steps": _steps(result),
         "selection": asdict(choice),
         "subsets": _subsets(result),
+        "proof": _proof(result),
         "all_terms": _terms(result.full),
         "plane": None if result.plane is None else _terms(result.plane),
         "variables": [asdict(variable) for variable in result.variables],
@@ -191,7 +192,7 @@ def _steps(result: Regression) -> list[Form]:
 
 
 def _subsets(result: Regression) -> list[Form] | None:
-    """The best subsets of each size, best first over all; None where subsets were not searched."""
+    """The best subsets, best first; None where subsets were not searched."""
     models = result.selected.models
     if models is None:
         return None
@@ -205,6 +206,13 @@ def _subsets(result: Regression) -> list[Form] | None:
         }
         for i in range(len(models))
     ]
+
+
+def _proof(result: Regression) -> Form | None:
+    """How many subsets there are, by how many fits none is better than the first, and the least score that one can have
+    (lower is better, adjusted R^2 with its sign changed); None where every subset was fitted, or none searched."""
+    models = result.selected.models
+    return None if models is None or models.proof is None else asdict(models.proof)
 
 
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
