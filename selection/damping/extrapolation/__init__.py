@@ -19,7 +19,8 @@ from damping.extrapolation.prediction import Member, amplitude_draws, predict
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
 from damping.infer.observations import Observations
 from damping.ranking import Candidate
-from damping.ranking.weights import FEWEST_BELOW, level_numbers
+from damping.ranking.weights import FEWEST_BELOW
+from damping.records.resonance import number_levels
 
 #: Laws with less weight do not take part in the average.
 LEAST_WEIGHT = 0.01
@@ -102,7 +103,7 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mas
         A row a number of levels and sweep predicted: ``levels, laws, sweep, ratio, force, measured, median, low, high,
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
-    levels = level_numbers(data.tested_force)
+    levels = number_levels(data.tested_force)
     rows = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
         lower = data.keep_sweeps(levels < below)
