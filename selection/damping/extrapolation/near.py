@@ -53,7 +53,7 @@ def without_offset(record: Record) -> Record:
     offset = resonances(record).set_index("sweep")["phase_offset"]
     table = record.table.copy()
     table["phase"] = table["phase"] - table["sweep"].astype(str).map(offset)
-    return Record(table, record.source)
+    return Record.trusted(table, record.source)
 
 
 def at_resonance(data: Observations) -> Observations:
