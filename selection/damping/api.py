@@ -167,7 +167,7 @@ def _check_numbers(table: pd.DataFrame, names: Sequence[str], source: str) -> No
         numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
         if not np.isfinite(numbers).all():
             row = int(np.argmin(np.isfinite(numbers)))
-            message = f"{table[name].iloc[row]!r} in row {row}"
+            message = f"{str(table[name].iloc[row])!r} in row {row}"
             raise InputError(message, file=source, column=name, expected="a finite number")
 
 

@@ -16,6 +16,7 @@ from damping.plots.style import identifier, to_svg
 from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.report import forms
 from damping.report.gap_page import doubts, following, place, reach, verdict
 from damping.report.page import (
     Block,

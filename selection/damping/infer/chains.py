@@ -32,7 +32,8 @@ class Settings:
 
     Attributes:
         ensembles, walkers: independent ensembles and walkers in each. block: steps between looks at convergence.
-        budget: most steps of an ensemble: minutes, where most laws take seconds. effective_size, lengths, r_hat: the criteria (at least, at least, at most).
+        budget: most steps of an ensemble: minutes, where most laws take seconds.
+        effective_size, lengths, r_hat: the criteria (at least, at least, at most).
         kept: draws kept of each ensemble.
     """
 

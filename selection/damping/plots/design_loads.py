@@ -160,7 +160,7 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if left else "left", "fontsize": 8.5}
     space = f" {unit}" if unit else ""
     axes.annotate(
-        f"linear {three(last['linear'])}{space}\n{last['overprediction']:+.0f} % over the median",
+        f"linear {three(last['linear'])}{space}\n{last['linear_overprediction_percent']:+.0f} % over the median",
         (force, last["linear"]),
         (-10, 3) if left else (10, -8),
         va="bottom" if left else "top",

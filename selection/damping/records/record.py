@@ -170,20 +170,18 @@ def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     require_columns(REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
     typed = table.reset_index(drop=True)
     for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS):
-        if name in TEXT_COLUMNS:
-            bad = typed[name].isna() | (typed[name].astype(str).str.strip() == "")
-            typed[name], expected = typed[name].astype(str).astype(object), "text"
-        elif name in typed.columns:
-            numbers = pd.to_numeric(typed[name], errors="coerce").astype(np.float64)
-            blank = typed[name].isna() if name in BLANK_COLUMNS else np.zeros(len(typed), dtype=bool)
-            bad, expected = ~(np.isfinite(numbers) | blank), "a finite number"
-            typed[name] = numbers
-        else:
+        if name not in typed.columns:
             continue
-        if bad.any():
-            row = int(np.argmax(bad.to_numpy()))
-            cell = table[name].iloc[row]
-            raise InputError(f"{cell!r} in row {row}", file=file, column=name, expected=expected)
+        cells = typed[name]
+        if name in TEXT_COLUMNS:
+            typed[name], expected = cells.astype(str).astype(object), "text"
+            good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
+        else:
+            typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), "a finite number"
+            good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
+        if not good.all():
+            row = int(np.argmin(good))
+            raise InputError(f"{shortened(str(cells.iloc[row]))!r} in row {row}", file=file, column=name, expected=expected)
     return typed
 
 

@@ -173,7 +173,7 @@ def _plan_keys(plan: Plan) -> Form:
 
 
 def explanations_table(diagnosis: Diagnosis) -> pd.DataFrame:
-    """A row an explanation, most probable first: ``effects`` joined by + (none: the simulation fits), ``probability``."""
+    """A row an explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
     return pd.DataFrame(
         {
             "effects": [" + ".join(e.effects) or "none" for e in diagnosis.explanations],
