@@ -19,11 +19,11 @@ from damping.errors import InputError
 from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
+from damping.report.forms import loads_form, rank_form
 from damping.report.results import ChapterResults, LawPosterior, RecordResult, StudyResult, file_stem
 from damping.report.study import render, study_figures
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
-from damping_pipelines.rank import loads_form, rank_form
 from damping_pipelines.store import plain, to_json
 from damping_reed1970.chapter_3.words import chapter_3_figures
 from damping_reed1970.figures import ChapterFigure, chapter_figures

@@ -14,18 +14,12 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-
-class Advance(Protocol):
-    """Call it when a part is done."""
-
-    def __call__(self, what: str, parts: int = 1) -> None:
-        """Say that ``parts`` more are done; ``what`` names the last."""
+from damping.progress import Advance
 
 
 @contextmanager

@@ -10,16 +10,16 @@ import numpy as np
 import pandas as pd
 
 from damping.errors import InputError
-from damping.extrapolation import leave_higher_levels_out
+from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
-from damping.extrapolation.prediction import PARTS, Loads, predict
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.plots.style import with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
-from damping_pipelines.rank import plan_record, sample_members
 from damping_pipelines.store import write_bytes, write_text
+from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 
 LEVEL = 0.9
@@ -83,17 +83,16 @@ def result(folder: Path, seed: int) -> Result:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     data = near_resonance(record)
-    plan = plan_record(data, mode, seed)
     largest = data.tested_force.max()
-    members = sample_members(plan, largest * np.array(RATIOS), seed)
+    predicted = extrapolate_loads(data, largest * np.array(RATIOS), LEVEL, seed, mode=mode, progress=progress)
     forces = np.geomspace(data.tested_force.min(), 1.1 * RATIOS[-1] * largest, _GRID)
     return Result(
         name=folder.name,
         mode=mode,
-        plan=plan,
-        grid=predict(members, forces, data, LEVEL, seed, plan),
-        at=predict(members, largest * np.array(RATIOS), data, LEVEL, seed, plan),
-        left_out=leave_higher_levels_out(data, LEVEL, seed, mode.mass),
+        plan=predicted.plan,
+        grid=predicted.predict_at(forces),
+        at=predicted.loads,
+        left_out=leave_higher_levels_out(data, LEVEL, seed, mode),
     )
 
 

@@ -22,9 +22,8 @@ import numpy as np
 from scipy.stats import binom
 
 from damping.arrays import BoolArray, FloatArray, Floats
-from damping.extrapolation import members_of
-from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.prediction import Member, amplitude_draws
 from damping.forces import CATALOGUE, component
 from damping.forces.contract import AveragedForce, Force, Sum
 from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
@@ -190,9 +189,9 @@ def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -
     """Test a structure at ``levels`` forces, predict, and make the next tests."""
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)
-    plan = plan_loads(data, CANDIDATES, seed)
     force = data.tested_force[data.top] * np.array(RATIOS)
-    band = predict(members_of(plan), force, data, LEVEL, seed, plan).average
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, sampler=draw_evidence, least_weight=0.0)
+    band = predicted.loads.average
     true = structure.amplitude(force)
     read = true * np.exp(noise * rng.standard_normal(len(force)))
     refused = np.isnan(band.median)
@@ -201,7 +200,7 @@ def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -
         refused=refused,
         width=band.high / band.low,
         error=np.log(band.median / true),
-        winner=max(plan.laws, key=lambda law: law.evidence.log_z).law,
+        winner=max(predicted.plan.laws, key=lambda law: law.evidence.log_z).law,
     )
 
 

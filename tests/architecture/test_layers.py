@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[2]
 LAYERS = (
     "errors",
     "arrays",
+    "progress",
     "forces",
     "effects",
     "records",
@@ -23,6 +24,7 @@ LAYERS = (
     "formats",
     "plots",
     "report",
+    "result",
     "api",
 )
 #: The houses and what each may import beside itself: nobody imports an exhibit but the exhibits and a hook.

@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 
 from damping.errors import DampingError, InputError
-from damping.extrapolation import LEAST_WEIGHT, members_of, sample_members
+from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
 from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan, load_candidates, plan_loads
-from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.plan import Plan
+from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, evidence, laplace, remembered
 from damping.infer.observations import Observations, observe
@@ -141,15 +141,20 @@ class _Analysis:
         data = near_resonance(self.record)
         largest = data.tested_force.max()
         forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
-        plan = plan_loads(data, load_candidates(data), seed, mass=self.mode.mass, estimate=self.estimate)
-        members = members_of(plan, LEAST_WEIGHT) if settings.fast else sample_members(plan, forces, seed)
-        repeatability = self.mode.repeatability.amplitude or 0.0
-        design = predict(members, forces, data, settings.level, seed, plan, repeatability)
+        predicted = extrapolate_loads(
+            data,
+            forces,
+            settings.level,
+            seed,
+            mode=self.mode,
+            estimate=self.estimate,
+            sampler=draw_evidence if settings.fast else sample_chains,
+        )
         bands = None
         if not settings.fast:
             grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
-            bands = predict(members, grid, data, settings.level, seed, plan, repeatability)
-        return _Predicted(plan, design, bands)
+            bands = predicted.predict_at(grid)
+        return _Predicted(predicted.plan, predicted.loads, bands)
 
     def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
         task = self.task

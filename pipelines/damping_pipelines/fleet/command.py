@@ -12,12 +12,12 @@ from pathlib import Path
 from distributed import Client
 
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation import check_loads
 from damping_pipelines.fleet.dataset import DataSet
 from damping_pipelines.fleet.inputs import MULTIPLES, Case, Result, Settings, Task, find_cases, tasks_of
 from damping_pipelines.fleet.page import COLUMNS, fleet_page
 from damping_pipelines.fleet.runners import DIED, INTERNAL, PATIENCE, check_address, connected, distributed, serial
 from damping_pipelines.manifest import sole_writer
-from damping_pipelines.rank import check_forces
 from damping_pipelines.store import write_text
 from damping_pipelines.study import versions
 from damping_pipelines.terminal import Advance, console, progress
@@ -53,7 +53,7 @@ def fleet(
         InputError: bad usage or input, or results in ``out`` that would be lost.
         AnalysisError: every record failed, or the workers are gone.
     """
-    check_forces(list(forces), level)
+    check_loads(forces or MULTIPLES, level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:

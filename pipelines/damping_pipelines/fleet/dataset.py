@@ -22,9 +22,8 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
 from damping.plots.style import identifier
 from damping.ranking import Ranking
+from damping.report.forms import gap_form, loads_form, rank_form
 from damping_pipelines.fleet.inputs import Task
-from damping_pipelines.gap import gap_form
-from damping_pipelines.rank import loads_form, plan_form, rank_form
 from damping_pipelines.store import plain, to_json, write_bytes
 
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
@@ -102,7 +101,7 @@ def loads_columns(loads: Loads, plan: Plan) -> dict[str, Any]:
         "linear_overprediction_low": loads.overprediction_low[i],
         "linear_overprediction_high": loads.overprediction_high[i],
         "cautions": list(loads.cautions[i]),
-        "loads_form": to_json({**loads_form(loads), **plan_form(plan)}),
+        "loads_form": to_json(loads_form(loads, plan)),
     }
 
 

@@ -16,7 +16,7 @@ import re
 import warnings
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 from xml.etree import ElementTree
 from zlib import crc32
 
@@ -135,11 +135,23 @@ class LawStyle(NamedTuple):
     line: Any
 
 
-def styled(draw: Callable[Parameters, Figure]) -> Callable[Parameters, Figure]:
+Drawn = TypeVar("Drawn")
+
+
+class Drawing(Figure):
+    """A figure that a notebook shows as it is, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+        return buffer.getvalue()
+
+
+def styled(draw: Callable[Parameters, Drawn]) -> Callable[Parameters, Drawn]:
     """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
 
     @wraps(draw)
-    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Figure:
+    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Drawn:
         with rc_context(_STYLE):
             return draw(*args, **kwargs)
 

@@ -27,6 +27,11 @@ from damping.signals.description import Description
 _PART = 1e-3
 
 
+def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
+    """All steps of a test with the uncertainties that the raw table states; the last one's ``after`` is the record."""
+    return with_uncertainties(condition(raw, description), raw, description)
+
+
 def with_uncertainties(steps: tuple[Step, ...], raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
     """The steps with one more, that adds ``NAME_sd`` to the record; unchanged where no uncertainty is stated.
 
