@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 #: What ``from damping import ...`` gives, and where it lives: loaded when asked for, since it takes a second.
 _SHORTCUTS = {
