@@ -44,7 +44,10 @@ CITATIONS = {
 }
 #: Records whose law changes at the top of the test.
 WARNED = ("sloshing-tank",)
-_GRID, _DPI = 40, 130
+#: Forces at which a band is drawn.
+_GRID = 40
+#: Dots per inch of the figure.
+_DPI = 130
 
 
 @dataclass(frozen=True)

@@ -151,8 +151,12 @@ CANDIDATES = (
     *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
 )
-#: Largest over smallest tested force; forces predicted, relative to the largest tested one; content of the bands.
-SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
+#: Largest over smallest tested force.
+SPAN = 4.0
+#: Forces predicted, relative to the largest tested one.
+RATIOS = (1.25, 1.5, 2.0, 4.0)
+#: Probability content of the bands.
+LEVEL = 0.9
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
@@ -161,8 +165,10 @@ CALIBRATED = (
     *(Law(("viscous", name)) for name in ("displacement", "velocity-squared", "displacement-velocity")),
     *(Law(("viscous", name)) for name in ("quadratic-displacement", "coulomb", "slip")),
 )
-#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
-_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
+#: Forces of calibration data, of the order of one.
+_FORCES = np.geomspace(0.5, 2.0, 4)
+#: Amplitudes beyond this factor from 1 either way are not drawn.
+_RANGE = 100.0
 
 
 @dataclass(frozen=True)

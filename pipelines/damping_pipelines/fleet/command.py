@@ -22,8 +22,10 @@ from damping_pipelines.store import write_text
 from damping_pipelines.study import versions
 from damping_pipelines.terminal import Advance, console, progress
 
-#: Rows of a batch at most, and seconds after which one is written however few it has: what a lost power costs.
-BATCH, PERIOD = 32, 5.0
+#: Rows of a batch at most.
+BATCH = 32
+#: Seconds after which a batch is written however few rows it has: what a lost power costs.
+PERIOD = 5.0
 
 
 def fleet(

@@ -32,8 +32,9 @@ CONNECT = 10.0
 _ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-#: How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
-DIED, INTERNAL = "workers died", "internal error"
+# How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
+DIED = "workers died"
+INTERNAL = "internal error"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 

@@ -75,13 +75,23 @@ def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
     return plan
 
 
-#: Gaps in sigma: of a single effect, and of each of a pair alone.
-SINGLE_GAPS, PAIR_GAPS = (0.3, 30.0), (1.0, 12.0)
+#: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
+SINGLE_GAPS = (0.3, 30.0)
+#: Gap of each of a pair alone, sigma.
+PAIR_GAPS = (1.0, 12.0)
 #: What a record of a pair leaves, in sigma, to either effect alone: less, and it does not show that there are two.
 LEAST_OF_EACH = 1.0
 
+#: Structures drawn until one gives a case of the kind that is wanted.
 _DRAWS = 400
-_TRIALS, _LOG_RANGE, _NEAR, _NOTHING = 14, 12.0, 0.05, 1e-9
+#: Sizes of an effect tried until its gap is the one that was drawn.
+_TRIALS = 14
+#: ln of the largest over the smallest size tried.
+_LOG_RANGE = 12.0
+#: ln of the gap over the one drawn at which a size is taken.
+_NEAR = 0.05
+#: Gap, sigma, that stands for none where its logarithm is taken.
+_NOTHING = 1e-9
 _MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
 
 

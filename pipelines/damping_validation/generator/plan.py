@@ -15,7 +15,10 @@ from damping_validation.generator.structure import Array, Law, Rows, Structure, 
 Generator: TypeAlias = np.random.Generator
 
 _LEVELS = (1, 2, 3, 4, 5, 6)
-_CLEAN, _FIELD = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1), (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)  # how often so many levels
+#: How often so many levels, in the laboratory.
+_CLEAN = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1)
+#: How often so many levels, in the field.
+_FIELD = (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:

@@ -37,7 +37,10 @@ _FUNCTIONS = {
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-_TIME, _FREQUENCY = 17, 18
+#: Data type of an abscissa that is time (field 1 of record 8 of data set 58).
+_TIME = 17
+#: Data type of an abscissa that is frequency.
+_FREQUENCY = 18
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
 

@@ -87,7 +87,10 @@ def _all_zero(design: Design, basis: Basis) -> Fit:
     )
 
 
-_WHOLE, _BEST_OF_SIZE = 9, 20  # up to 2^9 - 1 models are all kept, of more the best of each size
+#: Terms up to which every model is kept: 2^9 - 1 of them.
+_WHOLE = 9
+#: Models of each size that are kept of more terms.
+_BEST_OF_SIZE = 20
 METHODS = ("none", *DIRECTIONS, "best")
 
 
