@@ -19,7 +19,7 @@ from damping.records.reading import read_table
 from damping.records.record import record_to_csv
 from damping.records.text import Rows, read_bytes
 from damping.signals import description as schema
-from damping.signals.chain import Step
+from damping.signals.chain import ConditioningStep
 from damping.signals.chain import condition as condition_table
 from damping.signals.description import Description
 from damping.signals.uncertainty import with_uncertainties
@@ -92,7 +92,7 @@ def read_raw(path: Path, description: Description, max_size: int) -> pd.DataFram
     return table
 
 
-def step_files(steps: tuple[Step, ...]) -> dict[str, str]:
+def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
     """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
     files = {}
     for number, step in enumerate(steps, 1):
@@ -175,7 +175,7 @@ def _input_error(problem: Any, path: Path, content: str) -> InputError:
 def _model(keys: tuple[str | int, ...]) -> type[BaseModel]:
     """The table of the schema that ``keys`` lead to."""
     tables: dict[str, type[BaseModel]] = {
-        "units": schema.Units,
+        "units": schema.SignalUnits,
         "raw": schema.Raw,
         "sensors": schema.Sensor,
         "yaw": schema.Yaw,
@@ -223,7 +223,7 @@ def _line(content: str, keys: tuple[str | int, ...]) -> int | None:
     return begin + 1
 
 
-def _print(steps: tuple[Step, ...], description: Description, out: Path) -> None:
+def _print(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
     """What each step did, and where the record is."""
     terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:

@@ -51,7 +51,7 @@ _DPI = 130
 
 
 @dataclass(frozen=True)
-class Result:
+class BandResult:
     """One structure: what was predicted, on a grid and at ``RATIOS``, and the check with levels left out."""
 
     name: str
@@ -82,7 +82,7 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
     print(f"{out / 'README.md'} written")
 
 
-def result(folder: Path, seed: int) -> Result:
+def result(folder: Path, seed: int) -> BandResult:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     data = near_resonance(record)
@@ -90,7 +90,7 @@ def result(folder: Path, seed: int) -> Result:
     largest = data.tested_force.max()
     members = sample_members(plan, largest * np.array(RATIOS), seed)
     forces = np.geomspace(data.tested_force.min(), 1.1 * RATIOS[-1] * largest, _GRID)
-    return Result(
+    return BandResult(
         name=folder.name,
         mode=mode,
         plan=plan,
@@ -122,7 +122,7 @@ def loads_table(loads: Loads) -> pd.DataFrame:
     )
 
 
-def figure(one: Result) -> bytes:
+def figure(one: BandResult) -> bytes:
     """The figure of one structure as PNG."""
     data, units = one.plan.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
@@ -138,7 +138,7 @@ def figure(one: Result) -> bytes:
     return buffer.getvalue()
 
 
-def page(results: list[Result], seed: int) -> str:
+def page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
     goals = [row for one in results for row in _goals(one)]
     checks = pd.concat([one.left_out for one in results], ignore_index=True)
@@ -182,7 +182,7 @@ def _medians(given: pd.DataFrame) -> str:
     return "; ".join(parts)
 
 
-def _goals(one: Result) -> list[str]:
+def _goals(one: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
     if one.name in WARNED:
         refused = np.isnan(one.at.average.median).all()
@@ -202,7 +202,7 @@ def _yes(met: bool) -> str:
     return "yes" if met else "no"
 
 
-def _section(one: Result) -> str:
+def _section(one: BandResult) -> str:
     """One structure: figure, table, what was left out, citation."""
     units, plan = one.mode.units, one.plan
     force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
@@ -236,5 +236,5 @@ def _row(loads: Loads, i: int) -> str:
     )
 
 
-def _title(one: Result) -> str:
+def _title(one: BandResult) -> str:
     return CITATIONS[one.name][0] if one.name in CITATIONS else one.mode.name

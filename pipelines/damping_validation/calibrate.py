@@ -230,8 +230,9 @@ for laws that are not among the candidates.
 
 ![Coverage of the bands](coverage.png)
 
-Structures: `pipelines/damping_validation/calibration.py`, tested at 3, 5 or 8 forces that span a factor of four, with the noise given;
-the Iwan joint is none of the candidates. Refused predictions are left out of the shares: {refused} of {predictions}
+Structures: `pipelines/damping_validation/calibration.py`, tested at 3, 5 or 8 forces that span a factor of four,
+with the noise given; the Iwan joint is none of the candidates.
+Refused predictions are left out of the shares: {refused} of {predictions}
 ([coverage.csv](coverage.csv)).
 
 ![Widths of the bands](widths.png)

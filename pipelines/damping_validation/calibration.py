@@ -70,7 +70,7 @@ class Iwan(Force):
 
 
 @dataclass(frozen=True)
-class Structure:
+class KnownStructure:
     """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
 
     name: str
@@ -90,7 +90,7 @@ def carrying(share: float, name: str, **shapes: float) -> Force:
     return make(name, **{scale: share / float(make(name, **{scale: 1.0}, **shapes).quadrature(1.0, OMEGA))}, **shapes)
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[KnownStructure, ...]:
     """The structures that predictions are tried on."""
     shares = {
         "viscous": {"viscous": 1.0},
@@ -99,7 +99,7 @@ def structures() -> tuple[Structure, ...]:
         "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
     }
     sums = [
-        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        KnownStructure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
         for n, parts in shares.items()
     ]
     power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
@@ -107,9 +107,9 @@ def structures() -> tuple[Structure, ...]:
     iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
     return (
         *sums,
-        Structure("velocity-power", power, Law(("velocity-power",))),
-        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
-        Structure("viscous + Iwan joint", iwan, None),
+        KnownStructure("velocity-power", power, Law(("velocity-power",))),
+        KnownStructure("viscous + slip", slip, Law(("viscous", "slip"))),
+        KnownStructure("viscous + Iwan joint", iwan, None),
     )
 
 
@@ -135,7 +135,7 @@ def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
 
 
 def simulated_levels(
-    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+    structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
     """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
 
@@ -187,7 +187,7 @@ class Coverage:
     winner: Law
 
 
-def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -> Coverage:
+def coverage_trial(structure: KnownStructure, levels: int, noise: float, seed: int) -> Coverage:
     """Test a structure at ``levels`` forces, predict, and make the next tests."""
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)

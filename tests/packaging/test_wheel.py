@@ -91,7 +91,7 @@ def test_the_editable_install_finds_every_package(tmp_path):
 
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
-    code = "from damping_pipelines.settings import default_study, read_settings; d = default_study(); read_settings(d); print(d)"
+    code = "from damping_pipelines.settings import default_study as d, read_settings as r; r(d()); print(d())"
     assert Path(run(unpacked, code, tmp_path)) == unpacked / DATA / "saturn-v" / "study.toml"
     code = """
 from damping.report.page import Footer, Section, page

@@ -17,7 +17,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.series import Found, Samples, Series, Summary
-from damping.formats.uff_blocks import Block, Header, blocks, header
+from damping.formats.uff_blocks import Header, UffBlock, blocks, header
 from damping.formats.uff_values import abscissa, binary_form, units, values
 from damping.formats.uff_write import PEAK
 from damping.records.text import shortened
@@ -50,7 +50,7 @@ class _Set:
     """One data set 58 of a file: its number from 1, where it is, its header, the units code before it."""
 
     number: int
-    block: Block
+    block: UffBlock
     header: Header
     units_code: int
 
