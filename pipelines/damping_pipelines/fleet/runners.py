@@ -160,7 +160,8 @@ def _outcome(future: Future) -> FleetResult | BaseException:
     """What a finished future holds."""
     try:
         error = future.exception()
-        return future.result() if error is None else error
+        result: FleetResult | BaseException = future.result() if error is None else error
+        return result
     except KilledWorker as error:  # its worker died before the result was fetched, and others after it
         return error
     except CancelledError as error:
