@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.records.record import record_to_csv
-from damping.signals.chain import Step
+from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, read_description, read_raw
 from damping.signals.uncertainty import condition_steps
@@ -38,7 +38,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     _print(done, description, out)
 
 
-def step_files(steps: tuple[Step, ...]) -> dict[str, str]:
+def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
     """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
     files = {}
     for number, step in enumerate(steps, 1):
@@ -55,7 +55,7 @@ def step_files(steps: tuple[Step, ...]) -> dict[str, str]:
     return files
 
 
-def _print(steps: tuple[Step, ...], description: Description, out: Path) -> None:
+def _print(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
     """What each step did, and where the record is."""
     terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -188,6 +189,7 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
 
 def to_parquet(table: pd.DataFrame) -> bytes:
     """A table as a Parquet file."""
+    import_module("pyarrow")  # of the extra [formats]: pandas says less clearly that it is not there
     buffer = io.BytesIO()
     table.to_parquet(buffer, engine="pyarrow", index=False)
     return buffer.getvalue()

@@ -22,8 +22,10 @@ from damping.regression.terms import columns_of, parse_terms
 from damping.result import RegressionResult
 from damping_pipelines.store import refuse_inputs, write_plain, write_text
 
-#: Rows beyond which the list of deviations would take more memory than a few times the file, and rows times terms.
-MOST_ROWS, MOST_NUMBERS = 100_000, 800_000
+#: Rows beyond which the list of deviations would take more memory than a few times the file.
+MOST_ROWS = 100_000
+#: Rows times terms beyond which the columns would.
+MOST_NUMBERS = 800_000
 
 
 def regress(

@@ -12,7 +12,6 @@ from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import arviz
 import pandas as pd
 
 from damping.errors import InputError
@@ -70,8 +69,8 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
 
 
-def to_netcdf(data: arviz.InferenceData) -> bytes:
-    """A posterior as ArviZ netCDF: equal draws give equal bytes."""
+def to_netcdf(data: Any) -> bytes:
+    """ArviZ groups of a posterior as netCDF: equal draws give equal bytes."""
     for group in data.groups():
         data[group].attrs.pop("created_at", None)
     with tempfile.TemporaryDirectory() as folder:

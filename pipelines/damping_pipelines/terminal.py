@@ -20,15 +20,19 @@ from rich.console import Console
 from rich.table import Table
 
 from damping.progress import Advance
+from damping_pipelines import QUIET
 
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Advance]:
     """Show that ``parts`` of ``total`` are done, on standard error.
 
-    On a terminal a rich bar; elsewhere (a log, a pipe) a plain line whenever another part is done.
+    On a terminal a rich bar; elsewhere (a log, a pipe) a plain line whenever another part is done; with ``--quiet``
+    nothing.
     """
-    if sys.stderr.isatty():
+    if QUIET.get():
+        yield lambda what, parts=1: None
+    elif sys.stderr.isatty():
         yield from _bar(title, total)
     else:
         yield from _lines(title, total)

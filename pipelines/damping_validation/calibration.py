@@ -71,7 +71,7 @@ class Iwan(AveragedForce):
 
 
 @dataclass(frozen=True)
-class Structure:
+class KnownStructure:
     """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
 
     name: str
@@ -93,7 +93,7 @@ def carrying(share: float, name: str, **shapes: float) -> Force:
     return build(share / float(build(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[KnownStructure, ...]:
     """The structures that predictions are tried on."""
     shares = {
         "viscous": {"viscous": 1.0},
@@ -102,7 +102,7 @@ def structures() -> tuple[Structure, ...]:
         "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
     }
     sums = [
-        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        KnownStructure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
         for n, parts in shares.items()
     ]
     power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
@@ -110,9 +110,9 @@ def structures() -> tuple[Structure, ...]:
     iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
     return (
         *sums,
-        Structure("velocity-power", power, Law(("velocity-power",))),
-        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
-        Structure("viscous + Iwan joint", iwan, None),
+        KnownStructure("velocity-power", power, Law(("velocity-power",))),
+        KnownStructure("viscous + slip", slip, Law(("viscous", "slip"))),
+        KnownStructure("viscous + Iwan joint", iwan, None),
     )
 
 
@@ -138,7 +138,7 @@ def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
 
 
 def simulated_levels(
-    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+    structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
     """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
 
@@ -154,8 +154,12 @@ CANDIDATES = (
     *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
 )
-#: Largest over smallest tested force; forces predicted, relative to the largest tested one; content of the bands.
-SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
+#: Largest over smallest tested force.
+SPAN = 4.0
+#: Forces predicted, relative to the largest tested one.
+RATIOS = (1.25, 1.5, 2.0, 4.0)
+#: Probability content of the bands.
+LEVEL = 0.9
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
@@ -163,10 +167,12 @@ CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
     *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.beside_viscous),
 )
-#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
-_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
 #: What the calibration data are taken to cover, for the priors of shapes.
 TESTED = Tested(0.5, 2.0, OMEGA)
+#: Forces of calibration data, of the order of one.
+_FORCES = np.geomspace(0.5, 2.0, 4)
+#: Amplitudes beyond this factor from 1 either way are not drawn.
+_RANGE = 100.0
 
 
 @dataclass(frozen=True)
@@ -185,7 +191,7 @@ class Coverage:
     winner: Law
 
 
-def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -> Coverage:
+def coverage_trial(structure: KnownStructure, levels: int, noise: float, seed: int) -> Coverage:
     """Test a structure at ``levels`` forces, predict, and make the next tests."""
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)

@@ -28,7 +28,7 @@ from damping.regression.form import regress_form, terms_table
 from damping.regression.printout import printout
 from damping.regression.program import Regression
 from damping.report import forms
-from damping.signals.chain import Step
+from damping.signals.chain import ConditioningStep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -382,7 +382,7 @@ class SweepResult(Result):
 class ConditionResult(SweepResult):
     """The record of one mode from a raw table; ``steps`` say what each step removed."""
 
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ConditioningStep, ...] = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:

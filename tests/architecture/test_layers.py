@@ -83,6 +83,13 @@ def test_pyplot_is_never_imported(path):
     assert not any(module.startswith("matplotlib.pyplot") for module in imported(path))
 
 
+def test_one_place_touches_arviz():
+    """Version 1 of arviz is another library; whoever comes to it finds one door."""
+    assert [name(path) for path in MODULES if "arviz" in {module.split(".")[0] for module in imported(path)}] == [
+        "selection/damping/infer/diagnostics.py"
+    ]
+
+
 @pytest.mark.parametrize("path", SELECTION, ids=name)
 def test_the_library_neither_prints_nor_writes(path):
     writers = {"write_text", "write_bytes", "to_csv", "to_netcdf", "savefig", "mkdir", "unlink", "rename", "touch"}

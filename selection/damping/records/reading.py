@@ -19,8 +19,10 @@ from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUM
 from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, Cells, Rows, read_bytes, shortened, unguarded
 
-#: Most rows of a table and columns of its header.
-MOST_ROWS, MOST_COLUMNS = 250_000, 2000
+#: Most rows of a table: a bound on memory and time.
+MOST_ROWS = 250_000
+#: Most columns of a header: the same.
+MOST_COLUMNS = 2000
 _BLOCK = 100_000  # cells that are looked at together
 
 

@@ -26,8 +26,10 @@ ROWS_FOR_FIT = 5
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
-#: A phase offset needs at least so many rows on either side, and is not believed beyond 45 degrees.
-ROWS_ASIDE, LARGEST_OFFSET = 4, pi / 4
+#: Rows that a phase offset needs on either side of resonance.
+ROWS_ASIDE = 4
+#: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
+LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
 
 

@@ -166,7 +166,7 @@ def _input_error(problem: Any, path: str, content: str) -> InputError:
 def _model(keys: tuple[str | int, ...]) -> type[BaseModel]:
     """The table of the schema that ``keys`` lead to."""
     tables: dict[str, type[BaseModel]] = {
-        "units": schema.Units,
+        "units": schema.SignalUnits,
         "raw": schema.Raw,
         "sensors": schema.Sensor,
         "yaw": schema.Yaw,
