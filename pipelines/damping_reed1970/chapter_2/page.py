@@ -7,19 +7,22 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.report.page import Part, Text
-from damping.report.results import ChapterResults
 from damping.report.words import count, joined, number, percent, signed
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
+from damping_reed1970.chapter_2.figures import chapter_2_figures
 from damping_reed1970.chapter_2.masses import JOINTS, lumped_masses
-from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, table
+from damping_reed1970.common import agreement_text, figure, folded, of_chapter, part, table
+from damping_reed1970.studies import ReportResults
 
 #: Amplitudes over the slip limit at which the energies are tabled.
 AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 
 
-def chapter_2(results: ChapterResults, figures: Figures) -> Part:
+def chapter_2(results: ReportResults) -> Part:
     """The part: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
-    loops, energies = results.studies.loops.areas, results.studies.slip.energies
+    found = results.studies
+    loops, energies = found.loops.areas, found.slip.energies
+    figures = {one.name: one for one in chapter_2_figures(found.loops, found.slip)}
     at, modes = energies_at(energies), lumped_masses()
     blocks = [
         Text(

@@ -9,18 +9,19 @@ import numpy as np
 import pandas as pd
 
 from damping.report.page import Block, Heading, Part, Text
-from damping.report.results import ChapterResults
 from damping.report.words import NOTHING, between, count, joined, number, percent, points_text
 from damping_reed1970.chapter_3 import PLANES
+from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.chapter_3.words import change_by_conditioning
 from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
+from damping_reed1970.studies import ReportResults
 
 
-def chapter_3(results: ChapterResults, figures: Figures) -> Part:
+def chapter_3(results: ReportResults) -> Part:
     """The part: accelerometers to modal motion, planar coupling fitted, and every damping factor that balances."""
     found = results.chapter_3
+    figures = {one.name: one for one in chapter_3_figures(found)}
     blocks: list[Block] = [
         Text(
             "Configuration I was swept once, over its second mode. Section 3.1 turns tail and tip accelerations into "

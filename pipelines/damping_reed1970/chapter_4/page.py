@@ -12,23 +12,36 @@ import numpy as np
 import pandas as pd
 
 from damping.report.page import Block, Heading, List, Part, Table, Text
-from damping.report.results import ChapterResults
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency
+from damping_reed1970.chapter_4.captions import chapter_4_figures
 from damping_reed1970.chapter_4.coefficients import IV, Model, V
 from damping_reed1970.chapter_4.power_laws import F_EXAMPLE
-from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
-from damping_reed1970.reproduce import Studies
-from damping_reed1970.source import KNOWN, known_table
+from damping_reed1970.common import (
+    KNOWN,
+    Figures,
+    agreement_text,
+    figure,
+    folded,
+    known_table,
+    of_chapter,
+    part,
+    row,
+    table,
+)
+from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
 LEVEL_TABLES = ("level_coefficients", "level_variations", "level_predictions")
+_NAMED = ("linear_coefficients", "power_laws", "section_4_3_example")
 _TABLES = ("response_points", "response_widths", *LEVEL_TABLES, "chance_of_exponent")
 
 
-def chapter_4(results: ChapterResults, figures: Figures) -> Part:
+def chapter_4(results: ReportResults) -> Part:
     """The part: three ways from the resonances of three levels to a force, printed and recomputed."""
-    every, tables = results.studies.tables(), results.tables
+    found, every, tables = results.studies, results.studies.tables(), results.tables
+    drawn = chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels)
+    figures = {one.name: one for one in drawn}
     blocks: list[Block] = [
         Text(
             "Configuration II was swept at three force levels. Chapter IV draws a nonlinear damping force from the "
@@ -42,7 +55,8 @@ def chapter_4(results: ChapterResults, figures: Figures) -> Part:
         *level_blocks(results.studies, figures),
         *_section_4_3(every, tables, figures),
     ]
-    return part(4, "Chapter IV: force from level to level", blocks, {name: every[name] for name in _TABLES})
+    own, named = {name: every[name] for name in _TABLES}, {name: tables[name] for name in _NAMED}
+    return part(4, "Chapter IV: force from level to level", blocks, own, named)
 
 
 def _section_4_1(tables: Tables, figures: Figures) -> list[Block]:

@@ -8,23 +8,24 @@ from __future__ import annotations
 import pandas as pd
 
 from damping.report.page import Block, Heading, Part, Table, Text
-from damping.report.results import ChapterResults
 from damping.report.words import between, count, joined, number, percent
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
+from damping_reed1970.chapter_5.figures import chapter_5_figures
 from damping_reed1970.chapter_5.nine_terms import NineTerms
 from damping_reed1970.chapter_5.regressions import EnergySurface
-from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
-from damping_reed1970.reproduce import Studies
-from damping_reed1970.source import known_table
+from damping_reed1970.common import Figures, agreement_text, figure, folded, known_table, of_chapter, part, row, table
+from damping_reed1970.studies import ReportResults, Studies
 
 #: A coefficient comes out where it is this close to the print, relative.
 CLOSE = 0.005
 
 
-def chapter_5(results: ChapterResults, figures: Figures) -> Part:
+def chapter_5(results: ReportResults) -> Part:
     """The part: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
-    tables, every = results.tables, results.studies.tables()
+    found, tables, every = results.studies, results.tables, results.studies.tables()
+    drawn = chapter_5_figures(found.surface, found.nine, found.false, found.circular)
+    figures = {one.name: one for one in drawn}
     blocks: list[Block] = [
         Text(
             "Chapter V writes the energy loss per cycle as a polynomial in amplitude and frequency, each term the "
@@ -45,7 +46,8 @@ def chapter_5(results: ChapterResults, figures: Figures) -> Part:
         *known_table("regression_deviations", tables["regression_deviations"]),
         *term_blocks(results.studies, figures),
     ]
-    return part(5, "Chapter V: energy as a polynomial", blocks, {name: every[name] for name in TERM_TABLES})
+    own, named = {name: every[name] for name in TERM_TABLES}, {name: tables[name] for name in _NAMED}
+    return part(5, "Chapter V: energy as a polynomial", blocks, own, named)
 
 
 _REGRESSIONS = (
@@ -134,6 +136,7 @@ def _printed(rows: pd.DataFrame) -> str:
     return joined(number(value, 4) for value in rows["printed"])
 
 
+_NAMED = ("regressions", "regression_deviations")
 TERM_TABLES = (
     "nine_terms",
     "nine_terms_summary",

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import pandas as pd
+from matplotlib.figure import Figure
 
+from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, plain_rows, styled
 from damping.report.page import Block, Part, Table, Text
-from damping.report.results import ChapterResults
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import Figures, figure, folded, part
-from damping_reed1970.source import KNOWN, known_table
+from damping_reed1970.common import KNOWN, ChapterFigure, figure, folded, known_table, part
+from damping_reed1970.studies import ReportResults
 
 
-def chapter_6(results: ChapterResults, figures: Figures) -> Part:
+def chapter_6(results: ReportResults) -> Part:
     """The part: the summary of section 6.1."""
-    laws = results.tables["section_6_1"]
+    laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     blocks: list[Block] = [
         Text(
             "Section 6.1 sums up the damping forces that the report derives for both configurations. Each stands here "
@@ -22,12 +23,14 @@ def chapter_6(results: ChapterResults, figures: Figures) -> Part:
             "with its 90 per cent credible interval."
         ),
         Text(" ".join(_tests(laws))),
-        figure(figures, "section-6-1", 6),
+        figure({"section-6-1": force_laws_figure(errors)}, "section-6-1", 6),
         Table(law_rows(laws), _LAWS, key="section_6_1"),
         folded(f"{KNOWN['section_6_1'].title}: every column", *known_table("section_6_1", laws)),
-        *known_table("section_6_1_errors", results.tables["section_6_1_errors"]),
+        *known_table("section_6_1_errors", errors),
     ]
-    return part(6, "Chapter VI: the forces of section 6.1", blocks, {})
+    return part(
+        6, "Chapter VI: the forces of section 6.1", blocks, {}, {"section_6_1": laws, "section_6_1_errors": errors}
+    )
 
 
 _LAWS = (
@@ -90,3 +93,42 @@ def _tests(laws: pd.DataFrame) -> list[str]:
 
 def _known(erratum: str) -> str:
     return f", erratum {erratum}" if erratum else ""
+
+
+def force_laws_figure(errors: pd.DataFrame) -> ChapterFigure:
+    """The figure of the chapter with its words."""
+    return ChapterFigure(
+        "section-6-1", "", "Errors of the laws of section 6.1",
+        "Per cent error of resonant amplitude at the tested forces of every law: printed, recomputed, ours.",
+        lambda: force_laws(errors),
+    )  # fmt: skip
+
+
+@styled
+def force_laws(errors: pd.DataFrame) -> Figure:
+    """Draw the errors of resonant amplitude of every law of section 6.1: printed, recomputed and ours.
+
+    Args:
+        errors: ``configuration, mode, equation, version, quantity, percent_error``, rows of a law together.
+    """
+    amplitude = errors[errors["quantity"] == "resonant amplitude"]
+    laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
+    axes = figure.add_subplot()
+    plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
+    styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
+    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
+    axes.axvline(0.0, color=INK, linewidth=0.7)
+    for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
+        for row, (c, m, equation) in enumerate(laws):
+            mine = amplitude[
+                (amplitude["configuration"] == c) & (amplitude["mode"] == m) & (amplitude["equation"] == equation)
+                & (amplitude["version"] == version)
+            ]  # fmt: skip
+            label = version if row == 0 else None
+            axes.plot(
+                mine["percent_error"], [row + shift] * len(mine), marker, color=colour, markersize=4.5, label=label
+            )
+    axes.set_xlabel("error of resonant amplitude at the tested forces (per cent)")
+    figure.legend(loc="outside upper right", ncols=3)
+    return figure

@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from damping.plots.style import WIDTH
 from damping.report.words import NOTHING, number
@@ -233,8 +234,14 @@ def _cell(value: Any, form: Format) -> Cell:
 
 @dataclass(frozen=True)
 class Part:
-    """A further section with the figures (SVG) and tables that belong to it, by the names of their files."""
+    """A section with what belongs to it, by the names of the files without their endings.
+
+    Attributes:
+        figures: SVG. drawings: how each of the figures is drawn, for other formats.
+        tables: each written as CSV.
+    """
 
     section: Section
     figures: Mapping[str, str] = field(default_factory=dict)
+    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)

@@ -7,12 +7,12 @@ What several sections need.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
@@ -24,10 +24,7 @@ from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw
-from damping.report.page import Block, FigureBlock
-from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.records import Gaps
-from damping_reed1970.reproduce import Studies
+from damping.report.page import Block, FigureBlock, Part
 
 
 @dataclass(frozen=True)
@@ -64,18 +61,18 @@ class RecordResult:
 
 
 @dataclass(frozen=True)
-class ChapterResults:
-    """The chapters of the source report recomputed.
+class Exhibit:
+    """What joins a study beside its records, such as the reproduction of a report.
 
     Attributes:
-        studies: of chapters II, IV and V. chapter_3: of chapter III. tables: of the report beside ours, by name, those
-            of ``damping_reed1970.source.KNOWN``. gaps: two gaps between simulation and test, diagnosed.
+        parts: sections of the page with their figures and tables.
+        summary: what it adds to the summary of the study, by key.
+        posteriors: what it sampled, by the stem of the file it goes to; ArviZ groups.
     """
 
-    studies: Studies
-    chapter_3: Chapter3
-    tables: Mapping[str, pd.DataFrame]
-    gaps: Gaps
+    parts: Sequence[Part]
+    summary: Mapping[str, Any]
+    posteriors: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -83,8 +80,9 @@ class StudyResult:
     """A whole study.
 
     Attributes:
-        inputs: file name to SHA-256. versions: package to version. tables: further tables by name (regressions,
-            reproduction, errata, ...), each written as CSV. chapters: where the study is of the source report.
+        inputs: file name to SHA-256.
+        versions: package to version.
+        exhibits: what stands on the page after the records.
     """
 
     title: str
@@ -93,8 +91,7 @@ class StudyResult:
     records: tuple[RecordResult, ...]
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
-    tables: Mapping[str, pd.DataFrame]
-    chapters: ChapterResults | None = None
+    exhibits: tuple[Exhibit, ...] = ()
 
 
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
