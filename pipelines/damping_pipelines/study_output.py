@@ -134,6 +134,5 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     for result in study.records:
         figures |= {file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()}
     for exhibit in study.exhibits:
-        for part in exhibit.parts:
-            figures |= {name: draw() for name, draw in part.drawings.items()}
+        figures |= {name: draw() for name, draw in exhibit.drawings.items()}
     return {str(path.with_suffix(".png")): to_png(figures[path.stem]) for path in map(PurePosixPath, svgs)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from damping.plots.style import to_svg
 from damping.report.figures import Drawn
-from damping.report.page import Block, FigureBlock, Fold, Part, Section, Table, Text
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
 from damping.report.words import count, joined
 
 
@@ -68,21 +68,23 @@ def figure(figures: Figures, name: str, chapter: int) -> DrawnBlock:
     return DrawnBlock(svg, f"{head}. {one.description}", file, one.draw)
 
 
-def part(
-    chapter: int,
-    title: str,
-    blocks: Sequence[Block],
-    tables: Mapping[str, pd.DataFrame],
-    named: Mapping[str, pd.DataFrame] | None = None,
-) -> Part:
-    """The section of a chapter with the figures in its blocks.
+@dataclass(frozen=True)
+class Part:
+    """A section with the tables that belong to it, by file; the figures are in its blocks."""
 
-    Args:
-        tables: by name within the chapter. named: tables whose files have these very names.
-    """
+    section: Section
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> dict[str, DrawnBlock]:
+        """The figures by file."""
+        return {block.file: block for block in _drawn_in(self.section.blocks)}
+
+
+def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> Part:
+    """The section of a chapter; ``tables`` by their names within it."""
     section = Section(f"chapter-{chapter}", title, blocks)
-    files = {file_of(chapter, name): frame for name, frame in tables.items()}
-    return Part(section, *figures_in(blocks), {**files, **(named or {})})
+    return Part(section, {file_of(chapter, name): frame for name, frame in tables.items()})
 
 
 def table(
@@ -136,17 +138,12 @@ def agreement_text(reproduction: pd.DataFrame) -> str:
     return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
 
 
-def figures_in(blocks: Iterable[Block]) -> tuple[dict[str, str], dict[str, Callable[[], Figure]]]:
-    """SVG and drawing of the figures in blocks, by the names of their files."""
-    svgs: dict[str, str] = {}
-    drawings: dict[str, Callable[[], Figure]] = {}
+def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
     for block in blocks:
         if isinstance(block, DrawnBlock):
-            svgs[block.file], drawings[block.file] = block.svg, block.draw
+            yield block
         elif isinstance(block, Fold):
-            further = figures_in(block.blocks)
-            svgs, drawings = svgs | further[0], drawings | further[1]
-    return svgs, drawings
+            yield from _drawn_in(block.blocks)
 
 
 def _lowered(title: str) -> str:

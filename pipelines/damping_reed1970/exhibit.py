@@ -16,7 +16,6 @@ import pandas as pd
 
 from damping.extrapolation.prediction import Loads
 from damping.ranking import Ranking
-from damping.report.page import Part
 from damping.report.results import Exhibit
 from damping_pipelines.terminal import progress
 from damping_reed1970.chapter_2.page import chapter_2
@@ -30,7 +29,7 @@ from damping_reed1970.chapter_5.page import chapter_5
 from damping_reed1970.chapter_5.regressions import regression_deviations, regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
-from damping_reed1970.common import chapter_of
+from damping_reed1970.common import Part, chapter_of
 from damping_reed1970.errata import errata_part
 from damping_reed1970.gaps import diagnose_gaps, gaps_part
 from damping_reed1970.reproduction import reproduce, reproduction_part
@@ -73,7 +72,21 @@ def exhibit(results: ReportResults) -> Exhibit:
     """What the study gets: the page's sections, the summary's keys, the planar posteriors that were sampled."""
     sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
     posteriors = {f"chapter-3--{_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled}
-    return Exhibit(report_parts(results), summarise(results), posteriors)
+    parts = report_parts(results)
+    # in the list of files the picture of all printed numbers stands before those of the chapters
+    figures = {
+        name: one
+        for p in sorted(parts, key=lambda p: p.section.id != "reproduction")
+        for name, one in p.figures.items()
+    }
+    return Exhibit(
+        sections=[part.section for part in parts],
+        figures={name: one.svg for name, one in figures.items()},
+        drawings={name: one.draw for name, one in figures.items()},
+        tables={**results.tables, **{name: table for part in parts for name, table in part.tables.items()}},
+        summary=summarise(results),
+        posteriors=posteriors,
+    )
 
 
 def report_parts(results: ReportResults) -> list[Part]:

@@ -19,9 +19,9 @@ from damping.records.record import Record
 from damping.report.figures import Drawn
 from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import doubts, following, place, reach, trends, verdict
-from damping.report.page import Block, Heading, List, Part, Section, Table, Text
+from damping.report.page import Block, Heading, List, Section, Table, Text
 from damping.report.words import number, share
-from damping_reed1970.common import draw_block, figures_in
+from damping_reed1970.common import Part, draw_block
 from damping_reed1970.records import PHI_T2, report_record
 from damping_reed1970.tables import load_table
 from damping_validation.blind_page import blind_rows, load_blind_table
@@ -121,7 +121,7 @@ def gaps_part(found: Gaps) -> Part:
         Table(blind_rows(load_blind_table()), _BLIND),
     ]
     section = Section("gaps", "Two gaps between simulation and test", blocks)
-    return Part(section, *figures_in(blocks), tables)
+    return Part(section, tables)
 
 
 _TRUST = (

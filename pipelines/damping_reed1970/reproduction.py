@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, plain_rows, styled
 from damping.report.figures import Drawn
-from damping.report.page import Block, Fold, Part, Section, Table, Text
+from damping.report.page import Block, Fold, Section, Table, Text
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
-from damping_reed1970.common import AGREEMENTS, KNOWN, chapter_of, draw_block, figures_in
+from damping_reed1970.common import AGREEMENTS, KNOWN, Part, chapter_of, draw_block
 from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
@@ -104,8 +104,7 @@ def reproduction_part(rows: pd.DataFrame) -> Part:
             [Table(rows[list(known.columns)], known.said, key="reproduction")],
         ),
     ]
-    section = Section("reproduction", "Every printed number recomputed", blocks)
-    return Part(section, *figures_in(blocks), {"reproduction": rows})
+    return Part(Section("reproduction", "Every printed number recomputed", blocks))
 
 
 def _describe(table: pd.DataFrame) -> str:

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.report.page import Part, Text
+from damping.report.page import Text
 from damping.report.words import count, joined, number, percent, signed
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
 from damping_reed1970.chapter_2.figures import chapter_2_figures
 from damping_reed1970.chapter_2.masses import JOINTS, lumped_masses
-from damping_reed1970.common import agreement_text, figure, folded, of_chapter, part, table
+from damping_reed1970.common import Part, agreement_text, figure, folded, of_chapter, part, table
 from damping_reed1970.studies import ReportResults
 
 #: Amplitudes over the slip limit at which the energies are tabled.

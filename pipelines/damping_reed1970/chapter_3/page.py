@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from damping.report.page import Block, Heading, Part, Text
+from damping.report.page import Block, Heading, Text
 from damping.report.words import NOTHING, between, count, joined, number, percent, points_text
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
+from damping_reed1970.common import Figures, Part, agreement_text, figure, folded, of_chapter, part, row, table
 from damping_reed1970.studies import ReportResults
 
 

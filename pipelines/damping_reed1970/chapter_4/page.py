@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.report.page import Block, Heading, List, Part, Table, Text
+from damping.report.page import Block, Heading, List, Table, Text
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency
 from damping_reed1970.chapter_4.captions import chapter_4_figures
@@ -20,6 +20,7 @@ from damping_reed1970.chapter_4.power_laws import F_EXAMPLE
 from damping_reed1970.common import (
     KNOWN,
     Figures,
+    Part,
     agreement_text,
     figure,
     folded,
@@ -33,7 +34,6 @@ from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
 LEVEL_TABLES = ("level_coefficients", "level_variations", "level_predictions")
-_NAMED = ("linear_coefficients", "power_laws", "section_4_3_example")
 _TABLES = ("response_points", "response_widths", *LEVEL_TABLES, "chance_of_exponent")
 
 
@@ -55,8 +55,8 @@ def chapter_4(results: ReportResults) -> Part:
         *level_blocks(results.studies, figures),
         *_section_4_3(every, tables, figures),
     ]
-    own, named = {name: every[name] for name in _TABLES}, {name: tables[name] for name in _NAMED}
-    return part(4, "Chapter IV: force from level to level", blocks, own, named)
+    own = {name: every[name] for name in _TABLES}
+    return part(4, "Chapter IV: force from level to level", blocks, own)
 
 
 def _section_4_1(tables: Tables, figures: Figures) -> list[Block]:

@@ -7,14 +7,25 @@ from __future__ import annotations
 
 import pandas as pd
 
-from damping.report.page import Block, Heading, Part, Table, Text
+from damping.report.page import Block, Heading, Table, Text
 from damping.report.words import between, count, joined, number, percent
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
 from damping_reed1970.chapter_5.figures import chapter_5_figures
 from damping_reed1970.chapter_5.nine_terms import NineTerms
 from damping_reed1970.chapter_5.regressions import EnergySurface
-from damping_reed1970.common import Figures, agreement_text, figure, folded, known_table, of_chapter, part, row, table
+from damping_reed1970.common import (
+    Figures,
+    Part,
+    agreement_text,
+    figure,
+    folded,
+    known_table,
+    of_chapter,
+    part,
+    row,
+    table,
+)
 from damping_reed1970.studies import ReportResults, Studies
 
 #: A coefficient comes out where it is this close to the print, relative.
@@ -46,8 +57,8 @@ def chapter_5(results: ReportResults) -> Part:
         *known_table("regression_deviations", tables["regression_deviations"]),
         *term_blocks(results.studies, figures),
     ]
-    own, named = {name: every[name] for name in TERM_TABLES}, {name: tables[name] for name in _NAMED}
-    return part(5, "Chapter V: energy as a polynomial", blocks, own, named)
+    own = {name: every[name] for name in TERM_TABLES}
+    return part(5, "Chapter V: energy as a polynomial", blocks, own)
 
 
 _REGRESSIONS = (
@@ -136,7 +147,6 @@ def _printed(rows: pd.DataFrame) -> str:
     return joined(number(value, 4) for value in rows["printed"])
 
 
-_NAMED = ("regressions", "regression_deviations")
 TERM_TABLES = (
     "nine_terms",
     "nine_terms_summary",

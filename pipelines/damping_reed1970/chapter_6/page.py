@@ -6,10 +6,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, plain_rows, styled
-from damping.report.page import Block, Part, Table, Text
+from damping.report.page import Block, Table, Text
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import KNOWN, ChapterFigure, figure, folded, known_table, part
+from damping_reed1970.common import KNOWN, ChapterFigure, Part, figure, folded, known_table, part
 from damping_reed1970.studies import ReportResults
 
 
@@ -28,9 +28,7 @@ def chapter_6(results: ReportResults) -> Part:
         folded(f"{KNOWN['section_6_1'].title}: every column", *known_table("section_6_1", laws)),
         *known_table("section_6_1_errors", errors),
     ]
-    return part(
-        6, "Chapter VI: the forces of section 6.1", blocks, {}, {"section_6_1": laws, "section_6_1_errors": errors}
-    )
+    return part(6, "Chapter VI: the forces of section 6.1", blocks, {})
 
 
 _LAWS = (

@@ -2,8 +2,6 @@
 
 Every text is escaped by the template; the figures, which :func:`damping.plots.style.to_svg` makes, are the only
 markup that passes as it is. The page loads nothing, not even from its own folder.
-
-A section of the page together with the figures and tables that belong to it.
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from damping.plots.style import WIDTH
 from damping.report.words import NOTHING, number
@@ -230,18 +227,3 @@ def _cell(value: Any, form: Format) -> Cell:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Cell(text, "number")
     return Cell(text, "long" if len(text) > LONG else "")
-
-
-@dataclass(frozen=True)
-class Part:
-    """A section with what belongs to it, by the names of the files without their endings.
-
-    Attributes:
-        figures: SVG. drawings: how each of the figures is drawn, for other formats.
-        tables: each written as CSV.
-    """
-
-    section: Section
-    figures: Mapping[str, str] = field(default_factory=dict)
-    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
-    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)

@@ -7,12 +7,14 @@ What several sections need.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
@@ -24,7 +26,7 @@ from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw
-from damping.report.page import Block, FigureBlock, Part
+from damping.report.page import Block, FigureBlock, Section
 
 
 @dataclass(frozen=True)
@@ -64,15 +66,23 @@ class RecordResult:
 class Exhibit:
     """What joins a study beside its records, such as the reproduction of a report.
 
+    Files are named without their endings.
+
     Attributes:
-        parts: sections of the page with their figures and tables.
+        sections: of the page.
+        figures: SVG by file.
+        drawings: how each of the figures is drawn, for other formats.
+        tables: by file.
         summary: what it adds to the summary of the study, by key.
-        posteriors: what it sampled, by the stem of the file it goes to; ArviZ groups.
+        posteriors: what it sampled by file, as ArviZ groups.
     """
 
-    parts: Sequence[Part]
-    summary: Mapping[str, Any]
-    posteriors: Mapping[str, Any]
+    sections: Sequence[Section]
+    figures: Mapping[str, str] = field(default_factory=dict)
+    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    posteriors: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

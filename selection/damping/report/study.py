@@ -34,11 +34,11 @@ class Rendered:
 def render(study: StudyResult) -> Rendered:
     """Render a study; equal studies give equal text."""
     figures, tables = _figures(study), _tables(study)
-    parts = [part for exhibit in study.exhibits for part in exhibit.parts]
-    sections = study_sections(study, figures, [part.section for part in parts])
-    for part in parts:
-        figures |= part.figures
-        tables |= {name: table for name, table in part.tables.items() if not table.empty}
+    further = [section for exhibit in study.exhibits for section in exhibit.sections]
+    sections = study_sections(study, figures, further)
+    for exhibit in study.exhibits:
+        figures |= exhibit.figures
+        tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
     footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
     return Rendered(page(study.title, sections, footer), tables, figures)
 

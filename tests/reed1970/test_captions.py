@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from damping.report.words import counted, points_text
-from damping_reed1970.chapter_3 import words as words
+from damping_reed1970.chapter_3 import captions as words
 from damping_reed1970.chapter_3.implications import branch_table
 from damping_reed1970.chapter_3.planar_fits import Band
 from damping_reed1970.chapter_3.study import effect_table, measured_table, saturn_steps
