@@ -69,7 +69,7 @@ def figure(figures: Figures, name: str, chapter: int) -> DrawnBlock:
 
 
 @dataclass(frozen=True)
-class Part:
+class ReportPart:
     """A section with the tables that belong to it, by file; the figures are in its blocks."""
 
     section: Section
@@ -81,10 +81,10 @@ class Part:
         return {block.file: block for block in _drawn_in(self.section.blocks)}
 
 
-def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> Part:
+def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> ReportPart:
     """The section of a chapter; ``tables`` by their names within it."""
     section = Section(f"chapter-{chapter}", title, blocks)
-    return Part(section, {file_of(chapter, name): frame for name, frame in tables.items()})
+    return ReportPart(section, {file_of(chapter, name): frame for name, frame in tables.items()})
 
 
 def table(

@@ -10,7 +10,7 @@ import pandas as pd
 
 from damping.report.page import Block, Fold, Heading, Section, Table, Text
 from damping.report.words import count, joined, number
-from damping_reed1970.common import Part
+from damping_reed1970.common import ReportPart
 
 SEVERITIES = {"A": "Errata that change results", "B": "Errata that change numbers", "C": "Minor errata"}
 #: Kinds as the reader sees them; the scan of the report has misreadings of its own.
@@ -26,7 +26,7 @@ KINDS = {
 MOST_NUMBERS = 3
 
 
-def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> Part:
+def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
     numbers = evidence(reproduction)
     sizes = table["severity"].value_counts()
@@ -46,7 +46,7 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> Part:
         shown = pd.DataFrame([shown_row(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
         one = Table(shown, f"{title}, with proofs.", key="errata")
         blocks += [Heading(title), one] if key == "A" else [Fold(f"{title}: {len(rows)}", [one])]
-    return Part(Section("errata", "Errata of the report", blocks))
+    return ReportPart(Section("errata", "Errata of the report", blocks))
 
 
 def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:

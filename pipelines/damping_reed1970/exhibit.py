@@ -29,7 +29,7 @@ from damping_reed1970.chapter_5.page import chapter_5
 from damping_reed1970.chapter_5.regressions import regression_deviations, regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
-from damping_reed1970.common import Part, chapter_of
+from damping_reed1970.common import ReportPart, chapter_of
 from damping_reed1970.errata import errata_part
 from damping_reed1970.gaps import diagnose_gaps, gaps_part
 from damping_reed1970.reproduction import reproduce, reproduction_part
@@ -89,7 +89,7 @@ def exhibit(results: ReportResults) -> Exhibit:
     )
 
 
-def report_parts(results: ReportResults) -> list[Part]:
+def report_parts(results: ReportResults) -> list[ReportPart]:
     """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
     printed = results.tables["reproduction"]
     return [

@@ -21,7 +21,7 @@ from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import doubts, following, place, reach, trends, verdict
 from damping.report.page import Block, Heading, List, Section, Table, Text
 from damping.report.words import number, share
-from damping_reed1970.common import Part, draw_block
+from damping_reed1970.common import ReportPart, draw_block
 from damping_reed1970.records import PHI_T2, report_record
 from damping_reed1970.tables import load_table
 from damping_validation.blind_page import blind_rows, load_blind_table
@@ -91,11 +91,13 @@ def configuration_2_gap() -> Diagnosis:
     return diagnose(Record(record, "Tables 4.I and 4.II"), mode)
 
 
-#: Figures shown of each gap, and hypotheses listed.
-SHOWN, _MOST = ("overlay", "local", "probabilities"), 8
+#: Figures shown of each gap.
+SHOWN = ("overlay", "local", "probabilities")
+#: Hypotheses listed of each: more have a probability of a per cent or less.
+_MOST = 8
 
 
-def gaps_part(found: Gaps) -> Part:
+def gaps_part(found: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
     blocks: list[Block] = [
         Text(
@@ -121,7 +123,7 @@ def gaps_part(found: Gaps) -> Part:
         Table(blind_rows(load_blind_table()), _BLIND),
     ]
     section = Section("gaps", "Two gaps between simulation and test", blocks)
-    return Part(section, tables)
+    return ReportPart(section, tables)
 
 
 _TRUST = (

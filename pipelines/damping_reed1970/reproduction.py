@@ -16,7 +16,7 @@ from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, plain_rows, styled
 from damping.report.figures import Drawn
 from damping.report.page import Block, Fold, Section, Table, Text
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
-from damping_reed1970.common import AGREEMENTS, KNOWN, Part, chapter_of, draw_block
+from damping_reed1970.common import AGREEMENTS, KNOWN, ReportPart, chapter_of, draw_block
 from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
@@ -80,7 +80,7 @@ def reproduce() -> list[Reproduction]:
     ]
 
 
-def reproduction_part(rows: pd.DataFrame) -> Part:
+def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     """Every printed number: counts by chapter and agreement, the picture, and all rows."""
     known = KNOWN["reproduction"]
     close = rows["agreement"].isin(["printed digits", "last digit", "0.5 per cent"])
@@ -104,7 +104,7 @@ def reproduction_part(rows: pd.DataFrame) -> Part:
             [Table(rows[list(known.columns)], known.said, key="reproduction")],
         ),
     ]
-    return Part(Section("reproduction", "Every printed number recomputed", blocks))
+    return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
 
 
 def _describe(table: pd.DataFrame) -> str:

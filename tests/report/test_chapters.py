@@ -19,7 +19,7 @@ from damping_reed1970.chapter_2.page import AMPLITUDES, energies_at
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import spreads
 from damping_reed1970.chapter_5.page import regression_rows
-from damping_reed1970.common import Part, agreement_text, chapter_of, of_chapter
+from damping_reed1970.common import ReportPart, agreement_text, chapter_of, of_chapter
 from damping_reed1970.errata import evidence, in_symbols
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.gaps import diagnose_gaps
@@ -39,12 +39,12 @@ def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[
 
 
 @pytest.fixture(scope="module")
-def parts(results: ReportResults) -> list[Part]:
+def parts(results: ReportResults) -> list[ReportPart]:
     return report_parts(results)
 
 
 @pytest.fixture(scope="module")
-def rendered(study: StudyResult, results: ReportResults, parts: list[Part]) -> Rendered:
+def rendered(study: StudyResult, results: ReportResults, parts: list[ReportPart]) -> Rendered:
     """The page with the chapters, which are drawn once."""
     bare = replace(study.records[0], posteriors=(), bands=None, design=None)
     with pytest.MonkeyPatch.context() as patch:
@@ -60,22 +60,22 @@ def inside(blocks: Iterable[Block]) -> Iterable[Block]:
             yield from inside(block.blocks)
 
 
-def said(part: Part) -> str:
+def said(part: ReportPart) -> str:
     """Every sentence of a part."""
     texts = [block.text for block in part.section.blocks if isinstance(block, Text)]
     return " ".join([*texts, *(item for b in part.section.blocks if isinstance(b, List) for item in b.items)])
 
 
-def find(parts: list[Part], name: str) -> Part:
+def find(parts: list[ReportPart], name: str) -> ReportPart:
     return next(part for part in parts if part.section.id == name)
 
 
-def test_sections_are_the_chapters(parts: list[Part]) -> None:
+def test_sections_are_the_chapters(parts: list[ReportPart]) -> None:
     expected = [*(f"chapter-{n}" for n in range(2, 7)), "gaps", "reproduction", "errata"]
     assert [part.section.id for part in parts] == expected
 
 
-def test_every_figure_of_the_report_is_shown_once(parts: list[Part]) -> None:
+def test_every_figure_of_the_report_is_shown_once(parts: list[ReportPart]) -> None:
     captions = [b.caption for part in parts for b in inside(part.section.blocks) if isinstance(b, FigureBlock)]
     numbered = [re.match(r"Figs?\. ([\d., and]+?) (?:redrawn|counterpart):", caption) for caption in captions]
     shown = [n for found in numbered if found for n in re.findall(r"\d\.\d+", found[1])]
@@ -105,14 +105,14 @@ def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: 
     assert long == []
 
 
-def test_every_table_of_the_chapters_is_a_file(parts: list[Part], results: ReportResults) -> None:
+def test_every_table_of_the_chapters_is_a_file(parts: list[ReportPart], results: ReportResults) -> None:
     files = {name for part in parts for name in part.tables}
     for name in results.studies.tables():
         assert any(file.endswith(f"_{name}") for file in files), name
     assert {f"chapter_3_{name}" for name in results.chapter_3.tables} <= files
 
 
-def test_sentences_say_the_numbers(parts: list[Part], results: ReportResults) -> None:
+def test_sentences_say_the_numbers(parts: list[ReportPart], results: ReportResults) -> None:
     tables = results.tables
     laws = tables["power_laws"].set_index(["mode", "form", "inputs"])
     whole = tables["section_4_3_example"].set_index("quantity").loc["error of linear, over all laws"]
@@ -189,7 +189,7 @@ def test_counts_of_the_reproduction(results: ReportResults) -> None:
     assert text.startswith(f"Of the {table.loc['chapter IV', 'printed numbers']} numbers")
 
 
-def test_errata_come_with_their_proof_and_their_numbers(parts: list[Part], results: ReportResults) -> None:
+def test_errata_come_with_their_proof_and_their_numbers(parts: list[ReportPart], results: ReportResults) -> None:
     errata = load_errata()
     shown = [b.frame for b in inside(find(parts, "errata").section.blocks) if isinstance(b, Table)]
     assert [len(frame) for frame in shown] == [int((errata["severity"] == s).sum()) for s in "ABC"]
@@ -217,7 +217,7 @@ def test_proofs_in_symbols(plain: str, expected: str) -> None:
     assert in_symbols(plain) == expected
 
 
-def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[Part]) -> None:
+def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[ReportPart]) -> None:
     """The second plane lies where the report's own fit has it (11.48 to 11.51 rad/s, section 3.1)."""
     found = find(parts, "gaps")
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))

@@ -11,14 +11,14 @@ from damping.report.words import count, joined, number, percent, signed
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
 from damping_reed1970.chapter_2.figures import chapter_2_figures
 from damping_reed1970.chapter_2.masses import JOINTS, lumped_masses
-from damping_reed1970.common import Part, agreement_text, figure, folded, of_chapter, part, table
+from damping_reed1970.common import ReportPart, agreement_text, figure, folded, of_chapter, part, table
 from damping_reed1970.studies import ReportResults
 
 #: Amplitudes over the slip limit at which the energies are tabled.
 AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 
 
-def chapter_2(results: ReportResults) -> Part:
+def chapter_2(results: ReportResults) -> ReportPart:
     """The part: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
     found = results.studies
     loops, energies = found.loops.areas, found.slip.energies

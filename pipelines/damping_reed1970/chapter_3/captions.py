@@ -9,7 +9,7 @@ from scipy.signal import find_peaks
 from damping.arrays import FloatArray
 from damping.report.words import counted, joined, points_text
 from damping_reed1970.chapter_3 import PLANES, figures
-from damping_reed1970.chapter_3.planar_fits import Band
+from damping_reed1970.chapter_3.planar_fits import PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.common import ChapterFigure
 
@@ -22,7 +22,7 @@ def peaks(values: FloatArray) -> int:
     return len(find_peaks(values, prominence=_RISE * values.max())[0])
 
 
-def two_peaks(measured: pd.DataFrame, tail: Band) -> str:
+def two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Peaks of the tail displacement: of the printed points, and of the fit of two planes."""
     points, curve = (peaks(np.asarray(values)) for values in (measured["tail"], tail.amplitude[0]))
     return (
@@ -32,7 +32,7 @@ def two_peaks(measured: pd.DataFrame, tail: Band) -> str:
     )
 
 
-def sines_beside_the_fit(measured: pd.DataFrame, tail: Band) -> str:
+def sines_beside_the_fit(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Mean distance of the printed sines from the fit, before and after the frequency at which the fit reaches 1."""
     fitted = np.sin(tail.phase[0])
     off = np.sin(measured["tail_phase"]) - np.interp(measured["omega"], tail.omega, fitted)
@@ -46,7 +46,7 @@ def sines_beside_the_fit(measured: pd.DataFrame, tail: Band) -> str:
     return text + (", as if all phases had been read too small." if left < 0.0 < right else ".")
 
 
-def modal_points(measured: pd.DataFrame, mode: Band) -> str:
+def modal_points(measured: pd.DataFrame, mode: PlanarBand) -> str:
     """How far computed amplitudes, and those of the fit, are from the printed ones."""
     printed = measured["A_2_printed"].to_numpy(float)
     computed = float(np.abs(measured["A_2"] / printed - 1.0).max())

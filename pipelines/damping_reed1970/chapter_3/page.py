@@ -1,7 +1,4 @@
-"""Chapter III in the report: conditioning (3.1), the mode in two planes, damping factors with all their roots (3.2).
-
-The planar-coupled oscillator in the report: fits and posteriors beside what section 3.1 assumes.
-"""
+"""Chapter III in the report: conditioning (3.1), the mode in two planes, damping factors with all their roots (3.2)."""
 
 from __future__ import annotations
 
@@ -14,11 +11,11 @@ from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import Figures, Part, agreement_text, figure, folded, of_chapter, part, row, table
+from damping_reed1970.common import Figures, ReportPart, agreement_text, figure, folded, of_chapter, part, row, table
 from damping_reed1970.studies import ReportResults
 
 
-def chapter_3(results: ReportResults) -> Part:
+def chapter_3(results: ReportResults) -> ReportPart:
     """The part: accelerometers to modal motion, planar coupling fitted, and every damping factor that balances."""
     found = results.chapter_3
     figures = {one.name: one for one in chapter_3_figures(found)}
@@ -157,7 +154,8 @@ SHOWN = {
 }
 #: The same of a posterior.
 POSTERIOR = {"theta": "theta_degrees", "R": "in_phase_in"}
-HELD, FREE = "theta = 28, M = 21", "free"
+HELD = "theta = 28, M = 21"
+FREE = "free"
 
 
 def plane_blocks(found: Chapter3, figures: Figures) -> list[Block]:

@@ -1,7 +1,4 @@
-"""Chapter IV in the report: coefficient against amplitude (4.1), response curves (4.2), power laws (4.3).
-
-Tables 4.IV and 4.V in the report: which case keeps its coefficient from level to level, with any sweep as base.
-"""
+"""Chapter IV in the report: coefficient against amplitude (4.1), response curves (4.2), power laws (4.3)."""
 
 from __future__ import annotations
 
@@ -15,12 +12,12 @@ from damping.report.page import Block, Heading, List, Table, Text
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency
 from damping_reed1970.chapter_4.captions import chapter_4_figures
-from damping_reed1970.chapter_4.coefficients import IV, Model, V
+from damping_reed1970.chapter_4.coefficients import IV, CoefficientModel, V
 from damping_reed1970.chapter_4.power_laws import F_EXAMPLE
 from damping_reed1970.common import (
     KNOWN,
     Figures,
-    Part,
+    ReportPart,
     agreement_text,
     figure,
     folded,
@@ -37,7 +34,7 @@ LEVEL_TABLES = ("level_coefficients", "level_variations", "level_predictions")
 _TABLES = ("response_points", "response_widths", *LEVEL_TABLES, "chance_of_exponent")
 
 
-def chapter_4(results: ReportResults) -> Part:
+def chapter_4(results: ReportResults) -> ReportPart:
     """The part: three ways from the resonances of three levels to a force, printed and recomputed."""
     found, every, tables = results.studies, results.studies.tables(), results.tables
     drawn = chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels)
@@ -93,7 +90,7 @@ def _corrected(lines: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _line(lines: pd.DataFrame, model: Model, mode: int) -> str:
+def _line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> str:
     """The second coefficient of a model for a mode, with the force it stands for."""
     chosen = lines[(lines["model"] == model.name) & (lines["inputs"] == "corrected") & (lines["mode"] == mode)]
     constant, slope = chosen.iloc[0], chosen.iloc[1]

@@ -1,7 +1,4 @@
-"""Chapter V in the report: energy as a polynomial (5.1), the check-out run and the regressions (5.3).
-
-Chapter V, which terms the data carry: the nine-term polynomial, losses that do not exist, a circular table.
-"""
+"""Chapter V in the report: energy as a polynomial (5.1), the check-out run and the regressions (5.3)."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from damping_reed1970.chapter_5.nine_terms import NineTerms
 from damping_reed1970.chapter_5.regressions import EnergySurface
 from damping_reed1970.common import (
     Figures,
-    Part,
+    ReportPart,
     agreement_text,
     figure,
     folded,
@@ -32,7 +29,7 @@ from damping_reed1970.studies import ReportResults, Studies
 CLOSE = 0.005
 
 
-def chapter_5(results: ReportResults) -> Part:
+def chapter_5(results: ReportResults) -> ReportPart:
     """The part: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
     found, tables, every = results.studies, results.tables, results.studies.tables()
     drawn = chapter_5_figures(found.surface, found.nine, found.false, found.circular)

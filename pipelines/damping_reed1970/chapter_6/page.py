@@ -9,11 +9,11 @@ from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, plain_rows, 
 from damping.report.page import Block, Table, Text
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import KNOWN, ChapterFigure, Part, figure, folded, known_table, part
+from damping_reed1970.common import KNOWN, ChapterFigure, ReportPart, figure, folded, known_table, part
 from damping_reed1970.studies import ReportResults
 
 
-def chapter_6(results: ReportResults) -> Part:
+def chapter_6(results: ReportResults) -> ReportPart:
     """The part: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     blocks: list[Block] = [
