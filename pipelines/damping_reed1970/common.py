@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -27,8 +27,6 @@ class ChapterFigure(NamedTuple):
     draw: Callable[[], Figure]
 
 
-#: Figures of the chapters by name, not yet drawn.
-Figures = Mapping[str, ChapterFigure]
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)
 #: Agreement of a printed number with its recomputation, best first, in words.
@@ -55,9 +53,8 @@ def draw_block(file: str, drawn: Drawn, caption: str = "") -> DrawnBlock:
     return DrawnBlock(svg, caption or f"{drawn.title}. {drawn.description}", file, lambda: drawn.figure)
 
 
-def figure(figures: Figures, name: str, chapter: int) -> DrawnBlock:
+def draw_figure(one: ChapterFigure, chapter: int) -> DrawnBlock:
     """Draw a figure; its caption starts with its number in the source report, where it has one."""
-    one = figures[name]
     file = f"chapter-{chapter}-{one.name}"
     numbers = one.counterpart.split(", ")
     head = one.title
@@ -81,21 +78,13 @@ class ReportPart:
         return {block.file: block for block in _drawn_in(self.section.blocks)}
 
 
-def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> ReportPart:
-    """The section of a chapter; ``tables`` by their names within it."""
-    section = Section(f"chapter-{chapter}", title, blocks)
-    return ReportPart(section, {file_of(chapter, name): frame for name, frame in tables.items()})
-
-
-def table(
-    chapter: int, name: str, frame: pd.DataFrame, caption: str, headings: Mapping[str, str] | None = None
-) -> Table:
-    """A table whose whole is in the chapter's CSV file of that name; ``frame`` may be a part of it.
+def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
+    """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds.
 
     Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
     """
     own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, caption, headings=own | dict(headings or {}), key=file_of(chapter, name))
+    return Table(frame, "", headings=own | dict(headings or {}), key=file_of(chapter, name))
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -103,11 +92,6 @@ def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
     chosen = np.logical_and.reduce([(frame[name] == value).to_numpy() for name, value in where.items()])
     assert chosen.sum() == 1, f"{chosen.sum()} rows with {where}"
     return frame.iloc[int(chosen.argmax())]
-
-
-def folded(summary: str, *blocks: Block) -> Fold:
-    """Blocks behind a line."""
-    return Fold(summary, blocks)
 
 
 def file_of(chapter: int, name: str) -> str:

@@ -14,7 +14,7 @@ from damping.plots.style import to_svg
 from damping_reed1970.chapter_2 import figures as chapter_2
 from damping_reed1970.chapter_2.figures import chapter_2_figures
 from damping_reed1970.chapter_4 import figures as chapter_4
-from damping_reed1970.chapter_4.captions import chapter_4_figures
+from damping_reed1970.chapter_4.page import chapter_4_figures
 from damping_reed1970.chapter_5 import figures as chapter_5
 from damping_reed1970.chapter_5.circularity import ROUTES
 from damping_reed1970.chapter_5.figures import chapter_5_figures
