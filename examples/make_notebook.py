@@ -17,37 +17,61 @@ TIMEOUT = 900
 TEXT, CODE = new_markdown_cell, new_code_cell
 #: The cells in order.
 CELLS = (
-    (TEXT, """# From a record to a design load
+    (
+        TEXT,
+        """# From a record to a design load
 
-The resonances of the bolted joint of this folder, tested at a few forces: which law, and how large at higher ones?"""),
-    (CODE, """import damping as dp
+The resonances of the bolted joint of this folder, tested at a few forces: which law, and how large at higher ones?""",
+    ),
+    (
+        CODE,
+        """import damping as dp
 
 record = dp.read_record("bolted-joint/record.csv")
 mode = dp.read_mode("bolted-joint/panel.toml")
-record.table.groupby("sweep")[["force", "amplitude"]].max()"""),
-    (TEXT, """## Which damping law do the data support?
+record.table.groupby("sweep")[["force", "amplitude"]].max()""",
+    ),
+    (
+        TEXT,
+        """## Which damping law do the data support?
 
-Best first; `weight` is the probability among the candidates, errors are in per cent of resonant amplitude."""),
-    (CODE, """ranking = dp.rank(record, mode)
-ranking"""),
+Best first; `weight` is the probability among the candidates, errors are in per cent of resonant amplitude.""",
+    ),
+    (
+        CODE,
+        """ranking = dp.rank(record, mode)
+ranking""",
+    ),
     (CODE, """ranking.plot()"""),
     (TEXT, """A law of the ranking can be sampled and handed to arviz."""),
-    (CODE, """best = ranking.table["law"].iloc[0]
+    (
+        CODE,
+        """best = ranking.table["law"].iloc[0]
 posterior = ranking[best].sample(seed=1).to_arviz()
-print(best, dict(posterior.posterior.sizes))"""),
+print(best, dict(posterior.posterior.sizes))""",
+    ),
     (TEXT, """## How large does the resonance get beyond the test?"""),
-    (CODE, """largest = record.table["force"].max()
+    (
+        CODE,
+        """largest = record.table["force"].max()
 loads = dp.extrapolate(record, mode, [1.5 * largest, 2.0 * largest])
-loads"""),
+loads""",
+    ),
     (CODE, """loads.plot()"""),
     (TEXT, """The same as plain values, as `damping extrapolate --json` writes them:"""),
-    (CODE, """prediction = loads.to_json()["predictions"][0]
-{key: prediction[key] for key in ("force", "median", "low", "high", "linear_overprediction_percent")}"""),
+    (
+        CODE,
+        """prediction = loads.to_json()["predictions"][0]
+{key: f"{prediction[key]:.4g}" for key in ("force", "median", "low", "high", "linear_overprediction_percent")}""",
+    ),
     (TEXT, """A bad argument is refused before any work."""),
-    (CODE, """try:
+    (
+        CODE,
+        """try:
     dp.extrapolate(record, mode, [-5])
 except dp.InputError as error:
-    print(error)"""),
+    print(error)""",
+    ),
 )
 
 
