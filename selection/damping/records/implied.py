@@ -1,0 +1,276 @@
+"""What the rows of a record imply by themselves: mass, phase offset, resonance, noise, further peaks of every run.
+
+Each row with a phase measures the dynamic stiffness Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. Y falls along
+the real axis with omega^2, by the mass, and lies above it, since a passive structure takes energy: where it does not,
+the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola in omega^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, pi
+
+import numpy as np
+import pandas as pd
+from scipy.signal import find_peaks, medfilt
+
+from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
+from damping.records.record import Record
+from damping.records.resonance import ROWS_ASIDE, like_pairs, weighted_median
+
+#: Fewest rows of a run that can show a resonance.
+FEWEST_ROWS = 4
+#: A further peak stands out by this factor of A/F and by so many standard deviations of the noise.
+PROMINENCE, NOISE_BESIDE_PEAK = 1.4, 5.0
+#: A maximum of A/F is a resonance where A/F falls on either side by this share, or by so many sd of the noise.
+FALL, NOISE_BESIDE_FALL = 0.05, 4.0
+#: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
+SHORT_OF_PEAK = 1.3
+#: Neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve.
+WHITE = 1.3
+
+
+@dataclass(frozen=True)
+class Run:
+    """Rows of one sweep in one direction, by frequency; ``rows`` is their place in the record; phase None: none.
+
+    Arrays (n,): ``F``, ``omega`` (rad per unit of time), ``A``, ``phase`` (rad), ``added`` mass.
+    """
+
+    sweep: str
+    rows: IntArray
+    F: FloatArray
+    omega: FloatArray
+    A: FloatArray
+    phase: FloatArray | None
+    added: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def without(self, left_out: IntArray) -> Run:
+        """The run without some rows of the record."""
+        kept = ~np.isin(self.rows, left_out)
+        phase = None if self.phase is None else self.phase[kept]
+        return Run(self.sweep, self.rows[kept], self.F[kept], self.omega[kept], self.A[kept], phase, self.added[kept])
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """ln(A/F), (n,)."""
+        return np.log(self.A / self.F)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of ln A from row to row: median second difference, so that a peak does not count."""
+        if len(self) < 5:
+            return 0.0
+        return float(np.median(np.abs(np.diff(self.compliance, 2)))) / (0.6745 * 6.0**0.5)
+
+    @cached_property
+    def stiffness(self) -> ComplexArray:
+        """Y = F exp(i phase)/A, freed of the added mass, (n,)."""
+        phase = np.zeros(len(self)) if self.phase is None else self.phase
+        return np.asarray(self.F / self.A * np.exp(1j * phase) + self.added * self.omega**2)
+
+
+def runs_of(record: Record) -> list[Run]:
+    """The runs of a record: legs of each sweep that go up or down; a sweep without such legs is one run."""
+    return [run for _, table in record.table.groupby("sweep", sort=False) for run in _legs(table)]
+
+
+def _legs(table: pd.DataFrame) -> Iterator[Run]:
+    if "time" in table.columns and table["time"].notna().all():
+        table = table.sort_values("time", kind="stable")
+    step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))
+    turns = np.flatnonzero(step[1:] * step[:-1] < 0.0) + 2
+    parts = np.split(np.arange(len(table)), turns)
+    if min(len(part) for part in parts) < FEWEST_ROWS:
+        parts = [np.arange(len(table))]
+    for part in parts:
+        yield _run(table.iloc[part].sort_values("frequency", kind="stable"))
+
+
+def _run(table: pd.DataFrame) -> Run:
+    def column(name: str) -> FloatArray:
+        return table[name].to_numpy(dtype=np.float64)
+
+    return Run(
+        sweep=str(table["sweep"].iloc[0]),
+        rows=table.index.to_numpy(dtype=np.int64),
+        F=column("force"),
+        omega=RAD_S_PER_HZ * column("frequency"),
+        A=column("amplitude"),
+        phase=column("phase") if "phase" in table.columns else None,
+        added=np.nan_to_num(column("added_mass")) if "added_mass" in table.columns else np.zeros(len(table)),
+    )
+
+
+@dataclass(frozen=True)
+class Implied:
+    """What a run implies: ``mass`` complex, its argument the offset of the phases; ``scatter`` its relative sd.
+
+    ``taken``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard error:
+    below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1 where the
+    phases have nothing to do with the amplitudes. ``both_sides``: seen from rows on both sides of resonance.
+    """
+
+    mass: complex
+    scatter: float
+    taken: float
+    miss: float
+    both_sides: bool
+
+    @property
+    def offset(self) -> float:
+        """Argument of the mass, rad in -pi..pi."""
+        return float(np.angle(self.mass))
+
+
+def implied_by(run: Run) -> Implied | None:
+    """Mass and phase offset that a run with phases implies; None with fewer than ``FEWEST_ROWS`` rows or no phase."""
+    if run.phase is None or len(run) < FEWEST_ROWS or np.ptp(run.omega) == 0.0:
+        return None
+    line, miss = _line(run)
+    pairs = _mass_of_pairs(run)
+    mass, scatter = (line, 1.0) if pairs is None else pairs
+    turned = run.stiffness * np.exp(-1j * np.angle(mass))
+    sine = turned.imag / np.abs(turned)
+    weight = (run.A / run.F) ** 2
+    mean = float(weight @ sine / weight.sum())
+    error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
+    return Implied(mass, scatter, mean / error, miss, pairs is not None)
+
+
+def _line(run: Run) -> tuple[complex, float]:
+    """-slope of Y against omega^2, by least squares relative to |Y|, and the median misfit relative to |Y|."""
+    x = run.omega**2 / np.mean(run.omega**2)
+    weight = run.A / run.F
+    design = np.column_stack([np.ones(len(x)), x - 1.0]) * weight[:, np.newaxis]
+    values = np.linalg.lstsq(design.astype(complex), run.stiffness * weight)[0]
+    miss = float(np.median(np.abs(run.stiffness * weight - design @ values)))
+    return complex(-values[1] / np.mean(run.omega**2)), miss
+
+
+def _mass_of_pairs(run: Run) -> tuple[complex, float] | None:
+    """Complex mass of pairs of rows of like amplitude on either side of resonance, and its relative scatter."""
+    i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
+    if len(weight) == 0:
+        return None
+    middle = run.omega[np.argmax(run.A / run.F)]
+    y = run.stiffness / run.omega
+    mass = (y[i] - y[j]) / ((run.omega[j] - run.omega[i]) * (1.0 + middle**2 / (run.omega[i] * run.omega[j])))
+    weight = weight * (run.omega[j] - run.omega[i])
+    found = complex(weighted_median(mass.real, weight), weighted_median(mass.imag, weight))
+    apart = weighted_median(np.abs(mass - found), weight)
+    return found, apart / max(abs(found), 1e-300) / min(len(set(i.tolist())), len(set(j.tolist()))) ** 0.5
+
+
+def mass_without_phase(run: Run) -> float | None:
+    """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2; None where the rows allow none."""
+    if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
+        return None
+    fitted = _parabola(run.omega, run.F / run.A)
+    if fitted is None or fitted[0] <= 0.0:
+        return None
+    return float(np.sqrt(fitted[0]) / np.mean(run.omega) ** 2)
+
+
+def _parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, each row to the same percentage."""
+    x = (omega / np.mean(omega)) ** 2 - 1.0
+    if len(np.unique(x)) < 3:
+        return None
+    return np.asarray(np.polyfit(x, size**2, 2, w=size**-2.0))
+
+
+def has_resonance(run: Run, lag: FloatArray | None) -> bool:
+    """Whether a resonance lies within the rows: the lag passes pi/2, or A/F falls on both sides of its maximum.
+
+    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as holding it.
+    """
+    if lag is not None and np.cos(lag).max() > 0.0 > np.cos(lag).min():
+        return True
+    g = run.compliance
+    top = int(np.argmax(g))
+    fall = max(FALL, NOISE_BESIDE_FALL * run.noise)
+    if g[top] - g[: top + 1].min() > fall and g[top] - g[top:].min() > fall:
+        return True
+    near = np.argsort(-g)[: max(5, len(run) // 3)]
+    fitted = _parabola(run.omega[near], (run.F / run.A)[near])
+    if fitted is None or fitted[0] <= 0.0:
+        return False
+    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
+    return bool(least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * least)
+
+
+def whiteness(runs: list[Run]) -> float | None:
+    """Mean squared step of ln(A/F) from row to row over its variance: 2 for white noise; None with too few rows."""
+    long = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
+    if not long:
+        return None
+    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long)
+    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long)
+    return steps / spread if spread > 0.0 else None
+
+
+def peaks_of(run: Run) -> IntArray:
+    """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
+    if len(run) < 2 * FEWEST_ROWS:
+        return np.empty(0, np.int64)
+    smooth = medfilt(run.compliance, 3)
+    smooth[[0, -1]] = run.compliance[[0, -1]]
+    found = find_peaks(smooth, prominence=max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
+    return np.asarray(found, np.int64)
+
+
+def wild_rows(run: Run, factor: float) -> IntArray:
+    """Places in the run of amplitudes that are off by more than ``factor`` from what the other rows say.
+
+    A row is off where ln(F/A) misses the neighbours' by more than ln(factor) and the rows beside it agree among each
+    other; a maximum that the others rise to is a resonance. With phases the rows beside it say what Y is.
+    """
+    n = len(run)
+    if n < 2 * FEWEST_ROWS:
+        return np.empty(0, np.int64)
+    g, found = run.compliance, []
+    for k in range(n):
+        near = [m for m in range(max(0, k - 3), min(n, k + 4)) if m != k]
+        if k in (0, n - 1):
+            low, high = (g[near[0]], g[near[0]]) if len(near) else (g[k], g[k])
+        else:
+            low, high = sorted((g[k - 1], g[k + 1]))
+        beyond = max(g[k] - high, low - g[k])
+        if beyond < log(factor):
+            continue
+        if _resonance_at(run, k, near):
+            continue
+        found.append(k)
+    return np.array(found, np.int64)
+
+
+def _resonance_at(run: Run, k: int, near: list[int]) -> bool:
+    """Whether the rows beside row ``k`` lead one to expect its amplitude, within a factor of 2."""
+    Y = run.stiffness
+    x = run.omega**2
+    if run.phase is not None:
+        a, b = (k - 1, k + 1) if 0 < k < len(run) - 1 else (near[0], near[1])
+        expected = abs(Y[a] + (Y[b] - Y[a]) * (x[k] - x[a]) / (x[b] - x[a]) if x[b] != x[a] else Y[a])
+        # the shorter of what a line through Y reaches and what its phase allows
+        along = abs(np.cos(run.phase[k])) < 0.5
+        return bool(along and expected < 2.0 * abs(Y[k])) or bool(expected < 2.0 * abs(Y[k]) < 4.0 * expected)
+    fitted = _parabola(run.omega[near], (run.F / run.A)[near])
+    if fitted is None or run.A[k] < min(run.A[near]):
+        return False
+    # V-shaped |Y|: a sharp resonance between rows may reach any height; the slopes beside it must lead there
+    before, after = run.compliance[:k], run.compliance[k + 1 :]
+    rises = len(before) < 2 or before[-1] > np.median(before)
+    falls = len(after) < 2 or after[0] > np.median(after)
+    return bool(rises and falls and abs(int(np.argmax(np.delete(run.compliance, k))) - k) <= 1)
+
+
+def quarter_turns(angle: float) -> int:
+    """The nearest number of quarter turns to an angle: 0, 1, 2 (half a turn) or -1."""
+    turns = round(angle / (0.5 * pi))
+    return 2 if abs(turns) == 2 else turns
