@@ -178,8 +178,8 @@ class View:
     @cached_property
     def implied(self) -> pd.DataFrame:
         """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
-        table = resonances(self.right)
-        mass = {}
+        table = _with_steady_amplitudes(resonances(self.right), self.right)
+        mass: dict[str, list[float]] = {}
         for run, value in zip(self.runs, self.masses, strict=True):
             mass.setdefault(run.sweep, []).append(value)
         found = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
@@ -206,6 +206,19 @@ class View:
 def _median(values: Iterable[float]) -> float:
     known = np.array([value for value in values if np.isfinite(value)])
     return float(np.median(known)) if len(known) else float("nan")
+
+
+def _with_steady_amplitudes(table: pd.DataFrame, record: Record) -> pd.DataFrame:
+    """Resonances with those of sweeps at one amplitude and without phases where the force is least."""
+    found = table.copy()
+    for place in np.flatnonzero(table["method"] == "peak"):
+        own = record.table[record.table["sweep"] == table["sweep"][place]]
+        if np.ptp(np.log(own["amplitude"])) < 0.5 * np.ptp(np.log(own["force"])):
+            row = (own["force"] / own["amplitude"]).idxmin()
+            for name in ("force", "frequency", "amplitude"):
+                found.loc[place, name] = own[name][row]
+            found.loc[place, "row"] = row
+    return found
 
 
 def _labels(runs: Iterable[Run]) -> tuple[str, ...]:
@@ -347,7 +360,8 @@ def check_phase_offset(view: View) -> Finding | None:
     offsets = np.array([turn.offset for _, turn in turns])
     middle = float(np.median(offsets))
     spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
-    if abs(middle) < max(OFFSET, OFFSET_ERRORS * spread) or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5:
+    other_law = float(np.median([turn.damping for _, turn in turns]))
+    if abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread) or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5:
         return None
     sweeps = _labels(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {'large' if middle > 0 else 'small'}"
@@ -611,7 +625,7 @@ def nearest_damping_factor(view: View, zeta: float) -> str:
 
 
 #: Mass, frequency (of the lowest level) and damping ratio that are far from the mode file's, as factors.
-FAR_MASS, FAR_FREQUENCY, FAR_DAMPING = 1.27, 1.06, 5.0
+FAR_MASS, FAR_FREQUENCY, FAR_DAMPING = 1.27, 1.1, 5.0
 #: Without phases the mass is that of a parabola, which a bent resonance is not.
 FAR_MASS_WITHOUT_PHASE = 1.8
 #: Farther than this outside the rows no mode of the record is the one described.

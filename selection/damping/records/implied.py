@@ -28,6 +28,8 @@ PROMINENCE, NOISE_BESIDE_PEAK = 1.4, 5.0
 FALL, NOISE_BESIDE_FALL = 0.05, 4.0
 #: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
 SHORT_OF_PEAK = 1.3
+#: Median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent.
+NO_PARABOLA = 0.1
 #: Neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve.
 WHITE = 1.3
 
@@ -110,6 +112,7 @@ def _run(table: pd.DataFrame) -> Run:
 @dataclass(frozen=True)
 class Implied:
     """What a run implies: ``mass`` complex, its argument the offset of the phases; ``scatter`` its relative sd.
+    ``damping``: median damping ratio of the rows it rests on, about what other than viscous damping moves the offset by.
 
     ``taken``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard error:
     below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1 where the
@@ -118,6 +121,7 @@ class Implied:
 
     mass: complex
     scatter: float
+    damping: float
     taken: float
     miss: float
     both_sides: bool
@@ -134,13 +138,13 @@ def implied_by(run: Run) -> Implied | None:
         return None
     line, miss = _line(run)
     pairs = _mass_of_pairs(run)
-    mass, scatter = (line, 1.0) if pairs is None else pairs
+    mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
     turned = run.stiffness * np.exp(-1j * np.angle(mass))
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
     error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
-    return Implied(mass, scatter, mean / error, miss, pairs is not None)
+    return Implied(mass, scatter, damping, mean / error, miss, pairs is not None)
 
 
 def _line(run: Run) -> tuple[complex, float]:
@@ -153,8 +157,8 @@ def _line(run: Run) -> tuple[complex, float]:
     return complex(-values[1] / np.mean(run.omega**2)), miss
 
 
-def _mass_of_pairs(run: Run) -> tuple[complex, float] | None:
-    """Complex mass of pairs of rows of like amplitude on either side of resonance, and its relative scatter."""
+def _mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
+    """Complex mass of pairs of rows of like amplitude beside resonance, its relative scatter and their damping ratio."""
     i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
     if len(weight) == 0:
         return None
@@ -164,7 +168,10 @@ def _mass_of_pairs(run: Run) -> tuple[complex, float] | None:
     weight = weight * (run.omega[j] - run.omega[i])
     found = complex(weighted_median(mass.real, weight), weighted_median(mass.imag, weight))
     apart = weighted_median(np.abs(mass - found), weight)
-    return found, apart / max(abs(found), 1e-300) / min(len(set(i.tolist())), len(set(j.tolist()))) ** 0.5
+    size = max(abs(found), 1e-300)
+    ratio = np.abs((y[i] * np.exp(-1j * np.angle(found))).imag) / (2.0 * size * run.omega[i])
+    independent = min(len(set(i.tolist())), len(set(j.tolist())))
+    return found, apart / size / independent**0.5, weighted_median(ratio, weight)
 
 
 def mass_without_phase(run: Run) -> float | None:
@@ -173,6 +180,9 @@ def mass_without_phase(run: Run) -> float | None:
         return None
     fitted = _parabola(run.omega, run.F / run.A)
     if fitted is None or fitted[0] <= 0.0:
+        return None
+    x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
+    if np.median(np.abs(np.polyval(fitted, x) / size - 1.0)) > NO_PARABOLA + 2.0 * run.noise:  # bent
         return None
     return float(np.sqrt(fitted[0]) / np.mean(run.omega) ** 2)
 
@@ -225,49 +235,52 @@ def peaks_of(run: Run) -> IntArray:
     return np.asarray(found, np.int64)
 
 
-def wild_rows(run: Run, factor: float) -> IntArray:
-    """Places in the run of amplitudes that are off by more than ``factor`` from what the other rows say.
+#: Rows that are off are at most this share of a run: more of them are another branch of the response.
+MOST_WILD = 0.05
+#: A row within this factor of one of the three rows before or after it, in Y, is on a branch of its own.
+SAME_BRANCH = 1.5
 
-    A row is off where ln(F/A) misses the neighbours' by more than ln(factor) and the rows beside it agree among each
-    other; a maximum that the others rise to is a resonance. With phases the rows beside it say what Y is.
+
+def wild_rows(run: Run, factor: float) -> IntArray:
+    """Places in the run of amplitudes more than ``factor`` above both rows beside them, or below, that stand alone.
+
+    A resonance between two rows may reach any height: a row that its phase says is at resonance, or to which without
+    phases the rows before and after rise, is no wild one.
     """
     n = len(run)
     if n < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
-    g, found = run.compliance, []
-    for k in range(n):
-        near = [m for m in range(max(0, k - 3), min(n, k + 4)) if m != k]
-        if k in (0, n - 1):
-            low, high = (g[near[0]], g[near[0]]) if len(near) else (g[k], g[k])
-        else:
-            low, high = sorted((g[k - 1], g[k + 1]))
-        beyond = max(g[k] - high, low - g[k])
-        if beyond < log(factor):
-            continue
-        if _resonance_at(run, k, near):
-            continue
-        found.append(k)
-    return np.array(found, np.int64)
+    found = [k for k in range(n) if _stands_alone(run, k, factor)]
+    return np.array(found if len(found) <= max(1.0, MOST_WILD * n) else [], np.int64)
 
 
-def _resonance_at(run: Run, k: int, near: list[int]) -> bool:
-    """Whether the rows beside row ``k`` lead one to expect its amplitude, within a factor of 2."""
-    Y = run.stiffness
-    x = run.omega**2
-    if run.phase is not None:
-        a, b = (k - 1, k + 1) if 0 < k < len(run) - 1 else (near[0], near[1])
-        expected = abs(Y[a] + (Y[b] - Y[a]) * (x[k] - x[a]) / (x[b] - x[a]) if x[b] != x[a] else Y[a])
-        # the shorter of what a line through Y reaches and what its phase allows
-        along = abs(np.cos(run.phase[k])) < 0.5
-        return bool(along and expected < 2.0 * abs(Y[k])) or bool(expected < 2.0 * abs(Y[k]) < 4.0 * expected)
-    fitted = _parabola(run.omega[near], (run.F / run.A)[near])
-    if fitted is None or run.A[k] < min(run.A[near]):
+def _stands_alone(run: Run, k: int, factor: float) -> bool:
+    n, g = len(run), run.compliance
+    beside = [m for m in (k - 1, k + 1) if 0 <= m < n]
+    above, below = g[k] - max(g[beside]), min(g[beside]) - g[k]
+    if max(above, below) < log(factor) or (below > 0.0 and np.ptp(g[beside]) > 0.3 * below):
         return False
-    # V-shaped |Y|: a sharp resonance between rows may reach any height; the slopes beside it must lead there
-    before, after = run.compliance[:k], run.compliance[k + 1 :]
-    rises = len(before) < 2 or before[-1] > np.median(before)
-    falls = len(after) < 2 or after[0] > np.median(after)
-    return bool(rises and falls and abs(int(np.argmax(np.delete(run.compliance, k))) - k) <= 1)
+    near = np.array([m for m in range(max(0, k - 3), min(n, k + 4)) if m != k])
+    if np.abs(np.log(run.stiffness[near] / run.stiffness[k])).min() < log(SAME_BRANCH):
+        return False
+    return above < 0.0 or not _may_resonate(run, k, factor)
+
+
+def _may_resonate(run: Run, k: int, factor: float) -> bool:
+    """Whether row ``k``, above the rows beside it, may be the resonance."""
+    if run.phase is not None:  # with like damping beside, |Y| sin(phase) is the same: a reading too large lowers it
+        others = np.delete(np.arange(len(run)), k)
+        damping = np.abs(run.stiffness.imag)
+        near = others[np.argsort(np.abs(others - k))[:6]]
+        return bool(damping[k] > np.median(damping[near]) / factor)
+    others = np.delete(run.compliance, k)
+    return abs(int(np.argmax(others)) - k) <= 1 and len(others) < 40 and not _resolved(others)
+
+
+def _resolved(g: FloatArray) -> bool:
+    """Whether the largest of the values is the top of a smooth hill: the rows beside it are no less than 0.7 of it."""
+    top = int(np.argmax(g))
+    return 0 < top < len(g) - 1 and bool(min(g[top - 1], g[top + 1]) > g[top] + log(0.7))
 
 
 def quarter_turns(angle: float) -> int:
