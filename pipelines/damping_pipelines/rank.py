@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
+from damping.records.record import Record
+from damping_pipelines.check import audited
 from damping_pipelines.store import refuse_inputs, write_json
 from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions
 
@@ -31,22 +33,24 @@ from damping_pipelines.terminal import Notes, console, number, plain_table, prog
 _FAR = 1.5
 
 
-def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: int) -> None:
+def rank(
+    record: Path, mode: Path, json_out: str | None, seed: int, max_size: int, despite: Collection[str] = ()
+) -> None:
     """Rank the candidates of a record, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
-    data, read = load(record, mode, max_size)
+    measured, read = load(record, mode, max_size)
+    findings = audited(measured, read, despite)
+    data = observe(measured)
     ranking = rank_record(data, seed)
     if json_out is not None:
-        write_json(json_out, {**rank_form(ranking), "cautions": mode_cautions(data, read)})
+        write_json(json_out, {**rank_form(ranking), "audit": findings.to_json()["findings"], "cautions": mode_cautions(data, read)})
     if json_out != "-":
         print_ranking(ranking, read, mode_cautions(data, read))
 
 
-def load(record: Path, mode: Path, max_size: int) -> tuple[Observations, Mode]:
+def load(record: Path, mode: Path, max_size: int) -> tuple[Record, Mode]:
     """Read and check both files before any work."""
-    read = read_record(record, max_size=max_size)
-    described = read_mode(mode, max_size=max_size)
-    return observe(read), described
+    return read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
 
 
 def mode_cautions(data: Observations, mode: Mode) -> list[str]:
@@ -138,19 +142,28 @@ def _law(c: Candidate) -> str:
 
 
 def extrapolate(
-    record: Path, mode: Path, forces: list[float], level: float, json_out: str | None, seed: int, max_size: int
+    record: Path,
+    mode: Path,
+    forces: list[float],
+    level: float,
+    json_out: str | None,
+    seed: int,
+    max_size: int,
+    despite: Collection[str] = (),
 ) -> None:
     """Predict resonant amplitudes at design forces, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
     check_forces(forces, level)
-    read, described = read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
+    read, described = load(record, mode, max_size)
+    findings = audited(read, described, despite)
     data = near_resonance(read)
     plan = plan_record(data, described, seed)
     sampled = sample_members(plan, np.array(forces), seed)
     repeatability = described.repeatability.amplitude or 0.0
     loads = predict(sampled, np.array(forces), data, level, seed, plan, repeatability)
     if json_out is not None:
-        write_json(json_out, {**loads_form(loads), **plan_form(plan), "cautions": mode_cautions(data, described)})
+        cautions = {"audit": findings.to_json()["findings"], "cautions": mode_cautions(data, described)}
+        write_json(json_out, {**loads_form(loads), **plan_form(plan), **cautions})
     if json_out != "-":
         _print(loads, plan, described, mode_cautions(data, described))
 

@@ -9,6 +9,8 @@ __version__ = "0.1.0"
 _SHORTCUTS = {
     "read_record": "damping.records.reading",
     "read_mode": "damping.records.mode",
+    "Refused": "damping.errors",
+    "check": "damping.api",
     "rank": "damping.api",
     "extrapolate": "damping.api",
 }

@@ -1,8 +1,8 @@
-"""The shortest way from a record to an answer: two functions that give tables; ``import damping``."""
+"""The shortest way from a record to an answer: functions that give results; ``import damping``."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,7 @@ from damping.extrapolation.plan import load_candidates, plan_loads
 from damping.extrapolation.prediction import predict
 from damping.infer.observations import observe
 from damping.ranking import rank_laws
+from damping.records.audit import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report.tables import candidates_table, loads_table
@@ -21,26 +22,43 @@ from damping.report.tables import candidates_table, loads_table
 SEED = 1970
 
 
-def rank(record: Record, seed: int = SEED) -> pd.DataFrame:
+def check(record: Record, mode: Mode | None = None) -> Audit:
+    """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says."""
+    return audit(record, mode)
+
+
+def rank(record: Record, seed: int = SEED, *, despite: Collection[str] = ()) -> pd.DataFrame:
     """Every candidate damping law of a record, best first, as ``damping rank`` lists them.
 
     Returns:
         a row a law: ``rank, law, weight, score, held_out_error, average_absolute_percent, ..., cautions``; errors in
         per cent of resonant amplitude.
 
+    Args:
+        despite: checks of the audit whose refusal is passed over.
+
     Raises:
+        Refused: the record cannot be what it seems.
         AnalysisError: no candidate could be fitted.
     """
+    audit(record).require(despite)
     return candidates_table(rank_laws(observe(record), seed))
 
 
 def extrapolate(
-    record: Record, mode: Mode, forces: Sequence[float], level: float = 0.9, seed: int = SEED
+    record: Record,
+    mode: Mode,
+    forces: Sequence[float],
+    level: float = 0.9,
+    seed: int = SEED,
+    *,
+    despite: Collection[str] = (),
 ) -> pd.DataFrame:
     """Resonant amplitude at each force, as ``damping extrapolate`` predicts it.
 
     Args:
         level: content of the bands.
+        despite: checks of the audit whose refusal is passed over.
 
     Returns:
         a row a force: ``force, extrapolation_ratio, median``, predictive ``low, high``, ``credible_low,
@@ -48,8 +66,10 @@ def extrapolate(
         of the record. NaN where no prediction is given; ``cautions`` says why.
 
     Raises:
+        Refused: the record cannot be what it seems.
         AnalysisError: the levels do not allow a prediction.
     """
+    audit(record, mode).require(despite)
     asked = np.array(forces, dtype=float)
     data = near_resonance(record)
     plan = plan_loads(data, load_candidates(data), seed, mass=mode.mass)

@@ -301,7 +301,7 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
     noise = table.assign(amplitude=b.A * np.exp(rng.normal(size=n)), phase=rng.uniform(0, pi, n))
     add("noise", "edge-of-sweep", noise)
     add("noise, no phase", "edge-of-sweep", noise.drop(columns="phase"))
-    quick = replace(b, zeta=0.005, f=20.0, span=(-8.0, 12.0))
+    quick = replace(b, zeta=float(rng.choice([0.005, 0.007, 0.01, 0.015])), f=20.0, span=(-8.0, 12.0))
     fast = measured(swept_fast(quick, 4.0), quick)
     rate = np.log(2.0) * 4.0 / 60.0 * fast["frequency"]
     add("4 oct/min, rate", "sweep-rate", fast.assign(sweep_rate=rate), False, quick.mode)

@@ -13,8 +13,8 @@ from typing import Any
 
 import pandas as pd
 
-from damping.errors import Refused
-from damping.records.checks import CHECKS, Finding, View
+from damping.errors import InputError, Refused
+from damping.records.checks import CHECKS, NAMES, Finding, View
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -54,7 +54,14 @@ class Audit:
         return tuple(one for one in self.findings if one.verdict == "refuse" and one.check not in despite)
 
     def require(self, despite: Collection[str] = ()) -> None:
-        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``."""
+        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
+
+        Raises:
+            InputError: ``despite`` names no check.
+        """
+        for name in despite:
+            if name not in NAMES:
+                raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")
         for finding in self.refusing(despite):
             raise Refused(f"{finding}, or --despite {finding.check}")
 

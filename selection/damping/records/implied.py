@@ -174,17 +174,19 @@ def _mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
     return found, apart / size / independent**0.5, weighted_median(ratio, weight)
 
 
-def mass_without_phase(run: Run) -> float | None:
-    """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2; None where the rows allow none."""
+def mass_without_phase(run: Run) -> tuple[float, bool] | None:
+    """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2, and whether the rows follow one.
+
+    None where the rows allow none.
+    """
     if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
         return None
     fitted = _parabola(run.omega, run.F / run.A)
     if fitted is None or fitted[0] <= 0.0:
         return None
     x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
-    if np.median(np.abs(np.polyval(fitted, x) / size - 1.0)) > NO_PARABOLA + 2.0 * run.noise:  # bent
-        return None
-    return float(np.sqrt(fitted[0]) / np.mean(run.omega) ** 2)
+    straight = float(np.median(np.abs(np.polyval(fitted, x) / size - 1.0))) < NO_PARABOLA + 2.0 * run.noise
+    return float(np.sqrt(fitted[0]) / np.mean(run.omega) ** 2), straight
 
 
 def _parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
@@ -233,6 +235,31 @@ def peaks_of(run: Run) -> IntArray:
     smooth[[0, -1]] = run.compliance[[0, -1]]
     found = find_peaks(smooth, prominence=max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
     return np.asarray(found, np.int64)
+
+
+#: Beats after a resonance that was passed fast: how far their humps stand out at least and at most, ln A/F, and how
+#: far the first lies below the peak (from integrating a linear mode at 1 to 10 bandwidths squared per second).
+SHALLOW, DEEP, FIRST_BEAT = 0.05, 1.2, (0.7, 1.8)
+
+
+def beats_of(run: Run) -> int:
+    """Humps on one side of the peak, lower and lower and closer and closer, as a resonance passed fast leaves them."""
+    if len(run) < 10 * FEWEST_ROWS:
+        return 0
+    smooth = medfilt(run.compliance, 5)[2:-2]
+    found, shape = find_peaks(smooth, prominence=max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
+    if len(found) < 2:
+        return 0
+    top = int(np.argmax(smooth[found]))
+    if top not in (0, len(found) - 1):
+        return 0
+    humps = (found if top == 0 else found[::-1])[1:]
+    heights, omega = smooth[humps] - smooth[found[top]], run.omega[2:-2]
+    away = np.abs(omega[humps] - omega[found[top]])
+    stand_out = np.delete(shape["prominences"], top)
+    first = FIRST_BEAT[0] < -heights[0] < FIRST_BEAT[1] and stand_out.max() < DEEP
+    closer = bool(np.all(np.diff(heights) < 0.0) and np.all(np.diff(away, prepend=0.0)[1:] < away[0]))
+    return len(humps) if first and closer else 0
 
 
 #: Rows that are off are at most this share of a run: more of them are another branch of the response.
