@@ -19,9 +19,7 @@ from damping_pipelines.terminal import console, number, plain_table
 def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) -> None:
     """Audit a record, print findings and what its sweeps imply, write the form; exit 1 where a finding refuses."""
     refuse_inputs("--json", json_out, record, *([mode] if mode else []))
-    found = audit(
-        read_record(record, max_size=max_size), None if mode is None else read_mode(mode, max_size=max_size)
-    )
+    found = audit(read_record(record, max_size=max_size), None if mode is None else read_mode(mode, max_size=max_size))
     if json_out is not None:
         write_json(json_out, found.to_json())
     if json_out != "-":

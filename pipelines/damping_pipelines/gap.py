@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,11 @@ from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.corrected import EffectPosterior, corrected_mode, effect_values, refitted_values, sample_effects
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.gap.effects import CATALOGUE
+from damping.records.audit import Audit, audit
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.report.gap_page import doubts, following, outside, place, reach, verdict
+from damping_pipelines.check import audited
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from damping_pipelines.terminal import end_with_parent, progress
 
@@ -37,6 +40,7 @@ def gap(
     seed: int,
     max_size: int,
     jobs: int | None,
+    despite: Collection[str] = (),
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
@@ -47,20 +51,22 @@ def gap(
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if record is None:
-        _folder(model, report, model_out, json_out, jobs, seed)
+        _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     targets = {"--json": json_out, "--model-out": model_out, "--report": report}
     for option, target in targets.items():
         refuse_inputs(option, target, model, record)
     refuse_twice(targets)
-    diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
+    measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
+    findings = audited(measured, mode, despite)
+    diagnosis = with_findings(diagnose(measured, mode), findings)
     sampled = None
     if posterior is not False:
         with progress("posterior", 1) as advance:
             sampled = sample_effects(diagnosis.leading.best, seed)
             advance("done")
     if json_out is not None:
-        write_json(json_out, gap_form(diagnosis, sampled))
+        write_json(json_out, gap_form(diagnosis, sampled, findings))
     if model_out is not None:
         write_text(model_out, mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if report is not None:
@@ -95,17 +101,23 @@ def _print(diagnosis: Diagnosis) -> None:
 
 
 def _folder(
-    cases: Path, report: Path | None, model_out: Path | None, json_out: str | None, jobs: int | None, seed: int
+    cases: Path,
+    report: Path | None,
+    model_out: Path | None,
+    json_out: str | None,
+    jobs: int | None,
+    seed: int,
+    despite: Collection[str] = (),
 ) -> None:
     if report is not None or model_out is not None:
         raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
     if json_out is None or json_out == "-":
         raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed):
+    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed, despite=despite):
         raise AnalysisError("some cases could not be diagnosed; their answers say why")
 
 
-def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> int:
+def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns the exit code: 0, or 1 if any failed.
@@ -120,7 +132,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     failed = 0
     with progress("diagnosing", len(names)) as advance, _pool(jobs, len(names)) as pool:
-        futures = {pool.submit(partial(diagnose_case, cases / name)): name for name in names}
+        futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
             answer = (
@@ -132,13 +144,16 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
     return 1 if failed else 0
 
 
-def diagnose_case(folder: Path) -> dict[str, Any]:
-    """The answer of one case, or ``{"format", "error"}``."""
+def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]:
+    """The answer of one case, or ``{"format", "error"}``; a record that the audit refuses is an error."""
     started = time.process_time()
     try:
-        diagnosis = diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"))
+        record, mode = read_record(folder / "data.csv"), read_mode(folder / "model.toml")
+        findings = audit(record, mode)
+        findings.require(despite)
+        diagnosis = with_findings(diagnose(record, mode), findings)
         spent = time.process_time() - started  # without the next test, which is found on demand
-        return gap_form(diagnosis) | {"cpu_seconds": spent}
+        return gap_form(diagnosis, None, findings) | {"cpu_seconds": spent}
     except DampingError as error:
         return _failure(str(error))
 
@@ -147,8 +162,15 @@ def _failure(error: str) -> dict[str, Any]:
     return {"format": FORMAT, "error": error}
 
 
-def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:
-    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
+def with_findings(diagnosis: Diagnosis, findings: Audit) -> Diagnosis:
+    """The diagnosis with the findings of the audit before its cautions, for the terminal and the page."""
+    return replace(diagnosis, cautions=(*map(str, findings.findings), *diagnosis.cautions))
+
+
+def gap_form(
+    diagnosis: Diagnosis, sampled: EffectPosterior | None = None, findings: Audit | None = None
+) -> dict[str, Any]:
+    """The form ``gap/1`` with the findings of the audit; tests, strangers, local estimates, posterior and cautions are extra keys."""
     leading = diagnosis.leading
     return {
         "format": FORMAT,
@@ -173,6 +195,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> di
         "strangers": [asdict(one) for one in diagnosis.strangers],
         "local": [asdict(one) for one in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
+        "audit": findings.to_json()["findings"] if findings else [],
         "cautions": list(diagnosis.cautions),
     }
 

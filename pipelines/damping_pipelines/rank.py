@@ -43,7 +43,10 @@ def rank(
     data = observe(measured)
     ranking = rank_record(data, seed)
     if json_out is not None:
-        write_json(json_out, {**rank_form(ranking), "audit": findings.to_json()["findings"], "cautions": mode_cautions(data, read)})
+        write_json(
+            json_out,
+            {**rank_form(ranking), "audit": findings.to_json()["findings"], "cautions": mode_cautions(data, read)},
+        )
     if json_out != "-":
         print_ranking(ranking, read, mode_cautions(data, read))
 

@@ -142,7 +142,14 @@ def right_benches(count: int, seed: int) -> list[Bench]:
     found = []
     for n in range(count):
         zeta = float(10.0 ** rng.uniform(-3.0, -1.5))
-        sides = [(-6.0, 6.0), (-3.0, 3.0), (-12.0, 12.0), (-8.0, 2.0), (-2.0, 8.0), (-30.0, 30.0) if zeta < 0.005 else (-5.0, 5.0)]
+        sides = [
+            (-6.0, 6.0),
+            (-3.0, 3.0),
+            (-12.0, 12.0),
+            (-8.0, 2.0),
+            (-2.0, 8.0),
+            (-30.0, 30.0) if zeta < 0.005 else (-5.0, 5.0),
+        ]
         found.append(
             Bench(
                 law=LAWS[n % len(LAWS)],
@@ -219,13 +226,24 @@ def swept_fast(bench: Bench, octaves_per_minute: float, rows: int = 150) -> pd.D
         # q = Re(a e^{i theta}), theta' = w(t): M (a'' + 2 i w a' + i w' a - w^2 a) + c (a' + i w a) + K a = F
         w = start * np.exp(rate * t)
         a, v = complex(y[0], y[1]), complex(y[2], y[3])
-        acc = 1.0 / bench.M - (2j * w + 2.0 * bench.zeta * wn) * v - (wn**2 - w**2 + 1j * (rate * w + 2 * bench.zeta * wn * w)) * a
+        acc = (
+            1.0 / bench.M
+            - (2j * w + 2.0 * bench.zeta * wn) * v
+            - (wn**2 - w**2 + 1j * (rate * w + 2 * bench.zeta * wn * w)) * a
+        )
         return [v.real, v.imag, acc.real, acc.imag]
 
     hertz = np.linspace(low, high, rows) / (2.0 * pi)
     times = np.log(2.0 * pi * hertz / start) / rate
-    found = solve_ivp(slow, (0.0, T), [1.0 / (bench.M * (wn**2 - start**2)), 0.0, 0.0, 0.0], t_eval=np.minimum(times, T),
-                      rtol=1e-6, atol=1e-12 / (bench.M * wn**2), method="DOP853")
+    found = solve_ivp(
+        slow,
+        (0.0, T),
+        [1.0 / (bench.M * (wn**2 - start**2)), 0.0, 0.0, 0.0],
+        t_eval=np.minimum(times, T),
+        rtol=1e-6,
+        atol=1e-12 / (bench.M * wn**2),
+        method="DOP853",
+    )
     a = found.y[0] + 1j * found.y[1]
     tables = [
         pd.DataFrame({"sweep": chr(65 + k), "force": 1.0 + k, "frequency": hertz, "amplitude": (1.0 + k) * np.abs(a),
@@ -264,7 +282,11 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
     add("minus pi", "phase-sign", table.assign(phase=table["phase"] - pi))
     add("lead of acceleration", "phase-sign", table.assign(phase=pi - table["phase"]))
     add("lead, wrapped", "phase-sign", table.assign(phase=np.mod(-table["phase"], 2.0 * pi)))
-    add("negated in one sweep", "phase-sign", table.assign(phase=np.where(table["sweep"] == "B", -table["phase"], table["phase"])))
+    add(
+        "negated in one sweep",
+        "phase-sign",
+        table.assign(phase=np.where(table["sweep"] == "B", -table["phase"], table["phase"])),
+    )
     add("offset .3", "phase-offset", table.assign(phase=table["phase"] + 0.3), False)
     add("offset -.15", "phase-offset", table.assign(phase=table["phase"] - 0.15), False)
     short = replace(b, span=(-12.0, -1.5))
@@ -279,8 +301,11 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
     order = table["sweep"].map({label: k for k, label in enumerate(sorted(table["sweep"].unique()))})
     last = int(order.max())
     forces = table.groupby(order)["force"].first()
-    add("falling", "amplitude-falls", table.assign(force=forces[last - order].to_numpy()).pipe(
-        lambda t: t.assign(amplitude=t["amplitude"])))
+    add(
+        "falling",
+        "amplitude-falls",
+        table.assign(force=forces[last - order].to_numpy()).pipe(lambda t: t.assign(amplitude=t["amplitude"])),
+    )
     p = peaks(b)
     add("peaks falling", "amplitude-falls", p.assign(force=p["force"].to_numpy()[::-1]))
     energy = pi * table["force"] * table["amplitude"] * np.abs(np.sin(table["phase"]))
@@ -292,11 +317,21 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
         add(name, "outlier", wild, False)
     copy = table[table["sweep"] == "A"].assign(sweep="copy")
     add("copy", "repeated-sweep", pd.concat([table, copy]), False)
-    add("scaled copy", "repeated-sweep", pd.concat([table, copy.assign(force=2 * copy["force"], amplitude=2 * copy["amplitude"])]), False)
+    add(
+        "scaled copy",
+        "repeated-sweep",
+        pd.concat([table, copy.assign(force=2 * copy["force"], amplitude=2 * copy["amplitude"])]),
+        False,
+    )
     b4 = replace(b, levels=4)
     four = measured(clean(b4), b4)
     add("one label", "mixed-levels", four.assign(sweep="all"), False)
-    add("one label, sorted, no phase", "mixed-levels", four.assign(sweep="all").sort_values("frequency").drop(columns="phase"), False)
+    add(
+        "one label, sorted, no phase",
+        "mixed-levels",
+        four.assign(sweep="all").sort_values("frequency").drop(columns="phase"),
+        False,
+    )
     n = len(table)
     noise = table.assign(amplitude=b.A * np.exp(rng.normal(size=n)), phase=rng.uniform(0, pi, n))
     add("noise", "edge-of-sweep", noise)

@@ -39,6 +39,7 @@ def fleet(
     dashboard: str | None = None,
     replace: bool = False,
     max_size: int,
+    despite: tuple[str, ...] = (),
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
@@ -59,7 +60,7 @@ def fleet(
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     check_address(dashboard)
-    settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
+    settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite)
     cases = find_cases(records)
     with sole_writer(out):
         _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)

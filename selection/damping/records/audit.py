@@ -20,6 +20,7 @@ from damping.records.record import Record
 
 FORMAT = "audit/1"
 
+
 @dataclass(frozen=True)
 class Audit:
     """Findings of a record, those that refuse first, and what its sweeps imply.

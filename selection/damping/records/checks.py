@@ -7,7 +7,7 @@ are exchanged has no resonance either, and is not told so.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import log, pi
 
@@ -16,7 +16,19 @@ import pandas as pd
 
 from damping.arrays import POUND_FORCE_N, RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
 from damping.records.implied import (
-    FEWEST_ROWS, WHITE, Implied, Run, has_resonance, beats_of, implied_by, mass_without_phase, peaks_of, quarter_turns, runs_of, whiteness, wild_rows,
+    FEWEST_ROWS,
+    WHITE,
+    Implied,
+    Run,
+    beats_of,
+    has_resonance,
+    implied_by,
+    mass_without_phase,
+    peaks_of,
+    quarter_turns,
+    runs_of,
+    whiteness,
+    wild_rows,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -58,7 +70,6 @@ class Finding:
         return f"{self.check} ({self.verdict}): {self.what}; {self.advice}"
 
 
-
 @dataclass(frozen=True)
 class View:
     """A record, with the mode where one is given, and what its rows imply; computed once for all checks."""
@@ -84,7 +95,9 @@ class View:
         x, y = (np.array([np.log(getattr(run, name)[0]) for run in single]) for name in ("F", "A"))
         for k, run in enumerate(single):
             others = np.arange(len(single)) != k
-            line = np.polyfit(x[others], y[others], 1) if np.ptp(x[others]) > 0.05 else np.array([0.0, y[others].mean()])
+            line = (
+                np.polyfit(x[others], y[others], 1) if np.ptp(x[others]) > 0.05 else np.array([0.0, y[others].mean()])
+            )
             left = y - np.polyval(line, x)
             if abs(left[k]) > log(WILD) and np.abs(left[others]).max() < 0.2 * abs(left[k]):
                 return {int(run.rows[0]): run.sweep}
@@ -111,7 +124,9 @@ class View:
     @cached_property
     def incoherent(self) -> tuple[str, ...]:
         """Sweeps whose phases have nothing to do with their amplitudes."""
-        return _labels(run for run, turn in zip(self.runs, self.turns, strict=True) if turn and _is_incoherent(run, turn))
+        return _labels(
+            run for run, turn in zip(self.runs, self.turns, strict=True) if turn and _is_incoherent(run, turn)
+        )
 
     @cached_property
     def wrong_sign(self) -> dict[str, str]:
@@ -336,15 +351,19 @@ def check_phase_unit(view: View) -> Finding | None:
     """Phases that are no radians: they turn far more than a mode can, or have nothing to do with the amplitudes."""
     if not view.incoherent or not view.curve:
         return None
-    what = f"the phases of {_named(view.incoherent)} jump or turn as no lag in radians does, though the amplitudes do not"
+    what = (
+        f"the phases of {_named(view.incoherent)} jump or turn as no lag in radians does, though the amplitudes do not"
+    )
     advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be saved: import the file anew)"
     return Finding("phase-unit", "refuse", what, advice, view.incoherent)
 
 
 _KINDS = {
     "negated": ("falls through -pi/2: it is the lead of the displacement, or of force over displacement", "negate it"),
-    "minus pi": ("runs from -pi to 0: half a turn too small, as of a sensor mounted backwards or an acceleration's lag",
-                 "add pi, or reverse the sensor"),
+    "minus pi": (
+        "runs from -pi to 0: half a turn too small, as of a sensor mounted backwards or an acceleration's lag",
+        "add pi, or reverse the sensor",
+    ),
     "acceleration": ("falls from pi to 0: it is the lead of the acceleration", "take pi - phase"),
 }
 
@@ -374,13 +393,18 @@ def check_phase_offset(view: View) -> Finding | None:
     middle = float(np.median(offsets))
     spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
     other_law = float(np.median([turn.damping for _, turn in turns]))
-    if abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread) or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5:
+    if (
+        abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread)
+        or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5
+    ):
         return None
     sweeps = _labels(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {'large' if middle > 0 else 'small'}"
     what += f" in {_named(sweeps)}: they are not pi/2 between rows of like amplitude"
     far = abs(middle) > 0.25 * pi
-    advice = f"correct the delay of the channels (lead_deg = {np.degrees(middle):.1f}), or look for a second mode beside"
+    advice = (
+        f"correct the delay of the channels (lead_deg = {np.degrees(middle):.1f}), or look for a second mode beside"
+    )
     return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)
 
 
@@ -393,7 +417,11 @@ def check_energy(view: View) -> Finding | None:
     share = energy_per_cycle(view.record) / most
     share[[row for row in view.wild]] = np.nan
     beyond = share > ENERGY
-    small = all(np.nanmax(share[run.rows]) < 1.0 / ENERGY_SHORT for run, seen in zip(view.runs, view.resonant, strict=True) if seen)
+    small = all(
+        np.nanmax(share[run.rows]) < 1.0 / ENERGY_SHORT
+        for run, seen in zip(view.runs, view.resonant, strict=True)
+        if seen
+    )
     if not beyond.any() and not (small and any(view.resonant)):
         return None
     row = int(np.nanargmax(share))
@@ -421,7 +449,9 @@ def check_edge(view: View) -> Finding | None:
     sweeps = _labels(run for run, _ in beside)
     blind = any(lag is None for _, lag in beside)
     what = f"{_named(sweeps)}: the range {where}; the largest response stands at its edge"
-    advice = "sweep on past the resonance" + (", or record the phase: without it the edge would be taken for it" if blind else "")
+    advice = "sweep on past the resonance" + (
+        ", or record the phase: without it the edge would be taken for it" if blind else ""
+    )
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
 
 
@@ -460,7 +490,9 @@ def check_sweep_rate(view: View) -> Finding | None:
         sweep = max(fast, key=lambda label: fast[label])
         what = f"{_named(fast)}: the frequency moves {fast[sweep]:.2g} half-power bandwidths in the time one takes to answer"
         verdict = "refuse" if fast[sweep] > TOO_FAST else "caution"
-        return Finding("sweep-rate", verdict, what, f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell", tuple(fast))
+        return Finding(
+            "sweep-rate", verdict, what, f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell", tuple(fast)
+        )
     if rates:
         return None
     beats = {run.sweep: beats_of(run) for run in view.runs}
@@ -471,13 +503,15 @@ def check_sweep_rate(view: View) -> Finding | None:
     what = f"the response of {_named(ringing)} "
     what += "beats after its peak" if any(ringing.values()) else "lags ever more behind the frequency"
     sure = max(ringing.values()) > 1 or bool(turned)
-    what += ": the sweep was faster than the mode could follow" + ("" if sure else ", or a second mode stands beside it")
+    what += ": the sweep was faster than the mode could follow" + (
+        "" if sure else ", or a second mode stands beside it"
+    )
     verdict = "refuse" if sure else "caution"
     return Finding("sweep-rate", verdict, what, "sweep slower, or dwell; state sweep_rate (Hz/s)", tuple(ringing))
 
 
 #: A phase offset and a misfit of Y by a line that only a sweep faster than the mode could follow has together.
-DRAGGED, CURVED = 0.6, 0.25
+DRAGGED, CURVED = 0.5, 0.25
 
 
 def _is_dragged(turn: Implied) -> bool:
@@ -489,7 +523,9 @@ def _rates(view: View) -> dict[str, float]:
     table = view.record.table
     if "sweep_rate" not in table.columns:
         return {}
-    rate = table.groupby("sweep", sort=False)["sweep_rate"].apply(lambda values: np.nanmax(np.abs(values)) if values.notna().any() else np.nan)
+    rate = table.groupby("sweep", sort=False)["sweep_rate"].apply(
+        lambda values: np.nanmax(np.abs(values)) if values.notna().any() else np.nan
+    )
     found = {}
     for row in view.implied.itertuples():
         half_power = 2.0 * row.damping_ratio * row.frequency
@@ -505,7 +541,9 @@ LEVEL = 1.12
 
 def check_mixed_levels(view: View) -> Finding | None:
     """One label, several forces: rows of different levels take turns over the same frequencies."""
-    mixed = {sweep: levels for sweep, levels in ((sweep, _levels(view, sweep)) for sweep in view.record.sweeps) if levels}
+    mixed = {
+        sweep: levels for sweep, levels in ((sweep, _levels(view, sweep)) for sweep in view.record.sweeps) if levels
+    }
     if not mixed:
         return None
     sweep, levels = next(iter(mixed.items()))
@@ -548,7 +586,9 @@ def check_repeats(view: View) -> Finding | None:
     what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, which no measurement does"
     same_force = all(np.allclose(a.F, b.F, rtol=1e-9) for a, b, _ in copies)
     verdict = "caution" if same_force and not scaled else "refuse"
-    return Finding("repeated-sweep", verdict, what, "leave the copy out: its rows would count twice", _labels(c[1] for c in copies))
+    return Finding(
+        "repeated-sweep", verdict, what, "leave the copy out: its rows would count twice", _labels(c[1] for c in copies)
+    )
 
 
 #: Proportional rows are a copy where their ratio is constant to so many parts, and their noise is larger than that.
@@ -559,7 +599,9 @@ def _copied(first: Run, second: Run) -> float | None:
     """The factor by which the amplitudes of two runs differ, the same for all rows; None where they are no copy."""
     if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
         return None
-    same_phase = first.phase is None or (second.phase is not None and np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9))
+    same_phase = first.phase is None or (
+        second.phase is not None and np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
+    )
     if len(first) < FEWEST_ROWS:
         same = np.allclose(first.A, second.A, rtol=1e-12) and np.allclose(first.F, second.F, rtol=1e-12)
         return 1.0 if same and same_phase else None
@@ -578,7 +620,12 @@ FORCE_STEP, FALLEN = 1.1, 0.87
 
 def check_amplitude_falls(view: View) -> Finding | None:
     """A resonant amplitude that falls with force: no passive structure does that."""
-    table = view.implied[[all(seen for run, seen in zip(view.runs, view.resonant, strict=True) if run.sweep == sweep) for sweep in view.implied["sweep"]]]
+    table = view.implied[
+        [
+            all(seen for run, seen in zip(view.runs, view.resonant, strict=True) if run.sweep == sweep)
+            for sweep in view.implied["sweep"]
+        ]
+    ]
     table = table.sort_values("force", kind="stable")
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
@@ -626,7 +673,9 @@ def check_units(view: View) -> Finding | None:
 def guess_unit(ratio: float) -> float | None:
     """The factor by which force over amplitude is too large, where no structure but only a unit explains it."""
     size = abs(log(ratio)) if ratio > 0.0 else float("nan")
-    if size > log(OTHER_SYSTEM) or (size > log(2.0) and any(abs(size - log(x)) < NEAR_FACTOR for x in UNIT_FACTORS.values())):
+    if size > log(OTHER_SYSTEM) or (
+        size > log(2.0) and any(abs(size - log(x)) < NEAR_FACTOR for x in UNIT_FACTORS.values())
+    ):
         return ratio
     return None
 
