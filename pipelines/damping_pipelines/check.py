@@ -49,10 +49,7 @@ def _print(found: Audit) -> None:
         out.print(line, highlight=False, soft_wrap=True)
     headings = ("frequency", "force", "amplitude", "mass", "damping ratio", "phase offset")
     table = plain_table("What each sweep implies at its resonance", headings, ("sweep",))
-    for row in found.implied.itertuples():
-        table.add_row(
-            str(row.sweep),
-            *(number(float(value)) for value in (row.frequency, row.force, row.amplitude, row.mass, row.damping_ratio)),
-            number(float(row.phase_offset), 3),
-        )
+    for row in found.implied.to_dict(orient="records"):
+        numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
+        table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))
     out.print(table)

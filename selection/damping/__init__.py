@@ -9,6 +9,7 @@ __version__ = "0.1.0"
 _SHORTCUTS = {
     "read_record": "damping.records.reading",
     "read_mode": "damping.records.mode",
+    "InputError": "damping.errors",
     "Refused": "damping.errors",
     "check": "damping.api",
     "rank": "damping.api",

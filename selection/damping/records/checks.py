@@ -339,7 +339,7 @@ def check_outlier(view: View) -> Finding | None:
         return None
     table = view.record.table
     places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in sorted(view.wild)]
-    peaks = [int(own["amplitude"].idxmax()) for _, own in table.groupby("sweep", sort=False)]
+    peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in view.wild)
     values = ", ".join(f"{table['amplitude'][row]:g}" for row in sorted(view.wild)[:3])
     what = f"amplitude {values} at {', '.join(places[:3])}: more than {WILD:g} times off the rows beside it"
@@ -523,15 +523,14 @@ def _rates(view: View) -> dict[str, float]:
     table = view.record.table
     if "sweep_rate" not in table.columns:
         return {}
-    rate = table.groupby("sweep", sort=False)["sweep_rate"].apply(
-        lambda values: np.nanmax(np.abs(values)) if values.notna().any() else np.nan
-    )
+    implied = view.implied
+    half_power = 2.0 * (implied["damping_ratio"] * implied["frequency"]).to_numpy(dtype=np.float64)
     found = {}
-    for row in view.implied.itertuples():
-        half_power = 2.0 * row.damping_ratio * row.frequency
-        eta = float(rate[row.sweep]) / half_power**2
-        if np.isfinite(eta):
-            found[str(row.sweep)] = eta
+    for sweep, width in zip(implied["sweep"], half_power, strict=True):
+        rates = np.abs(table.loc[table["sweep"] == sweep, "sweep_rate"].to_numpy(dtype=np.float64))
+        rate = float(np.max(rates[np.isfinite(rates)], initial=0.0))
+        if width > 0.0:
+            found[str(sweep)] = rate / width**2
     return found
 
 
@@ -657,15 +656,14 @@ def check_units(view: View) -> Finding | None:
                 what = f"the record resonates at {frequency:.4g} times the frequency of the mode file ({name}?)"
                 return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
     ratio, zeta = view.mass_ratio, _median(view.implied["damping_ratio"])
-    factor = guess_unit(ratio)
-    if factor is not None and not view.straight and abs(log(ratio)) < log(OTHER_SYSTEM_BENT):
-        factor = None
+    bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
+    wrong = None if bent else guess_unit(ratio)
     impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
-    if factor is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
+    if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
     parts = [] if np.isnan(ratio) else [f"the rows imply {ratio:.4g} times the mass of the mode file"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    name = nearest_factor(ratio) if factor else nearest_damping_factor(view, zeta)
+    name = nearest_factor(ratio) if wrong else nearest_damping_factor(view, zeta)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 

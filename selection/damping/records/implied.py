@@ -293,15 +293,19 @@ def _stands_alone(run: Run, k: int, factor: float) -> bool:
     return above < 0.0 or not _may_resonate(run, k, factor)
 
 
+#: A sweep of more rows shows its resonance in more than one of them.
+MOST_COARSE = 40
+
+
 def _may_resonate(run: Run, k: int, factor: float) -> bool:
     """Whether row ``k``, above the rows beside it, may be the resonance."""
     if run.phase is not None:  # with like damping beside, |Y| sin(phase) is the same: a reading too large lowers it
         others = np.delete(np.arange(len(run)), k)
         damping = np.abs(run.stiffness.imag)
-        near = others[np.argsort(np.abs(others - k))[:6]]
+        near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
         return bool(damping[k] > np.median(damping[near]) / factor)
-    others = np.delete(run.compliance, k)
-    return abs(int(np.argmax(others)) - k) <= 1 and len(others) < 40 and not _resolved(others)
+    rest = np.delete(run.compliance, k)
+    return abs(int(np.argmax(rest)) - k) <= 1 and len(rest) < MOST_COARSE and not _resolved(rest)
 
 
 def _resolved(g: FloatArray) -> bool:
