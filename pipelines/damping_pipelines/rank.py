@@ -38,7 +38,7 @@ def rank(
 ) -> None:
     """Rank the candidates of a record, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
-    measured, read = load(record, mode, max_size)
+    measured, read = read_both(record, mode, max_size)
     findings = audited(measured, read, despite)
     data = observe(measured)
     ranking = rank_record(data, seed)
@@ -51,8 +51,14 @@ def rank(
         print_ranking(ranking, read, mode_cautions(data, read))
 
 
-def load(record: Path, mode: Path, max_size: int) -> tuple[Record, Mode]:
+def load(record: Path, mode: Path, max_size: int) -> tuple[Observations, Mode]:
     """Read and check both files before any work."""
+    measured, described = read_both(record, mode, max_size)
+    return observe(measured), described
+
+
+def read_both(record: Path, mode: Path, max_size: int) -> tuple[Record, Mode]:
+    """The record and the mode of a command."""
     return read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
 
 
@@ -157,7 +163,7 @@ def extrapolate(
     """Predict resonant amplitudes at design forces, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
     check_forces(forces, level)
-    read, described = load(record, mode, max_size)
+    read, described = read_both(record, mode, max_size)
     findings = audited(read, described, despite)
     data = near_resonance(read)
     plan = plan_record(data, described, seed)

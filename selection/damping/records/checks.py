@@ -724,7 +724,7 @@ def check_beyond_model(view: View) -> Finding | None:
         return None
     hertz = view.record.column("frequency")
     other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
-    advice = "is it the same mode?" if other else "check the gain of the sensor and the mode file"
+    advice = "model and record are of different modes" if other else "check the gain of the sensor and the mode file"
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(found), advice, view.record.sweeps)
 
 
