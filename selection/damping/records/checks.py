@@ -58,7 +58,7 @@ FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz
 
 @dataclass(frozen=True)
 class Finding:
-    """One cause: the ``check`` that found it, ``verdict`` caution or refuse, what was seen, what to do, in which sweeps."""
+    """One cause: the ``check`` that found it, ``verdict`` caution or refuse, what was seen, what to do, where."""
 
     check: str
     verdict: str
@@ -399,7 +399,8 @@ def check_phase_offset(view: View) -> Finding | None:
     ):
         return None
     sweeps = _labels(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
-    what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {'large' if middle > 0 else 'small'}"
+    way = "large" if middle > 0.0 else "small"
+    what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
     what += f" in {_named(sweeps)}: they are not pi/2 between rows of like amplitude"
     far = abs(middle) > 0.25 * pi
     advice = (
@@ -425,7 +426,8 @@ def check_energy(view: View) -> Finding | None:
     if not beyond.any() and not (small and any(view.resonant)):
         return None
     row = int(np.nanargmax(share))
-    what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, the most that force and motion allow"
+    what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
+    what += "the most that force and motion allow"
     if not beyond.any():
         what += "; at a resonance it is all of it"
     advice = "check the unit of the energy and whether it is that of one cycle, or leave the column out"
@@ -478,12 +480,13 @@ def check_several_modes(view: View) -> Finding | None:
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
 
 
-#: Bandwidths squared per second, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state, and beyond which no answer holds.
+#: Bandwidths squared per second, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state; beyond which no
+#: answer holds.
 FAST, TOO_FAST = 0.3, 3.0
 
 
 def check_sweep_rate(view: View) -> Finding | None:
-    """Sweeps faster than the resonance can follow: by their rate where it is known, else by the beats after the peak."""
+    """Sweeps faster than the resonance can follow: by their rate where it is known, else by beats after the peak."""
     rates = _rates(view)
     fast = {sweep: eta for sweep, eta in rates.items() if eta > FAST}
     if fast:
@@ -545,8 +548,9 @@ def check_mixed_levels(view: View) -> Finding | None:
     }
     if not mixed:
         return None
-    sweep, levels = next(iter(mixed.items()))
-    what = f"{_named(mixed)}: forces of {len(levels)} levels under one label ({', '.join(f'{force:.4g}' for force in levels[:6])})"
+    levels = next(iter(mixed.values()))
+    forces = ", ".join(f"{force:.4g}" for force in levels[:6])
+    what = f"{_named(mixed)}: forces of {len(levels)} levels under one label ({forces})"
     return Finding("mixed-levels", "caution", what, "give every level a label of its own", tuple(mixed))
 
 

@@ -112,7 +112,7 @@ def _run(table: pd.DataFrame) -> Run:
 @dataclass(frozen=True)
 class Implied:
     """What a run implies: ``mass`` complex, its argument the offset of the phases; ``scatter`` its relative sd.
-    ``damping``: median damping ratio of the rows it rests on, about what other than viscous damping moves the offset by.
+    ``damping``: median damping ratio of the rows it rests on, which is what a law may move the offset by.
 
     ``taken``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard error:
     below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1 where the
@@ -158,7 +158,7 @@ def _line(run: Run) -> tuple[complex, float]:
 
 
 def _mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
-    """Complex mass of pairs of rows of like amplitude beside resonance, its relative scatter and their damping ratio."""
+    """Complex mass of pairs of rows of like amplitude beside resonance, its scatter and their damping ratio."""
     i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
     if len(weight) == 0:
         return None
@@ -190,7 +190,7 @@ def mass_without_phase(run: Run) -> tuple[float, bool] | None:
 
 
 def _parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, each row to the same percentage."""
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike."""
     x = (omega / np.mean(omega)) ** 2 - 1.0
     if len(np.unique(x)) < 3:
         return None
