@@ -491,7 +491,7 @@ def check_sweep_rate(view: View) -> Finding | None:
     fast = {sweep: eta for sweep, eta in rates.items() if eta > FAST}
     if fast:
         sweep = max(fast, key=lambda label: fast[label])
-        what = f"{_named(fast)}: the frequency moves {fast[sweep]:.2g} half-power bandwidths in the time one takes to answer"
+        what = f"{_named(fast)}: the frequency moves {fast[sweep]:.2g} half-power bandwidths in the time one takes"
         verdict = "refuse" if fast[sweep] > TOO_FAST else "caution"
         return Finding(
             "sweep-rate", verdict, what, f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell", tuple(fast)
@@ -734,7 +734,8 @@ def check_beyond_model(view: View) -> Finding | None:
 
 #: Names of all checks.
 NAMES = (
-    "units", "phase-unit", "phase-sign", "phase-offset", "edge-of-sweep", "several-modes", "energy", "amplitude-falls", "outlier",
+    "units", "phase-unit", "phase-sign", "phase-offset", "edge-of-sweep", "several-modes", "energy", "amplitude-falls",
+    "outlier",
     "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model",
 )  # fmt: skip
 #: What noise and exchanged columns look like: anything but a copy.

@@ -304,14 +304,18 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
         damping = np.abs(run.stiffness.imag)
         near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
         return bool(damping[k] > np.median(damping[near]) / factor)
-    rest = np.delete(run.compliance, k)
-    return abs(int(np.argmax(rest)) - k) <= 1 and len(rest) < MOST_COARSE and not _resolved(rest)
-
-
-def _resolved(g: FloatArray) -> bool:
-    """Whether the largest of the values is the top of a smooth hill: the rows beside it are no less than 0.7 of it."""
-    top = int(np.argmax(g))
-    return 0 < top < len(g) - 1 and bool(min(g[top - 1], g[top + 1]) > g[top] + log(0.7))
+    rest = np.delete(np.arange(len(run)), k)
+    if abs(int(np.argmax(run.compliance[rest])) - k) > 1 or len(rest) >= MOST_COARSE:
+        return False
+    size = run.F / run.A
+    near = rest[np.argsort(size[rest], kind="stable")[:6]]
+    fitted = _parabola(run.omega[near], size[near])
+    if fitted is None or fitted[0] <= 0.0:
+        return True
+    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
+    x = (run.omega[near] / np.mean(run.omega[near])) ** 2 - 1.0
+    follows = np.median(np.abs(np.polyval(fitted, x) / size[near] ** 2 - 1.0)) < NO_PARABOLA + 2.0 * run.noise
+    return not (follows and size[k] ** 2 * factor**2 < least)
 
 
 def quarter_turns(angle: float) -> int:
