@@ -22,9 +22,8 @@ import numpy as np
 from scipy.stats import binom
 
 from damping.arrays import BoolArray, FloatArray, Floats
-from damping.extrapolation import members_of
-from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.prediction import Member, amplitude_draws
 from damping.forces import CATALOGUE, component
 from damping.forces.contract import AveragedForce, Force, Sum
 from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
@@ -72,7 +71,7 @@ class Iwan(AveragedForce):
 
 
 @dataclass(frozen=True)
-class Structure:
+class KnownStructure:
     """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
 
     name: str
@@ -94,7 +93,7 @@ def carrying(share: float, name: str, **shapes: float) -> Force:
     return build(share / float(build(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[KnownStructure, ...]:
     """The structures that predictions are tried on."""
     shares = {
         "viscous": {"viscous": 1.0},
@@ -103,7 +102,7 @@ def structures() -> tuple[Structure, ...]:
         "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
     }
     sums = [
-        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        KnownStructure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
         for n, parts in shares.items()
     ]
     power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
@@ -111,9 +110,9 @@ def structures() -> tuple[Structure, ...]:
     iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
     return (
         *sums,
-        Structure("velocity-power", power, Law(("velocity-power",))),
-        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
-        Structure("viscous + Iwan joint", iwan, None),
+        KnownStructure("velocity-power", power, Law(("velocity-power",))),
+        KnownStructure("viscous + slip", slip, Law(("viscous", "slip"))),
+        KnownStructure("viscous + Iwan joint", iwan, None),
     )
 
 
@@ -139,7 +138,7 @@ def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
 
 
 def simulated_levels(
-    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+    structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
     """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
 
@@ -155,8 +154,12 @@ CANDIDATES = (
     *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
 )
-#: Largest over smallest tested force; forces predicted, relative to the largest tested one; content of the bands.
-SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
+#: Largest over smallest tested force.
+SPAN = 4.0
+#: Forces predicted, relative to the largest tested one.
+RATIOS = (1.25, 1.5, 2.0, 4.0)
+#: Probability content of the bands.
+LEVEL = 0.9
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
@@ -164,10 +167,12 @@ CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
     *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.beside_viscous),
 )
-#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
-_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
 #: What the calibration data are taken to cover, for the priors of shapes.
 TESTED = Tested(0.5, 2.0, OMEGA)
+#: Forces of calibration data, of the order of one.
+_FORCES = np.geomspace(0.5, 2.0, 4)
+#: Amplitudes beyond this factor from 1 either way are not drawn.
+_RANGE = 100.0
 
 
 @dataclass(frozen=True)
@@ -186,13 +191,13 @@ class Coverage:
     winner: Law
 
 
-def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -> Coverage:
+def coverage_trial(structure: KnownStructure, levels: int, noise: float, seed: int) -> Coverage:
     """Test a structure at ``levels`` forces, predict, and make the next tests."""
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)
-    plan = plan_loads(data, CANDIDATES, seed)
     force = data.tested_force[data.top] * np.array(RATIOS)
-    band = predict(members_of(plan), force, data, LEVEL, seed, plan).average
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, sampler=draw_evidence, least_weight=0.0)
+    band = predicted.loads.average
     true = structure.amplitude(force)
     read = true * np.exp(noise * rng.standard_normal(len(force)))
     refused = np.isnan(band.median)
@@ -201,7 +206,7 @@ def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -
         refused=refused,
         width=band.high / band.low,
         error=np.log(band.median / true),
-        winner=max(plan.laws, key=lambda law: law.evidence.log_z).law,
+        winner=max(predicted.plan.laws, key=lambda law: law.evidence.log_z).law,
     )
 
 

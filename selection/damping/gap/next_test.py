@@ -204,7 +204,8 @@ def _odds(leading: Fit, rival: Fit, design: Design) -> float:
 def _sweep_columns(rows: Rows, values: FloatArray, scatter: float) -> FloatArray:
     """Changes of the residuals by each sweep's deviation, (sweeps, m)."""
     one_hot = np.arange(len(rows.sweeps))[:, np.newaxis] == np.tile(rows.sweep, len(values) // len(rows))
-    return one_hot * values * scatter
+    result: FloatArray = one_hot * values * scatter
+    return result
 
 
 def _terms(one: Fit) -> Terms:

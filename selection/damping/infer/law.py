@@ -257,7 +257,8 @@ def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Obse
 
 def log_prior(x: FloatArray) -> FloatArray:
     """Standard normal in every variable, shape (points,)."""
-    return -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+    result: FloatArray = -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+    return result
 
 
 def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:

@@ -194,7 +194,8 @@ def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArr
 def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
     """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
     C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
-    return np.log(np.maximum(C, 0.0)) - target
+    result: FloatArray = np.log(np.maximum(C, 0.0)) - target
+    return result
 
 
 def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:

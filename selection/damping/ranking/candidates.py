@@ -169,7 +169,8 @@ def _standard_errors(jacobian: FloatArray, scale: FloatArray) -> FloatArray:
     _, singular, vt = np.linalg.svd(jacobian, full_matrices=False)
     if len(singular) < jacobian.shape[1] or singular[-1] <= 1e-10 * singular[0]:
         return np.full(jacobian.shape[1], np.nan)
-    return np.sqrt(np.sum((vt.T / singular) ** 2, axis=1)) * scale
+    result: FloatArray = np.sqrt(np.sum((vt.T / singular) ** 2, axis=1)) * scale
+    return result
 
 
 def _criteria(rss: float, rows: int, k: int) -> dict[str, float]:

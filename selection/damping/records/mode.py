@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from damping import effects, forces
 from damping.arrays import RAD_S_PER_HZ
 from damping.forces.shapes import Shape
@@ -46,14 +48,18 @@ class Units:
         return ", ".join(named) if named else "one consistent system of units"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mode:
-    """One vibration mode as the simulation assumes it.
+    """One vibration mode as the simulation assumes it, checked as a mode file is.
 
     ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``source`` says where it is from, for messages.
+    parameters. ``source`` says where it is from, for messages. The tables may be given as in a mode file: mappings,
+    and a bare coefficient of a force that has no other parameter.
+
+    Raises:
+        InputError: what :func:`read_mode` refuses.
     """
 
     name: str
@@ -65,6 +71,14 @@ class Mode:
     damping: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     source: str = ""
+
+    def __post_init__(self) -> None:
+        written = {
+            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "tolerance")},
+            **{name: getattr(self, name) for name in ("repeatability", "units", "damping", "effects")},
+        }
+        for name, value in _checked(Table(_as_written(written), (), self.source or "mode", ""), self.name).items():
+            object.__setattr__(self, name, value)
 
     @property
     def omega_n(self) -> float:
@@ -80,23 +94,36 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect that is out of
     the bounds of its shape.
     """
-    top = read_toml(path, max_size)
+    values = _checked(read_toml(path, max_size), Path(path).stem)
+    return Mode(**values, source=str(path))
+
+
+def _checked(top: Table, name: str) -> dict[str, Any]:
+    """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
     top.only("mode", "repeatability", "units", "damping", "effects")
     mode = top.table("mode", required=True)
     mode.only("name", "frequency", "mass", "tolerance")
     units = top.table("units")
     units.only("force", "length", "time")
-    return Mode(
-        name=mode.text("name", default=Path(path).stem),
-        frequency=mode.number("frequency", above=0.0),
-        mass=mode.number("mass", above=0.0),
-        tolerance=_tolerance(mode.table("tolerance")),
-        repeatability=_repeatability(top.table("repeatability")),
-        units=Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
-        damping=_damping(top.table("damping")),
-        effects=_effects(top.table("effects")),
-        source=str(path),
-    )
+    return {
+        "name": mode.text("name", default=name),
+        "frequency": mode.number("frequency", above=0.0),
+        "mass": mode.number("mass", above=0.0),
+        "tolerance": _tolerance(mode.table("tolerance")),
+        "repeatability": _repeatability(top.table("repeatability")),
+        "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
+        "damping": _damping(top.table("damping")),
+        "effects": _effects(top.table("effects")),
+    }
+
+
+def _as_written(value: Any) -> Any:
+    """A field as it stands in a mode file: tables as dictionaries without what is not stated, plain numbers."""
+    if isinstance(value, Tolerance | Repeatability | Units):
+        value = {key: stated for key, stated in vars(value).items() if stated is not None}
+    if isinstance(value, Mapping):
+        return {key: _as_written(inner) for key, inner in value.items()}
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _tolerance(table: Table) -> Tolerance:

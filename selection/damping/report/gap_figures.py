@@ -22,8 +22,10 @@ from damping.gap.steady import fitted_terms, steady
 from damping.gap.where import LocalEstimate, by_quantity, footprint
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
-#: Points of a curve between the ends of a sweep; explanations drawn.
-_POINTS, _MOST_BARS = 160, 8
+#: Points of a curve between the ends of a sweep.
+_POINTS = 160
+#: Explanations drawn.
+_MOST_BARS = 8
 NO_EFFECT = "no effect"
 
 

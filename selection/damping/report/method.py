@@ -108,8 +108,10 @@ def _steps(study: StudyResult) -> list[str]:
     ]
 
 
-#: More points are folded away; of still more, the page shows the first.
-FOLDED_POINTS, MOST_POINTS = 30, 300
+#: Points of a record from which on its table is folded away.
+FOLDED_POINTS = 30
+#: Points that the page shows of a longer record, the first.
+MOST_POINTS = 300
 
 
 def tested(study: StudyResult) -> Section:
@@ -203,7 +205,8 @@ def cautions(study: StudyResult) -> Section:
 
 
 def _of(result: RecordResult) -> Iterator[str]:
-    """Cautions of the laws that carry weight, of their checks, and of the predictions."""
+    """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
+    yield from map(str, result.findings)
     for candidate in weighted(result):
         if candidate.weight > LEAST_WEIGHT:
             yield from candidate.cautions
