@@ -128,6 +128,8 @@ def evidence(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evi
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
+    data = data.scaled()
+    coordinates = Coordinates.of(coordinates.law, data)
     mode = find_mode(coordinates, data)
     density = partial(log_posterior, coordinates=coordinates, data=data)
     return importance(density, mode, covariance_at(mode, coordinates, data), seed)
@@ -167,6 +169,8 @@ def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evid
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
+    data = data.scaled()
+    coordinates = Coordinates.of(coordinates.law, data)
     negative = negative_log_posterior(coordinates, data)
     near = _descended(coordinates, negative)
     gradient, covariance, _ = derivatives(near, negative, np.full(near.size, _LAPLACE_STEP))
