@@ -17,11 +17,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.errors import AnalysisError
+from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import EXPONENT_RANGE, Coordinates, Law
 from damping.infer.observations import Observations
-from damping.ranking.candidates import candidate_laws, held_out_errors, percent_errors, root_mean_square
-from damping.ranking.fitting import BestFit, fit_law, group_equivalents, learn_noise
+from damping.ranking.candidates import (
+    candidate_laws,
+    group_equivalents,
+    held_out_errors,
+    learn_noise,
+    percent_errors,
+    root_mean_square,
+)
 from damping.ranking.verdict import FitVerdict, judge_fit
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; prior equal for each number of terms, shared by its laws"
@@ -232,8 +239,10 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     freedom = len(data.A) - free
     if freedom < 3:
         points = f"{len(data.A)} point{'s' * (len(data.A) != 1)}"
-        degrees = f"{freedom} degree{'s' * (freedom != 1)} of freedom" if freedom >= 0 else "more parameters than points"
-        said.append(f"{points}, {degrees}: the spread rests on the prior of the scatter")
+        degrees = f"{freedom} degree{'s' * (freedom != 1)} of freedom"
+        said.append(
+            f"{points}, {degrees if freedom >= 0 else 'more parameters than points'}: the spread rests on the prior"
+        )
     low, high = EXPONENT_RANGE
     for part, shapes in zip(row.law.parts, row.fit.shapes, strict=True):
         for name, value in shapes.items():

@@ -1,7 +1,8 @@
-"""The laws that compete, and their errors at the tested resonances: as fitted, and with the level held out."""
+"""The laws that compete, which of them predict the same, and their errors: as fitted, and with a level held out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -9,15 +10,21 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.forces import CATALOGUE
 from damping.forces.contract import Force
-from damping.infer.law import Law
+from damping.infer.best_fit import BestFit, fit_law
+from damping.infer.law import SCATTER_MEDIAN, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
-from damping.ranking.fitting import fit_law
 
 #: Terms of a law, at most: a fourth is never needed to describe a few levels, and never told from three.
 MAX_TERMS = 3
 #: Shape parameters by which a force takes any power of amplitude: beside another it would imitate that one.
 POWER = "exponent"
+#: Two laws are equivalent where their best predictions differ by less than this share of the noise ...
+INDISTINCT = 0.1
+#: ... at every row and at this multiple of the largest tested force.
+BEYOND = 1.5
+#: Range of what counts as noise where the record does not state it, relative: that of repeat tests of large structures.
+NOISE_RANGE = (0.003, 0.07)
 
 
 def candidate_laws() -> list[Law]:
@@ -26,6 +33,44 @@ def candidate_laws() -> list[Law]:
     terms = [name for name in CATALOGUE if name not in alone]
     sums = [Law(names) for size in range(1, MAX_TERMS + 1) for names in combinations(terms, size)]
     return [*sums, *(Law((name,)) for name in alone)]
+
+
+def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
+    """Relative noise of each row (rows,): as the record states it, else by the fit that leaves least.
+
+    The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter s_0, within
+    ``NOISE_RANGE``.
+    """
+    scatter = min(
+        np.sqrt((SCATTER_MEDIAN**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0)))
+        for f in fits
+        if np.isfinite(f.squares)
+    )
+    learnt = np.full(len(data.A), float(np.clip(scatter, *NOISE_RANGE)))
+    stated = np.hypot(data.sd_amplitude, np.hypot(data.sd_phase, data.sd_force))
+    return np.where(stated > 0.0, stated, learnt)
+
+
+def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatArray) -> list[list[BestFit]]:
+    """Laws that predict the same, the one with fewest terms (then first) leading its group.
+
+    Two laws are of one group where their best predictions differ by less than ``INDISTINCT`` of the noise at every row
+    and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
+    """
+    omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
+    beyond = {id(f): float(np.log(resonant_amplitude(f.force, force, omega))) for f in fits}
+    groups: list[list[BestFit]] = []
+    for f in sorted(fits, key=lambda f: len(f.law.parts)):
+        for group in groups:
+            near = np.all(np.abs(f.n - group[0].n) < INDISTINCT * noise)
+            further = abs(beyond[id(f)] - beyond[id(group[0])])
+            none_resonates = np.isnan(beyond[id(f)]) and np.isnan(beyond[id(group[0])])
+            if near and (further < INDISTINCT * noise.max() or none_resonates):
+                group.append(f)
+                break
+        else:
+            groups.append([f])
+    return groups
 
 
 #: Times that a law is fitted without some of the sweeps, at most.

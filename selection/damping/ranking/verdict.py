@@ -20,9 +20,9 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from damping.arrays import FloatArray
+from damping.infer.best_fit import BestFit
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, residuals
 from damping.infer.observations import Observations
-from damping.ranking.fitting import BestFit
 
 Verdict = Literal["fits", "poor", "none fits"]
 #: Probability below which a law does not fit.

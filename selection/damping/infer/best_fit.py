@@ -1,4 +1,4 @@
-"""The best fit of a law with coefficients >= 0, what it predicts, and which laws predict the same.
+"""The best fit of a law with coefficients >= 0.
 
 For given shapes a law is linear in its coefficients, C(A, omega) = sum_j c_j u_j(A, omega), and the distance of a row
 from it (:func:`damping.infer.law.residuals`) is
@@ -16,28 +16,27 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize, nnls
+from scipy.optimize import minimize, minimize_scalar, nnls
 from scipy.special import ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
-from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law, residuals
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law, residuals
 from damping.infer.observations import Observations
-from damping.predict.steady import resonant_amplitude
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
 REWEIGHTINGS = 12
 #: Relative change of the sum of squares at which reweighting stops.
 STEADY = 1e-12
+#: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
+SHARE_RANGE, LARGEST_SCORE = (0.02, 0.98), 3.0
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
-#: Two laws are equivalent where their best predictions differ by less than this share of the noise ...
-INDISTINCT = 0.1
-#: ... at every row and at this multiple of the largest tested force.
-BEYOND = 1.5
-#: Range of what counts as noise where the record does not state it, relative: that of repeat tests of large structures.
-NOISE_RANGE = (0.003, 0.07)
+#: Stands for the squares of a fit that cannot be, in searches that need finite numbers.
+HOPELESS = 1e12
+#: Prior probabilities between which a shape is refined; step at which its search ends, standard normal variable.
+EXTREME, SHAPE_STEP = (0.001, 0.999), 1e-5
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,8 @@ class BestFit:
     """A law at its best coefficients >= 0.
 
     Attributes:
-        coordinates: the law on its record. coefficients: one a component. shapes: of each component by name.
+        coordinates: the law on its record. coefficients: one a component. shapes: of each component by name, ``point``
+        the same as standard normal variables (shapes,).
         n: residual of each row, relative amplitude or rad (rows,). squares: sum of n^2 over the variance of the rows.
         parameters: coefficients above 0 and shapes.
     """
@@ -53,6 +53,7 @@ class BestFit:
     coordinates: Coordinates
     coefficients: FloatArray
     shapes: tuple[dict[str, float], ...]
+    point: FloatArray
     n: FloatArray
     squares: float
 
@@ -65,6 +66,28 @@ class BestFit:
     def force(self) -> Sum:
         """Its damping force."""
         return build_force(self.law, self.coefficients, self.shapes)
+
+    @property
+    def variables(self) -> FloatArray:
+        """The standard normal variables x (dimension,) of this fit: where a search for the posterior's mode begins.
+
+        Shares stay within ``SHARE_RANGE``: the prior has none at the ends.
+        """
+        x = np.zeros(self.coordinates.dimension)
+        parts = len(self.law.parts)
+        x[parts : parts + self.point.size] = self.point
+        unit = np.array([float(c) for c in self.coordinates.coefficients(x)])
+        force = self.coefficients / unit * np.asarray(self.coordinates.shares(x))
+        x[0] = np.clip(np.log(force.sum()) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
+        left = force.sum()
+        for i in range(parts - 1):
+            fraction = np.clip(force[i] / max(left, np.finfo(float).tiny), *SHARE_RANGE)
+            x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
+            left -= force[i]
+        scatter = np.sqrt(np.mean(self.n**2)) + 0.1 * SCATTER_MEDIAN
+        scatters = self.coordinates.dimension - parts - self.point.size
+        x[-scatters:] = np.clip(np.log(scatter / SCATTER_MEDIAN) / SCATTER_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
+        return x
 
     @property
     def parameters(self) -> int:
@@ -93,15 +116,24 @@ def fit_law(law: Law, data: Observations) -> BestFit:
     tried = [np.array(point) for point in product(grid, repeat=free)]
     squares = [_fit_at(point, coordinates, data).squares for point in tried]
     start = tried[int(np.argmin(squares))]
-    width = 0.1 * np.ones(free)
-    simplex = np.vstack([start, start + np.diag(width)])
-    refined = minimize(
-        lambda point: _fit_at(point, coordinates, data).squares,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 1e-7, "fatol": 1e-9, "maxiter": 100 * free},
-    )
-    return min((_fit_at(point, coordinates, data) for point in (start, refined.x)), key=lambda fit: fit.squares)
+    refined = _refine(start, squares, coordinates, data)
+    return min((_fit_at(point, coordinates, data) for point in (start, refined)), key=lambda fit: fit.squares)
+
+
+def _refine(start: FloatArray, squares: Sequence[float], coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Shapes of least squares near the best of the grid: a bounded search in one variable, a simplex in several."""
+
+    def distance(point: FloatArray) -> float:
+        return min(_fit_at(np.atleast_1d(point), coordinates, data).squares, HOPELESS)
+
+    if start.size == 1:
+        best = int(np.argmin(squares))
+        low, high = ndtri(np.clip((best + np.array([-0.5, 1.5])) / len(SHAPE_GRID), *EXTREME))
+        found = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": SHAPE_STEP})
+        return np.array([found.x])
+    simplex = np.vstack([start, start + 0.1 * np.eye(start.size)])
+    options = {"initial_simplex": simplex, "xatol": SHAPE_STEP, "fatol": 1e-9, "maxiter": 100 * start.size}
+    return np.asarray(minimize(distance, start, method="Nelder-Mead", options=options).x)
 
 
 def _fit_at(point: FloatArray, coordinates: Coordinates, data: Observations) -> BestFit:
@@ -125,7 +157,7 @@ def _fit_at(point: FloatArray, coordinates: Coordinates, data: Observations) -> 
         if abs(squares - previous) <= STEADY * squares:
             break
     n = residuals(build_force(law, coefficients, shapes), data)[0]
-    return BestFit(coordinates, coefficients, shapes, np.asarray(n), squares if np.isfinite(n).all() else np.inf)
+    return BestFit(coordinates, coefficients, shapes, point, np.asarray(n), squares if np.isfinite(n).all() else np.inf)
 
 
 def _variance(g: FloatArray, data: Observations) -> FloatArray:
@@ -133,41 +165,3 @@ def _variance(g: FloatArray, data: Observations) -> FloatArray:
     spread = g**2 + data.R**2
     known = g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
     return np.asarray(SCATTER_MEDIAN**2 * np.maximum(spread, 1e-12 * data.D**2) + known)
-
-
-def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
-    """Relative noise of each row (rows,): as the record states it, else by the fit that leaves least.
-
-    The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter s_0, within
-    ``NOISE_RANGE``.
-    """
-    scatter = min(
-        np.sqrt((SCATTER_MEDIAN**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0)))
-        for f in fits
-        if np.isfinite(f.squares)
-    )
-    learnt = np.full(len(data.A), float(np.clip(scatter, *NOISE_RANGE)))
-    stated = np.hypot(data.sd_amplitude, np.hypot(data.sd_phase, data.sd_force))
-    return np.where(stated > 0.0, stated, learnt)
-
-
-def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatArray) -> list[list[BestFit]]:
-    """Laws that predict the same, the one with fewest terms (then first) leading its group.
-
-    Two laws are of one group where their best predictions differ by less than ``INDISTINCT`` of the noise at every row
-    and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
-    """
-    omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    beyond = {id(f): float(np.log(resonant_amplitude(f.force, force, omega))) for f in fits}
-    groups: list[list[BestFit]] = []
-    for f in sorted(fits, key=lambda f: len(f.law.parts)):
-        for group in groups:
-            near = np.all(np.abs(f.n - group[0].n) < INDISTINCT * noise)
-            further = abs(beyond[id(f)] - beyond[id(group[0])])
-            none_resonates = np.isnan(beyond[id(f)]) and np.isnan(beyond[id(group[0])])
-            if near and (further < INDISTINCT * noise.max() or none_resonates):
-                group.append(f)
-                break
-        else:
-            groups.append([f])
-    return groups
