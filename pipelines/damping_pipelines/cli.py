@@ -14,6 +14,8 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
+import damping_pipelines
+from damping import __version__
 from damping.errors import AnalysisError, InputError
 from damping_pipelines import cli_files as files
 from damping_pipelines import cli_files as results
@@ -25,7 +27,25 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"damping {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def begin(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress; say it before the command.")] = False,
+) -> None:
+    """Set what holds for whichever command follows."""
+    damping_pipelines.QUIET.set(quiet)
 
 
 @app.command()
@@ -244,7 +264,8 @@ def main(arguments: list[str] | None = None) -> None:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
+        words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+        code = app(args=words, prog_name="damping", standalone_mode=False)
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
     except InputError as error:
@@ -253,6 +274,8 @@ def main(arguments: list[str] | None = None) -> None:
         code = _fail(str(error), 1)
     except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
         code = _fail(" ".join(error.format_message().split()), 2)
+    except ModuleNotFoundError as error:
+        code = _fail(_missing(error), 1)
     except (typer.Abort, KeyboardInterrupt):
         code = _fail("interrupted; nothing half-written is left behind", 130)
     except BrokenPipeError:
@@ -265,6 +288,18 @@ def main(arguments: list[str] | None = None) -> None:
         line = f"{type(error).__name__}: {error}".splitlines()[0]
         code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+#: Packages that a bare install leaves out, and the extra that brings each.
+EXTRAS = {"dask": "fleet", "distributed": "fleet", "pyarrow": "formats"}
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    """What to install, in one line."""
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRAS:
+        return f"the installation is not complete: {error}"
+    return f"this needs {package}, which is not installed; pip install 'damping-selection[{EXTRAS[package]}]' brings it"
 
 
 def _fail(message: str, code: int) -> int:

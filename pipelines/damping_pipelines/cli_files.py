@@ -131,11 +131,21 @@ def export(
         Path | None, typer.Option("--mode-out", metavar="FILE.toml", help="Write the converted mode here.")
     ] = None,
     text: Annotated[bool, typer.Option("--text", help="Values of a universal file as text, not bytes.")] = False,
+    to: Annotated[
+        str | None,
+        typer.Option("--to", metavar="CODE", help="Damping for nastran, abaqus, ansys, opensees or openfast."),
+    ] = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Records, rankings and loads to other formats and units."""
+    """Records, rankings and loads to other formats and units; damping to a structural code."""
     from damping_pipelines.export import export as run
+    from damping_pipelines.export import export_deck
 
+    if to is not None:
+        if units or given or mode or mode_out or text:
+            raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
+        export_deck(source, out, to)
+        return
     run(source, out, units=units, given=given, mode=mode, mode_out=mode_out, text=text, max_size=max_size)
 
 

@@ -6,22 +6,20 @@ import hashlib
 import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
+import damping
+from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
-from damping.gap.corrected import EffectPosterior, corrected_mode, effect_values, refitted_values, sample_effects
-from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
+from damping.gap.corrected import EffectPosterior, corrected_mode
+from damping.gap.diagnose import Diagnosis
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping.report.gap_page import doubts, following, outside, place, reach, verdict
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
 from damping_pipelines.terminal import end_with_parent, progress
 
 FORMAT = "gap/1"
@@ -53,20 +51,23 @@ def gap(
     for option, target in targets.items():
         refuse_inputs(option, target, model, record)
     refuse_twice(targets)
-    diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
-    sampled = None
-    if posterior is not False:
-        with progress("posterior", 1) as advance:
-            sampled = sample_effects(diagnosis.leading.best, seed)
-            advance("done")
+    result = damping.diagnose(
+        read_record(record, max_size=max_size),
+        read_mode(model, max_size=max_size),
+        posterior=posterior is not False,
+        seed=seed,
+        progress=progress,
+    )
+    diagnosis = result.diagnosis
     if json_out is not None:
-        write_json(json_out, gap_form(diagnosis, sampled))
+        write_plain(json_out, result.to_json())
     if model_out is not None:
         write_text(model_out, mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if report is not None:
-        write_text(report, _page(diagnosis, sampled, seed, (model, record)))
+        write_text(report, _page(diagnosis, result.posterior, seed, (model, record)))
     if json_out != "-":
-        _print(diagnosis)
+        for sentence in result.sentences:
+            Console(highlight=False, markup=False).print(sentence)
 
 
 def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
@@ -75,23 +76,6 @@ def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inpu
 
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
     return gap_page(diagnosis, sampled, seed, versions(), digests)
-
-
-def _print(diagnosis: Diagnosis) -> None:
-    """What is found, in a few lines."""
-    lines = [
-        verdict(diagnosis),
-        place(diagnosis),
-        *doubts(diagnosis),
-        *outside(diagnosis),
-        reach(diagnosis),
-        following(diagnosis),
-    ]
-    console = Console(highlight=False, markup=False)
-    for line in lines:
-        console.print(line)
-    for caution in diagnosis.cautions:
-        console.print(f"Caution: {caution}.")
 
 
 def _folder(
@@ -136,64 +120,15 @@ def diagnose_case(folder: Path) -> dict[str, Any]:
     """The answer of one case, or ``{"format", "error"}``."""
     started = time.process_time()
     try:
-        diagnosis = diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"))
+        result = damping.diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"))
         spent = time.process_time() - started  # without the next test, which is found on demand
-        return gap_form(diagnosis) | {"cpu_seconds": spent}
+        return result.to_json() | {"cpu_seconds": spent}
     except DampingError as error:
         return _failure(str(error))
 
 
 def _failure(error: str) -> dict[str, Any]:
     return {"format": FORMAT, "error": error}
-
-
-def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:
-    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
-    leading = diagnosis.leading
-    return {
-        "format": FORMAT,
-        "effects": list(leading.effects),
-        "explanations": [
-            {"effects": list(one.effects), "probability": one.probability} for one in diagnosis.explanations
-        ],
-        "equivalents": [list(group.effects) for group in diagnosis.groups],
-        "unexplained": diagnosis.unexplained,
-        "where": [asdict(cell) for cell in diagnosis.where],
-        "footprint": [asdict(cell) for cell in diagnosis.footprint],
-        "gap": {
-            "nominal": diagnosis.gap.nominal,
-            "before": diagnosis.gap.before,
-            "after": diagnosis.gap.after,
-            "shrinkage": diagnosis.gap.shrinkage,
-            "held_out": _held_out(diagnosis),
-        },
-        "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
-        "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
-        "tests": [asdict(test) for test in diagnosis.tests],
-        "strangers": [asdict(one) for one in diagnosis.strangers],
-        "local": [asdict(one) for one in diagnosis.local],
-        "posterior": None if sampled is None else _posterior(sampled),
-        "cautions": list(diagnosis.cautions),
-    }
-
-
-def _held_out(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The held-out part of the form; nulls where there is one level and nothing could be held out."""
-    names = ("nominal", "before", "after", "shrinkage", "low", "high")
-    held = diagnosis.held_out
-    scheme = "one force level: nothing can be held out" if held is None else held.scheme
-    return {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
-
-
-def _posterior(sampled: EffectPosterior) -> dict[str, Any]:
-    low, median, high = np.quantile(sampled.draws, [0.05, 0.5, 0.95], axis=0)
-    return {
-        "converged": sampled.chains.converged,
-        "log_evidence": sampled.log_evidence,
-        "parameters": {
-            name: {"low": low[i], "median": median[i], "high": high[i]} for i, name in enumerate(sampled.names)
-        },
-    }
 
 
 def _pool(jobs: int | None, cases: int) -> ProcessPoolExecutor:

@@ -17,10 +17,10 @@ import numpy as np
 
 from damping import __version__
 from damping.errors import AnalysisError
-from damping.extrapolation import LEAST_WEIGHT, sample_candidate
+from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation.prediction import Member, amplitude_draws
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -207,7 +207,8 @@ def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
     checkpoint = checkpoint_in(task.chains, chain_key(task))
     posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
-    amplitude = _tested_amplitudes(posterior_member(task.candidate, posterior.draws), task.data)
+    sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
+    amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
     return LawPosterior(
         law=task.candidate.law,
         weight=task.candidate.weight,
@@ -227,17 +228,6 @@ def chain_key(task: Task) -> str:
     return digest.hexdigest()[:24]
 
 
-def posterior_member(law: Candidate | Planned, draws: np.ndarray) -> Member:
-    """A sampled law as a member of the average."""
-    assert law.coordinates is not None  # a sampled law was fitted
-    return Member(law.name, law.weight, law.coordinates, draws, law.kappa if isinstance(law, Planned) else None)
-
-
-def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
-    """Amplitude of each draw at each tested force, (draws, sweeps)."""
-    return amplitude_draws(member, data.tested_force, data)
-
-
 def _record_result(
     one: Input,
     ranking: Ranking,
@@ -246,21 +236,22 @@ def _record_result(
     settings: StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
-    members = [
-        posterior_member(task.candidate, law.posterior.draws)
-        for task, law in sampled
-        if task.for_loads and law.posterior.converged
-    ]
     bands = loads = None
-    if plan and members:
+    if plan:
+        chains = {task.candidate.name: law.posterior for task, law in sampled if task.for_loads}
         design = np.array(one.settings.design_forces)
         largest = max(design.max(), one.data.tested_force.max())
-        grid = np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID)
-        repeatability = one.mode.repeatability.amplitude or 0.0
-        bands, loads = (
-            predict(members, forces, plan.data, settings.level, settings.seed, plan, repeatability)
-            for forces in (grid, design)
+        predicted = extrapolate_loads(
+            plan.data,
+            design,
+            settings.level,
+            settings.seed,
+            mode=one.mode,
+            plan=plan,
+            sampler=lambda law, *_: chains[law.name],  # sampled before, in processes of their own
         )
+        loads = predicted.loads
+        bands = predicted.predict_at(np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID))
     return RecordResult(
         name=one.settings.name,
         title=one.settings.title or one.mode.name,

@@ -12,18 +12,17 @@ from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import arviz
 import pandas as pd
 
 from damping.errors import InputError
 from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
+from damping.report.forms import loads_form, rank_form
 from damping.report.results import ChapterResults, LawPosterior, RecordResult, StudyResult, file_stem
 from damping.report.study import render, study_figures
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
-from damping_pipelines.rank import loads_form, rank_form
 from damping_pipelines.store import plain, to_json
 from damping_reed1970.chapter_3.words import chapter_3_figures
 from damping_reed1970.figures import ChapterFigure, chapter_figures
@@ -70,8 +69,8 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
 
 
-def to_netcdf(data: arviz.InferenceData) -> bytes:
-    """A posterior as ArviZ netCDF: equal draws give equal bytes."""
+def to_netcdf(data: Any) -> bytes:
+    """ArviZ groups of a posterior as netCDF: equal draws give equal bytes."""
     for group in data.groups():
         data[group].attrs.pop("created_at", None)
     with tempfile.TemporaryDirectory() as folder:

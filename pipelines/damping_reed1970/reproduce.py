@@ -139,7 +139,8 @@ class Studies:
             getattr(found, name).assign(mode=mode, kept=held, picked=found.picked)
             for (mode, held), found in self.levels.items()
         ]
-        return pd.concat(parts, ignore_index=True)
+        result: pd.DataFrame = pd.concat(parts, ignore_index=True)
+        return result
 
 
 def studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:

@@ -10,9 +10,9 @@ from math import degrees
 
 import pandas as pd
 
+from damping.effects import CATALOGUE
 from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.gap.effects import CATALOGUE
 from damping.plots.style import to_svg
 from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import doubts, following, place, reach, trends, verdict

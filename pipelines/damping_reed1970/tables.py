@@ -33,8 +33,8 @@ def data_folder() -> Path:
     Raises:
         InputError: neither exists (an incomplete installation).
     """
-    package = Path(__file__).resolve().parents[1]
-    candidates = (package / "_data", package.parent / "data")
+    package = Path(__file__).resolve().parent
+    candidates = (package / "_data", package.parents[1] / "data")
     for folder in candidates:
         if (folder / "saturn-v").is_dir():
             return folder

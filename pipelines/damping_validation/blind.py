@@ -20,7 +20,7 @@ from damping.errors import InputError
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
-from damping_validation.generator import BLIND_CASES, BLIND_SEED, Case, Stratum, draw_case, strata
+from damping_validation.generator import BLIND_CASES, BLIND_SEED, BlindCase, Stratum, draw_case, strata
 from damping_validation.scorer import read_sealed, score
 from damping_validation.scorer_output import write_scores
 
@@ -129,7 +129,7 @@ def _names(n: int, seed: int) -> list[str]:
     return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False).tolist()]
 
 
-def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[Case]:
+def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[BlindCase]:
     workers = min(jobs or os.cpu_count() or 1, len(tasks))
     if workers == 1:
         yield from map(_drawn, tasks)
@@ -138,5 +138,5 @@ def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[Case]:
         yield from pool.map(_drawn, tasks, chunksize=4)
 
 
-def _drawn(task: _Task) -> Case:
+def _drawn(task: _Task) -> BlindCase:
     return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}", task.nearest)

@@ -34,9 +34,14 @@ from damping_validation.calibration import (
     structures,
 )
 
-LEVELS, NOISES = (3, 5, 8), (0.005, 0.01, 0.02, 0.04)
-#: Law of the trials with whole sweeps, and of those sampled by emcee.
-SWEPT, CHAINED = Law(("viscous", "velocity-squared")), Law(("velocity-power",))
+#: Force levels of a trial: as few as laboratories make, and as many.
+LEVELS = (3, 5, 8)
+#: Noise of a trial, standard deviation of ln A.
+NOISES = (0.005, 0.01, 0.02, 0.04)
+#: Law of the trials with whole sweeps.
+SWEPT = Law(("viscous", "velocity-squared"))
+#: Law of the trials sampled by emcee.
+CHAINED = Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
 _DPI = 130
@@ -225,8 +230,9 @@ for laws that are not among the candidates.
 
 ![Coverage of the bands](coverage.png)
 
-Structures: `pipelines/damping_validation/calibration.py`, tested at 3, 5 or 8 forces that span a factor of four, with the noise given;
-the Iwan joint is none of the candidates. Refused predictions are left out of the shares: {refused} of {predictions}
+Structures: `pipelines/damping_validation/calibration.py`, tested at 3, 5 or 8 forces that span a factor of four,
+with the noise given; the Iwan joint is none of the candidates.
+Refused predictions are left out of the shares: {refused} of {predictions}
 ([coverage.csv](coverage.csv)).
 
 ![Widths of the bands](widths.png)

@@ -13,6 +13,7 @@ likelihood; the rank of each true value among posterior draws must then be unifo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -21,11 +22,11 @@ import numpy as np
 from scipy.stats import binom
 
 from damping.arrays import BoolArray, FloatArray, Floats
-from damping.extrapolation import members_of
-from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
-from damping.forces import CATALOGUE, make
-from damping.forces.contract import Force, Sum
+from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.prediction import Member, amplitude_draws
+from damping.forces import CATALOGUE, component
+from damping.forces.contract import AveragedForce, Force, Sum
+from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
 from damping.infer.chains import sample
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
@@ -37,11 +38,10 @@ OMEGA = 10.0
 
 
 @dataclass(frozen=True)
-class Iwan(Force):
+class Iwan(AveragedForce):
     """Joint of sliders that slip at the displacements x with density R x^chi up to ``limit`` (Segalman 2005, no spike).
 
-    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx. Only the
-    average is given, so the cycle is the equivalent viscous one, C cos(theta).
+    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx.
     """
 
     strength: Floats
@@ -51,6 +51,11 @@ class Iwan(Force):
     name: ClassVar[str] = "iwan"
     label: ClassVar[str] = "Iwan joint"
     formula: ClassVar[str] = "sliders of density R x^chi up to the limit"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("strength", FORCE / LENGTH**2.0 / LENGTH ** "chi", least=0.0),
+        Shape("chi", above=-2.0),
+        Shape("limit", LENGTH, above=0.0),
+    )
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit)."""
@@ -64,13 +69,9 @@ class Iwan(Force):
         x = np.minimum(A, self.limit)
         return np.asarray(4.0 / np.pi * self.strength * x**n / (n * A) + 0.0 * omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C cos(theta)."""
-        return self.quadrature(A, omega) * np.cos(theta)
-
 
 @dataclass(frozen=True)
-class Structure:
+class KnownStructure:
     """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
 
     name: str
@@ -82,15 +83,17 @@ class Structure:
         return resonant_amplitude(self.force, force, OMEGA)
 
 
+#: Forces that are no candidates, by name.
+BUILDERS: dict[str, Callable[..., Force]] = {Iwan.name: Iwan}
+
+
 def carrying(share: float, name: str, **shapes: float) -> Force:
     """The force called ``name`` that carries ``share`` at the amplitude 1 and ``OMEGA``."""
-    if name == "iwan":
-        return Iwan(share / float(Iwan(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
-    scale = "stiffness" if name == "slip" else "coefficient"
-    return make(name, **{scale: share / float(make(name, **{scale: 1.0}, **shapes).quadrature(1.0, OMEGA))}, **shapes)
+    build = BUILDERS.get(name) or component(name).build
+    return build(share / float(build(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[KnownStructure, ...]:
     """The structures that predictions are tried on."""
     shares = {
         "viscous": {"viscous": 1.0},
@@ -99,7 +102,7 @@ def structures() -> tuple[Structure, ...]:
         "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
     }
     sums = [
-        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        KnownStructure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
         for n, parts in shares.items()
     ]
     power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
@@ -107,9 +110,9 @@ def structures() -> tuple[Structure, ...]:
     iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
     return (
         *sums,
-        Structure("velocity-power", power, Law(("velocity-power",))),
-        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
-        Structure("viscous + Iwan joint", iwan, None),
+        KnownStructure("velocity-power", power, Law(("velocity-power",))),
+        KnownStructure("viscous + slip", slip, Law(("viscous", "slip"))),
+        KnownStructure("viscous + Iwan joint", iwan, None),
     )
 
 
@@ -135,7 +138,7 @@ def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
 
 
 def simulated_levels(
-    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+    structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
     """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
 
@@ -151,18 +154,25 @@ CANDIDATES = (
     *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
 )
-#: Largest over smallest tested force; forces predicted, relative to the largest tested one; content of the bands.
-SPAN, RATIOS, LEVEL = 4.0, (1.25, 1.5, 2.0, 4.0), 0.9
+#: Largest over smallest tested force.
+SPAN = 4.0
+#: Forces predicted, relative to the largest tested one.
+RATIOS = (1.25, 1.5, 2.0, 4.0)
+#: Probability content of the bands.
+LEVEL = 0.9
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
-    *(Law((name,)) for name in CATALOGUE if name != "coulomb"),
-    *(Law(("viscous", name)) for name in ("displacement", "velocity-squared", "displacement-velocity")),
-    *(Law(("viscous", name)) for name in ("quadratic-displacement", "coulomb", "slip")),
+    *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
 )
-#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
-_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
+#: What the calibration data are taken to cover, for the priors of shapes.
+TESTED = Tested(0.5, 2.0, OMEGA)
+#: Forces of calibration data, of the order of one.
+_FORCES = np.geomspace(0.5, 2.0, 4)
+#: Amplitudes beyond this factor from 1 either way are not drawn.
+_RANGE = 100.0
 
 
 @dataclass(frozen=True)
@@ -181,13 +191,13 @@ class Coverage:
     winner: Law
 
 
-def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -> Coverage:
+def coverage_trial(structure: KnownStructure, levels: int, noise: float, seed: int) -> Coverage:
     """Test a structure at ``levels`` forces, predict, and make the next tests."""
     rng = np.random.default_rng(seed)
     data = simulated_levels(structure, levels, SPAN, noise, rng)
-    plan = plan_loads(data, CANDIDATES, seed)
     force = data.tested_force[data.top] * np.array(RATIOS)
-    band = predict(members_of(plan), force, data, LEVEL, seed, plan).average
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, sampler=draw_evidence, least_weight=0.0)
+    band = predicted.loads.average
     true = structure.amplitude(force)
     read = true * np.exp(noise * rng.standard_normal(len(force)))
     refused = np.isnan(band.median)
@@ -196,7 +206,7 @@ def coverage_trial(structure: Structure, levels: int, noise: float, seed: int) -
         refused=refused,
         width=band.high / band.low,
         error=np.log(band.median / true),
-        winner=max(plan.laws, key=lambda law: law.evidence.log_z).law,
+        winner=max(predicted.plan.laws, key=lambda law: law.evidence.log_z).law,
     )
 
 
@@ -210,7 +220,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
         chains: sample by emcee; by importance draws otherwise.
     """
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), False)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, False)
     true = _prior_draw(coordinates, rng)
     noise = coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))
     data = peaks(_FORCES, _amplitudes(coordinates, true)[0] * np.exp(noise))
@@ -220,7 +230,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
 def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
     """The same from whole sweeps: four of nine rows between the half-power points, with scatter of rows and levels."""
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), True)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, True)
     true = _prior_draw(coordinates, rng)
     row, level = (float(value[0]) for value in coordinates.scatter(true))
     phase = np.tile(np.linspace(0.25 * np.pi, 0.75 * np.pi, 9), len(_FORCES))

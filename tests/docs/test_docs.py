@@ -138,7 +138,7 @@ def test_options_named_anywhere_exist():
     known |= {
         option for one in group.commands.values() for parameter in one.params for option in parameter.secondary_opts
     }
-    known |= {"--help", "--port"}  # the latter of Dask's scheduler
+    known |= {"--help", "--version", "--quiet", "--port"}  # the latter of Dask's scheduler
     pages = [*PAGES, ROOT / "README.md", *(ROOT / "examples").rglob("README.md")]
     # benchmarks have options of their own
     texts = [(page.name, re.sub(r"`python -m benchmarks[^`]*`", "", page.read_text())) for page in pages]

@@ -12,11 +12,11 @@ import pandas as pd
 import pytest
 from scipy.integrate import quad
 
+from damping.effects import CATALOGUE as EFFECTS
 from damping.forces import CATALOGUE as FORCES
 from damping.forces import from_damping
 from damping.forces.powers import energy_per_cycle
 from damping.gap.diagnose import diagnose
-from damping.gap.effects import CATALOGUE as EFFECTS
 from damping.infer.law import Law
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws

@@ -113,7 +113,10 @@ def test_an_effect_that_is_not_integrated_is_refused(model: Path, tmp_path: Path
     ("table", "message"),
     [
         ("planar-couplin", r"unknown key in \[effects\].*expected planar-coupling \(nearest"),
-        ("phase-lag]\nlagg = 0.1\n[effects.slip", "unknown key 'lagg' in .*expected lag"),
+        (
+            "phase-lag]\nlagg = 0.1\n[effects.slip",
+            r"line 12, column lagg: unknown key in \[effects.phase-lag\]; expected lag",
+        ),
         ("force-dropout]\ndepth = 0.5\n[effects.slip", "no width in"),
     ],
 )

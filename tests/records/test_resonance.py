@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import InputError
+from damping.gap.rows import read_rows
+from damping.infer.observations import observe
+from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, phase_offset, resonance, resonances
+from damping.records.resonance import energy_per_cycle, number_levels, phase_offset, resonance, resonances
 
 M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz
@@ -259,3 +262,19 @@ def test_against_time_integration(cubic):
     # viscous and quadratic damping, n = 1 and 2: no more than one damping ratio, here up to 0.05
     ratio = force / balance / (2 * M * w**2)
     assert abs(found.phase_offset - 0.04) < ratio
+
+
+def test_levels_are_forces_and_repeats_share_one():
+    assert number_levels(np.array([0.158, 0.471, 0.029, 0.148, 0.275, 0.483])).tolist() == [1, 3, 0, 1, 2, 3]
+    assert number_levels(np.array([5.0])).tolist() == [0]
+    # a chain of small steps does not become one level: each is compared with the first of its level
+    assert number_levels(np.array([1.0, 1.07, 1.14, 1.21])).tolist() == [0, 0, 1, 1]
+
+
+def test_ranking_and_diagnosis_number_levels_alike():
+    """10 and 10.7 are one level to both, 15 another."""
+    rows = [(label, force, f, 1.0 / (1.0 + abs(f - 2.0))) for label, force in zip("abc", (10.0, 10.7, 15.0), strict=True)
+            for f in (1.9, 2.0, 2.1)]  # fmt: skip
+    record = Record(pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude"]), "made")
+    assert number_levels(observe(record).tested_force).tolist() == [0, 0, 1]
+    assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).level.tolist() == [0, 0, 1]

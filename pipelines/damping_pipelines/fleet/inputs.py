@@ -17,7 +17,7 @@ MULTIPLES = (1.5, 2.0)
 
 
 @dataclass(frozen=True)
-class Settings:
+class FleetSettings:
     """What a run is asked to do; every field but ``max_size`` takes part in the key of a result.
 
     Attributes:
@@ -46,7 +46,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Case:
+class FleetCase:
     """A record with its mode or model.
 
     Attributes:
@@ -61,7 +61,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Task:
+class FleetTask:
     """A record to analyse. Files go with it, so that workers need no folder in common.
 
     Attributes:
@@ -75,7 +75,7 @@ class Task:
     record_text: bytes | None
     model_text: bytes | None
     is_model: bool
-    settings: Settings
+    settings: FleetSettings
     problem: str = ""
 
     @property
@@ -85,14 +85,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Result:
+class FleetResult:
     """What comes of a task: a row, and pages (HTML) by their path under the output folder."""
 
     row: dict[str, Any]
     pages: dict[str, str]
 
 
-def find_cases(folder: Path) -> list[Case]:
+def find_cases(folder: Path) -> list[FleetCase]:
     """Records ``NAME.csv`` with ``NAME.toml``, and ``NAME/data.csv`` with ``NAME/model.toml``, by name.
 
     A record without its TOML is listed too, and fails for that reason.
@@ -106,9 +106,9 @@ def find_cases(folder: Path) -> list[Case]:
     for entry in os.scandir(folder):
         path = Path(entry.path)
         if entry.is_dir() and ((path / "data.csv").exists() or (path / "model.toml").exists()):
-            cases.append(Case(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
+            cases.append(FleetCase(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
         elif entry.name.endswith(".csv") and entry.is_file():
-            cases.append(Case(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
+            cases.append(FleetCase(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
     if not cases:
         raise InputError(
             "holds no record", file=folder, expected="NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
@@ -126,7 +126,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
+def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:
     """Tasks one by one: the files of a record are read when its turn comes."""
     for case in cases:
         record, first = _content(case.record, settings.max_size)
@@ -137,7 +137,9 @@ def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
             one = part if isinstance(part, bytes) else repr(part).encode()
             digest.update(len(one).to_bytes(8, "big") + one)
         key = digest.hexdigest()
-        yield Task(case.name, key, seed_of(settings.seed, key), record, model, case.is_model, settings, first or second)
+        yield FleetTask(
+            case.name, key, seed_of(settings.seed, key), record, model, case.is_model, settings, first or second
+        )
 
 
 def seed_of(seed: int, key: str) -> int:

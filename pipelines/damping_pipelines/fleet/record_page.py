@@ -16,7 +16,7 @@ from damping.plots.style import identifier, to_svg
 from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.report import tables
+from damping.report import forms
 from damping.report.gap_page import doubts, following, place, reach, verdict
 from damping.report.page import (
     Block,
@@ -190,10 +190,10 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
     data, units = one.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = design_loads(
-        tables.loads_table(bands),
-        tables.loads_by_model_table(bands),
+        forms.loads_table(bands),
+        forms.loads_by_model_table(bands),
         tested,
-        tables.loads_table(design),
+        forms.loads_table(design),
         bands.level,
         units.force,
         units.length,

@@ -25,7 +25,8 @@ from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import candidate_laws, fit
-from damping.ranking.weights import FEWEST_BELOW, HeldOut, held_out, level_numbers, pseudo_bma, resonance_scatter
+from damping.ranking.weights import FEWEST_BELOW, HeldOut, held_out, pseudo_bma, resonance_scatter
+from damping.records.resonance import number_levels
 
 #: Bayes factor against the best law beyond which a law takes no part ("strong", Jeffreys 1961).
 PLAUSIBLE = 10.0
@@ -122,7 +123,7 @@ def plan_loads(
     """
     laws = load_candidates(data) if laws is None else laws
     chosen = _plausible(data, laws, seed, done, estimate)
-    top = int(level_numbers(data.tested_force).max())
+    top = int(number_levels(data.tested_force).max())
     splits = range(max(FEWEST_BELOW, top + 1 - MOST_HELD_OUT), top + 1)
     predictions = [
         tuple(p for below in splits for p in _held_out(law, data, below, seed, estimate)) for law, _, _ in chosen
@@ -204,7 +205,7 @@ def _held_out(law: Law, data: Observations, below: int, seed: int, estimate: Est
 
 def _change(data: Observations, laws: Sequence[Law], seed: int, estimate: Estimate) -> Change | None:
     """Whether the laws of the lower levels, by their own evidence there, foresaw the highest."""
-    levels = level_numbers(data.tested_force)
+    levels = number_levels(data.tested_force)
     top = int(levels.max())
     fits = [p for law in laws if law.has_resonance for p in _held_out(law, data, top, seed, estimate)]
     weights = softmax(np.array([p.log_z for p in fits]))

@@ -109,7 +109,7 @@ def fit_law(law: Law, data: Observations) -> BestFit:
         AnalysisError: no coefficients make it carry the measured forces.
     """
     coordinates = Coordinates.of(law, data)
-    free = sum(len(part.shapes) for part in law.parts)
+    free = len(law.free_shapes)
     if free == 0:
         return _fit_at(np.zeros(0), coordinates, data)
     grid = ndtri(SHAPE_GRID)
@@ -142,7 +142,7 @@ def _fit_at(point: FloatArray, coordinates: Coordinates, data: Observations) -> 
     x = np.zeros(coordinates.dimension)
     x[len(law.parts) : len(law.parts) + point.size] = point
     shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
-    units = [part.unit(dict(values)) for part, values in zip(law.parts, shapes, strict=True)]
+    units = [part.build(1.0, **values) for part, values in zip(law.parts, shapes, strict=True)]
     columns = np.stack([np.asarray(unit.quadrature(data.A, data.omega)) for unit in units], axis=1)
     slopes = np.stack([np.asarray(unit.slope(data.A, data.omega)) for unit in units], axis=1)
     if not np.all(columns.max(axis=0) > 0.0):

@@ -19,7 +19,7 @@ import numpy as np
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.evidence import Estimate, Evidence, evidence
-from damping.infer.law import EXPONENT_RANGE, Coordinates, Law
+from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
     candidate_laws,
@@ -36,7 +36,7 @@ CRITERION = "-2 ln(evidence x prior), coefficients >= 0; prior equal for each nu
 INTERVAL = 0.90
 #: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
 FEW_DRAWS = 200
-#: Share of an exponent's range from its ends within which it is said to be at the edge.
+#: A fitted shape within this of an end of its range is said to be at the edge of it.
 EDGE = 0.01
 
 
@@ -235,19 +235,18 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     assert row.fit is not None
     assert row.evidence is not None
     said = []
-    free = len(row.law.parts) + sum(len(part.shapes) for part in row.law.parts)
-    freedom = len(data.A) - free
+    freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
         points = f"{len(data.A)} point{'s' * (len(data.A) != 1)}"
-        degrees = f"{freedom} degree{'s' * (freedom != 1)} of freedom"
-        said.append(
-            f"{points}, {degrees if freedom >= 0 else 'more parameters than points'}: the spread rests on the prior"
+        degrees = (
+            f"{freedom} degree{'s' * (freedom != 1)} of freedom" if freedom >= 0 else "more parameters than points"
         )
-    low, high = EXPONENT_RANGE
-    for part, shapes in zip(row.law.parts, row.fit.shapes, strict=True):
-        for name, value in shapes.items():
-            if name == "exponent" and not low + EDGE * (high - low) < value < high - EDGE * (high - low):
-                said.append(f"{part.name} {name} is at the edge of its range")
+        said.append(f"{points}, {degrees}: the spread rests on the prior")
+    fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
+    for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
+        edges = shape.prior.range if shape.prior else None
+        if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
+            said.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
         said.append(f"{len(data.sweeps)} force level{'s' * (len(data.sweeps) > 1)}: amplitude dependence hardly tested")
     if row.evidence.effective_draws < FEW_DRAWS:

@@ -17,8 +17,6 @@ from damping.predict.steady import resonant_amplitude
 
 #: Terms of a law, at most: a fourth is never needed to describe a few levels, and never told from three.
 MAX_TERMS = 3
-#: Shape parameters by which a force takes any power of amplitude: beside another it would imitate that one.
-POWER = "exponent"
 #: Two laws are equivalent where their best predictions differ by less than this share of the noise ...
 INDISTINCT = 0.1
 #: ... at every row and at this multiple of the largest tested force.
@@ -29,10 +27,9 @@ NOISE_RANGE = (0.003, 0.07)
 
 def candidate_laws() -> list[Law]:
     """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone; the same for every record."""
-    alone = [name for name in CATALOGUE if POWER in (shape for part in Law((name,)).parts for shape in part.shapes)]
-    terms = [name for name in CATALOGUE if name not in alone]
+    terms = [name for name, kind in CATALOGUE.items() if kind.sums]
     sums = [Law(names) for size in range(1, MAX_TERMS + 1) for names in combinations(terms, size)]
-    return [*sums, *(Law((name,)) for name in alone)]
+    return [*sums, *(Law((name,)) for name, kind in CATALOGUE.items() if not kind.sums)]
 
 
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:

@@ -1,8 +1,8 @@
 """Weights of laws from whole levels held out, the higher predicted from the lower.
 
-A level is one force; sweeps whose forces differ by less than ``SAME_FORCE`` are repeat tests of one level. Every level
-with at least two below it is predicted from those below, as a design load is from the test. The log predictive
-densities, added over those levels, give pseudo-BMA weights
+A level is one force (:func:`damping.records.resonance.number_levels`). Every level with at least two below it is
+predicted from those below, as a design load is from the test. The log predictive densities, added over those levels,
+give pseudo-BMA weights
 
     w_m  ~  exp(sum_j ln p_m(A_j | levels below j)),
 
@@ -22,9 +22,8 @@ from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
+from damping.records.resonance import number_levels
 
-#: Relative difference of tested forces below which two sweeps are repeats of one level.
-SAME_FORCE = 0.10
 #: Levels below a held-out one, at least; held-out levels from which on weights are not shrunk.
 FEWEST_BELOW, ENOUGH = 2, 4
 #: Draws kept of each prediction: a density in its bulk is then known to 3 %.
@@ -78,18 +77,6 @@ class HeldOut:
         return float(np.mean(ndtr(np.where(np.isfinite(z), z, -np.inf))))
 
 
-def level_numbers(force: FloatArray) -> IntArray:
-    """Level of each sweep by its tested force (sweeps,), lowest 0; repeats of one force share a number."""
-    order = np.argsort(force, kind="stable")
-    number, first = np.zeros(len(force), dtype=np.int64), force[order[0]]
-    level = 0
-    for i in order:
-        if force[i] > (1.0 + SAME_FORCE) * first:
-            level, first = level + 1, force[i]
-        number[i] = level
-    return number
-
-
 def held_out(
     law: Law, data: Observations, below: int, seed: int = 0, estimate: Estimate = evidence
 ) -> tuple[HeldOut, ...]:
@@ -98,7 +85,7 @@ def held_out(
     Raises:
         AnalysisError: the law cannot carry the forces of the lower levels.
     """
-    levels = level_numbers(data.tested_force)
+    levels = number_levels(data.tested_force)
     lower = data.keep_sweeps(levels < below)
     coordinates = Coordinates.of(law, lower)
     found = estimate(coordinates, lower, seed)

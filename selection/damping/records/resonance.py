@@ -26,9 +26,15 @@ ROWS_FOR_FIT = 5
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
-#: A phase offset needs at least so many rows on either side, and is not believed beyond 45 degrees.
-ROWS_ASIDE, LARGEST_OFFSET = 4, pi / 4
+#: Rows that a phase offset needs on either side of resonance.
+ROWS_ASIDE = 4
+#: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
+LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
+
+
+#: Relative difference of tested forces up to which two sweeps are repeats of one level.
+SAME_LEVEL = 0.10
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,24 @@ def resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
     rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
+
+
+def number_levels(force: FloatArray) -> IntArray:
+    """Force level of each sweep by its force at resonance (sweeps,), lowest 0; repeats of one level share a number.
+
+    A level begins at its lowest force and holds every sweep up to ``SAME_LEVEL`` above it. Shakers hold a force to
+    some per cent, more loosely at a resonance, where the structure draws the force down; levels that are meant to
+    differ are mostly chosen a quarter or more apart (a third-octave or half-decade ladder). The margin is taken from
+    the lowest force of the level and not from the neighbour, so that a ladder of small steps is never one level.
+    """
+    order = np.argsort(force, kind="stable")
+    number = np.zeros(len(force), dtype=np.int64)
+    level, lowest = 0, force[order[0]]
+    for sweep in order:
+        if force[sweep] > (1.0 + SAME_LEVEL) * lowest:
+            level, lowest = level + 1, force[sweep]
+        number[sweep] = level
+    return number
 
 
 def resonance(record: Record, sweep: str) -> Resonance:

@@ -10,7 +10,9 @@ from typing import Literal
 import numpy as np
 
 from damping.arrays import Floats
-from damping.gap.terms import Terms
+from damping.effects.terms import Terms
+from damping.forces.contract import Force
+from damping.forces.shapes import Shape, completed
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A shape parameter with the prior ln(value) ~ N(ln(centre), width^2), or value ~ N(centre, width^2) if ``linear``.
+class Variable:
+    """A shape parameter of a form: ln(value) ~ N(ln(centre), width^2), or value ~ N(centre, width^2) if ``linear``.
 
     ``starts`` are in units of width.
     """
@@ -65,9 +67,9 @@ class Shape:
         return self.centre * np.exp(self.width * np.asarray(x))
 
     @staticmethod
-    def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Shape:
-        """A shape whose central 95 % lie between ``low`` and ``high``."""
-        return Shape(exp(0.5 * (log(low) + log(high))), max(0.25 * log(high / low), 0.05), starts)
+    def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Variable:
+        """A variable whose central 95 % lie between ``low`` and ``high``."""
+        return Variable(exp(0.5 * (log(low) + log(high))), max(0.25 * log(high / low), 0.05), starts)
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class Form:
     change: Callable[..., Terms]
     report: Callable[..., dict[str, Floats]]
     natural: float = 1.0
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Variable, ...] = ()
     largest: float = np.inf
     label: str = ""
     replaces: str = ""
@@ -107,10 +109,13 @@ class Effect:
 
     Attributes:
         name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
-        forms: its forms for a problem, or none. simulate: the terms with the effect as a model file's table gives it.
-        force: name of the damping force that it adds to a model file; empty where it is none.
-        need: what it cannot be told without. keys, options: parameters that its table in a model file must and may
-            have; any where ``keys`` is empty.
+        forms: its forms for a problem, or none.
+        simulate: the terms with the effect as a model file's table gives it, with the defaults of its shapes.
+        shapes: the parameters of its table in a model file.
+        force: the force that such a table adds, where it adds one: it can then be integrated in time too.
+        damping: name of the damping force that a corrected model has in its place; empty where it is none.
+        corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
+        need: what it cannot be told without. denies: effects that are not tried beside it.
     """
 
     name: str
@@ -118,7 +123,17 @@ class Effect:
     sentence: str
     forms: Callable[[Scales], tuple[Form, ...]]
     simulate: Callable[[Terms, Mapping[str, float]], Terms]
-    force: str = ""
+    shapes: tuple[Shape, ...] = ()
+    force: Callable[[Mapping[str, float]], Force] | None = None
+    damping: str = ""
+    corrects: str = ""
     need: Need = ""
-    keys: tuple[str, ...] = ()
-    options: tuple[str, ...] = ()
+    denies: frozenset[str] = frozenset()
+
+    def complete(self, table: Mapping[str, float]) -> dict[str, float]:
+        """The table of a model file with the defaults of what it does not name.
+
+        Raises:
+            InputError: a key that is unknown (the nearest known one is named) or missing.
+        """
+        return completed(self.shapes, table, f"[effects.{self.name}]")

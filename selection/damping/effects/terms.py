@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from damping.arrays import FloatArray, Floats
 from damping.forces.contract import Force
-from damping.forces.polynomial import Displacement, Viscous
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -73,12 +72,12 @@ class Terms:
     def viscous(self) -> tuple[Force, ...]:
         """The simulation's viscous damping; all its damping where none is viscous."""
         own = self.forces[: self.simulated]
-        return tuple(force for force in own if isinstance(force, Viscous)) or own
+        return tuple(force for force in own if force.viscous) or own
 
     @property
     def linear(self) -> bool:
         """Whether Z does not depend on amplitude."""
-        return all(isinstance(force, Viscous | Displacement) for force in self.forces)
+        return all(force.linear for force in self.forces)
 
 
 class Drive(NamedTuple):
@@ -150,7 +149,7 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
         C = force.quadrature(A, drive.omega)
         imaginary = imaginary + C
         slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) - C)
-        if type(force).in_phase is not Force.in_phase:
+        if force.restores:
             S = force.in_phase(A, drive.omega)
             real = real + S / A
             slope_real = slope_real + (force.in_phase_slope(A, drive.omega) - S) / A

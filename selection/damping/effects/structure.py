@@ -16,15 +16,19 @@ from math import tan
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
+from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.terms import Plane, Terms
 from damping.forces.polynomial import Viscous
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
-from damping.gap.terms import Plane, Terms
+from damping.forces.shapes import FORCE, LENGTH, Shape
+
+#: True value over the simulated one, less 1; the value itself is positive.
+RELATIVE = Shape("relative", above=-1.0)
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
     """The viscous force times 1 + ``relative``."""
     factor = 1.0 + table["relative"]
-    forces = (Viscous(f.coefficient * factor) if isinstance(f, Viscous) else f for f in terms.forces)
+    forces = (replace(f, coefficient=f.coefficient * factor) if isinstance(f, Viscous) else f for f in terms.forces)
     return replace(terms, forces=tuple(forces))
 
 
@@ -48,7 +52,7 @@ def _viscous_side(scales: Scales, sign: float, largest: float) -> Form:
         return {"relative": sign * (least + beyond)}
 
     return Form(
-        "viscous-coefficient", change, report, natural=0.1, largest=largest, label=f"{sign:+.0f}", replaces="viscous"
+        "viscous-coefficient", change, report, natural=0.1, largest=largest, label=f"{sign:+.0f}", replaces=Viscous.name
     )
 
 
@@ -58,7 +62,8 @@ VISCOUS_COEFFICIENT = Effect(
     sentence="the viscous coefficient is off by more than its tolerance",
     forms=viscous_forms,
     simulate=simulate_viscous,
-    keys=("relative",),
+    shapes=(RELATIVE,),
+    corrects=Viscous.name,
 )
 
 
@@ -91,13 +96,14 @@ NATURAL_FREQUENCY = Effect(
     sentence="the natural frequency is off by more than its tolerance",
     forms=frequency_forms,
     simulate=simulate_frequency,
-    keys=("relative",),
+    shapes=(RELATIVE,),
+    corrects="frequency",
     need="sweep",
 )
 
 
 #: Damping of the second plane over that of the first: the report takes them equal; a tenth more or less is usual.
-DAMPING = Shape(centre=1.0, width=0.1, starts=(0.0,))
+DAMPING = Variable(centre=1.0, width=0.1, starts=(0.0,))
 
 
 def planar_forms(scales: Scales) -> tuple[Form, ...]:
@@ -106,11 +112,11 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
     A force that is missing in the simulation may act in the first plane only, or in both.
     """
     low = 0.2 * scales.bandwidth
-    apart = Shape.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
+    apart = Variable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
     return tuple(_planar_side(apart, sign, False, _planar_side(apart, sign, True)) for sign in (1.0, -1.0))
 
 
-def _planar_side(apart: Shape, sign: float, alike: bool, twin: Form | None = None) -> Form:
+def _planar_side(apart: Variable, sign: float, alike: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
         return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
 
@@ -124,12 +130,13 @@ def _planar_side(apart: Shape, sign: float, alike: bool, twin: Form | None = Non
 
 
 def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The second plane of a table ``angle`` (rad), ``frequency_ratio``, ``damping_ratio`` (1 if absent).
+    """The second plane of a table ``angle`` (rad), ``frequency_ratio``, ``damping_ratio``.
 
-    With ``alike`` all forces act in it too.
+    With ``alike`` other than 0 all forces act in it too.
     """
-    damping = table.get("damping_ratio", 1.0)
-    return replace(terms, plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], "alike" in table, damping))
+    alike = table["alike"] != 0.0
+    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], alike, table["damping_ratio"])
+    return replace(terms, plane=plane)
 
 
 PLANAR_COUPLING = Effect(
@@ -138,14 +145,18 @@ PLANAR_COUPLING = Effect(
     sentence="the drive excites two close modes in principal planes at an angle",
     forms=planar_forms,
     simulate=simulate_planar,
-    keys=("angle", "frequency_ratio"),
-    options=("damping_ratio", "alike"),
+    shapes=(
+        Shape("angle"),
+        Shape("frequency_ratio", above=0.0),
+        Shape("damping_ratio", least=0.0, default=1.0),
+        Shape("alike", least=0.0, default=0.0),
+    ),
     need="sweep",
 )
 
 
 #: d ln R/d ln omega at omega_n: -2 of rigid-body motion, 2/(r^2 - 1) of a mode at r omega_n (-3 at r = 0.6, 1 at 1.7).
-SLOPE = Shape(centre=-1.0, width=3.0, starts=(0.0,), linear=True)
+SLOPE = Variable(centre=-1.0, width=3.0, starts=(0.0,), linear=True)
 
 
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
@@ -175,8 +186,8 @@ def added(terms: Terms, compliance: Floats, slope: Floats) -> Terms:
 
 
 def simulate_residual(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The residual of a table ``compliance``, ``slope`` (0 if absent)."""
-    return added(terms, table["compliance"], table.get("slope", 0.0))
+    """The residual of a table ``compliance``, ``slope``."""
+    return added(terms, table["compliance"], table["slope"])
 
 
 RESIDUAL_MODES = Effect(
@@ -185,7 +196,6 @@ RESIDUAL_MODES = Effect(
     sentence="other modes or rigid-body motion add an in-phase part",
     forms=residual_forms,
     simulate=simulate_residual,
-    keys=("compliance",),
-    options=("slope",),
+    shapes=(Shape("compliance", LENGTH / FORCE), Shape("slope", default=0.0)),
     need="sweep",
 )

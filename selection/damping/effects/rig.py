@@ -14,8 +14,9 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
-from damping.gap.terms import Terms
+from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.terms import Terms
+from damping.forces.shapes import Shape
 
 
 def gain_forms(scales: Scales) -> tuple[Form, ...]:
@@ -44,7 +45,7 @@ AMPLITUDE_SCALE = Effect(
     sentence="all amplitudes are off by one factor (sensor gain)",
     forms=gain_forms,
     simulate=simulate_gain,
-    keys=("factor",),
+    shapes=(Shape("factor", above=0.0),),
 )
 
 
@@ -74,7 +75,7 @@ PHASE_LAG = Effect(
     sentence="all phases are off by one constant",
     forms=lag_forms,
     simulate=simulate_lag,
-    keys=("lag",),
+    shapes=(Shape("lag"),),
     need="phase",
 )
 
@@ -98,11 +99,11 @@ def notched(terms: Terms, depth: Floats, width: Floats, notch: str) -> Terms:
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: depth/(1 - depth). Shape: the width over omega_n, from half the bandwidth to the band measured."""
-    width = Shape.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
+    width = Variable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     return tuple(_form(notch, width) for notch in NOTCHES)
 
 
-def _form(notch: str, width: Shape) -> Form:
+def _form(notch: str, width: Variable) -> Form:
     def change(terms: Terms, strength: Floats, width: Floats) -> Terms:
         return notched(terms, strength / (1.0 + strength), width, notch)
 
@@ -114,8 +115,8 @@ def _form(notch: str, width: Shape) -> Form:
 
 
 def simulate_dropout(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The notch of a table ``depth``, ``width`` (over omega_n), Gaussian unless it has ``lorentzian``."""
-    return notched(terms, table["depth"], table["width"], "lorentzian" if "lorentzian" in table else "gaussian")
+    """The notch of a table ``depth``, ``width`` (over omega_n), Gaussian unless ``lorentzian`` is other than 0."""
+    return notched(terms, table["depth"], table["width"], "lorentzian" if table["lorentzian"] else "gaussian")
 
 
 FORCE_DROPOUT = Effect(
@@ -124,7 +125,10 @@ FORCE_DROPOUT = Effect(
     sentence="the real force falls below the recorded one near resonance",
     forms=dropout_forms,
     simulate=simulate_dropout,
-    keys=("depth", "width"),
-    options=("lorentzian",),
+    shapes=(
+        Shape("depth", least=0.0, below=1.0),
+        Shape("width", above=0.0),
+        Shape("lorentzian", least=0.0, default=0.0),
+    ),
     need="sweep",
 )
