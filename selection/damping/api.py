@@ -66,7 +66,7 @@ def rank(record: Record, mode: Mode | None = None, *, seed: int = SEED, progress
     if mode is not None:
         _check_kind(mode, Mode, "mode")
     data = observe(record)
-    laws = candidate_laws(data)
+    laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
         return RankingResult(rank_laws(data, seed, laws, done), mode)
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar, nnls
 from scipy.special import ndtri
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Floats
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law, residuals
@@ -123,17 +123,23 @@ def fit_law(law: Law, data: Observations) -> BestFit:
 def _refine(start: FloatArray, squares: Sequence[float], coordinates: Coordinates, data: Observations) -> FloatArray:
     """Shapes of least squares near the best of the grid: a bounded search in one variable, a simplex in several."""
 
-    def distance(point: FloatArray) -> float:
-        return min(_fit_at(np.atleast_1d(point), coordinates, data).squares, HOPELESS)
+    def distance(point: Floats) -> float:
+        return min(_fit_at(np.atleast_1d(np.asarray(point)), coordinates, data).squares, HOPELESS)
 
     if start.size == 1:
         best = int(np.argmin(squares))
-        low, high = ndtri(np.clip((best + np.array([-0.5, 1.5])) / len(SHAPE_GRID), *EXTREME))
-        found = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": SHAPE_STEP})
-        return np.array([found.x])
+        low, high = (float(x) for x in ndtri(np.clip((best + np.array([-0.5, 1.5])) / len(SHAPE_GRID), *EXTREME)))
+        nearest = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": SHAPE_STEP})
+        return np.array([nearest.x])
     simplex = np.vstack([start, start + 0.1 * np.eye(start.size)])
-    options = {"initial_simplex": simplex, "xatol": SHAPE_STEP, "fatol": 1e-9, "maxiter": 100 * start.size}
-    return np.asarray(minimize(distance, start, method="Nelder-Mead", options=options).x)
+    most = 100 * start.size
+    found = minimize(
+        distance,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": SHAPE_STEP, "fatol": 1e-9, "maxiter": most},
+    )
+    return np.asarray(found.x)
 
 
 def _fit_at(point: FloatArray, coordinates: Coordinates, data: Observations) -> BestFit:

@@ -79,9 +79,16 @@ class Observations:
     def scaled(self) -> Observations:
         """The same without dimension: over the ``reference``, to 12 digits, so that units cannot move a result."""
         amplitude, omega, force = self.reference
-        by = {"A": amplitude, "omega": omega, "D": force, "R": force}
-        by |= {"tested_amplitude": amplitude, "tested_omega": omega, "tested_force": force}
-        return replace(self, **{name: _round_bits(getattr(self, name) / scale) for name, scale in by.items()})
+        return replace(
+            self,
+            A=_round_bits(self.A / amplitude),
+            omega=_round_bits(self.omega / omega),
+            D=_round_bits(self.D / force),
+            R=_round_bits(self.R / force),
+            tested_amplitude=_round_bits(self.tested_amplitude / amplitude),
+            tested_omega=_round_bits(self.tested_omega / omega),
+            tested_force=_round_bits(self.tested_force / force),
+        )
 
     def keep_sweeps(self, keep: BoolArray) -> Observations:
         """The rows of the sweeps marked in ``keep`` (shape (sweeps,)); order is kept."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.errors import AnalysisError
 from damping.forces import CATALOGUE
 from damping.forces.contract import Force
 from damping.infer.best_fit import BestFit, fit_law
@@ -25,11 +26,29 @@ BEYOND = 1.5
 NOISE_RANGE = (0.003, 0.07)
 
 
-def candidate_laws() -> list[Law]:
-    """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone; the same for every record."""
+def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
+    """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone; the same for every record.
+
+    ``named``: further laws that somebody asks for.
+    """
     terms = [name for name, kind in CATALOGUE.items() if kind.sums]
     sums = [Law(names) for size in range(1, MAX_TERMS + 1) for names in combinations(terms, size)]
-    return [*sums, *(Law((name,)) for name, kind in CATALOGUE.items() if not kind.sums)]
+    laws = [*sums, *(Law((name,)) for name, kind in CATALOGUE.items() if not kind.sums)]
+    known = {frozenset(law.components) for law in laws}
+    return [*laws, *(law for law in named if frozenset(law.components) not in known)]
+
+
+def fit_distinct(laws: Sequence[Law], data: Observations) -> list[BestFit]:
+    """The best fits of the laws that predict differently, of each kind the one with the fewest terms; maybe none."""
+    fits = []
+    for law in laws:
+        try:
+            fit = fit_law(law, data)
+        except AnalysisError:
+            continue
+        if np.isfinite(fit.squares) and law.has_resonance:
+            fits.append(fit)
+    return [group[0] for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
 
 
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:

@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import chi2, norm
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, IntArray
 from damping.infer.best_fit import BestFit
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, residuals
 from damping.infer.observations import Observations
@@ -126,7 +126,7 @@ def _runs_probability(n: FloatArray, data: Observations) -> float:
     return float(norm.cdf(excess / np.sqrt(variance))) if variance > 0.0 else 1.0
 
 
-def _along_sweeps(data: Observations) -> list[FloatArray]:
+def _along_sweeps(data: Observations) -> list[IntArray]:
     """Indices of the rows of every sweep long enough, by frequency."""
     sweeps = [np.flatnonzero(data.sweep == sweep) for sweep in range(len(data.sweeps))]
     return [rows[np.argsort(data.omega[rows], kind="stable")] for rows in sweeps if len(rows) >= FEWEST_ROWS]
