@@ -52,10 +52,10 @@ def design(k: int) -> Design:
     return design_of_arrays(columns, true + rng.normal(size=10 * k))
 
 
-def by_leaps(data: Design) -> tuple[Time, np.ndarray] | None:
-    """Time of one run within R, and the SSE of the best subset of each size (k,); None without R or patience."""
+def by_leaps(data: Design) -> tuple[Time, np.ndarray] | str:
+    """Time of one run within R, and the SSE of the best subset of each size (k,); or why there is none."""
     if which("Rscript") is None:
-        return None
+        return "no Rscript here"
     with tempfile.TemporaryDirectory() as folder:
         table, script = Path(folder) / "table.csv", Path(folder) / "leaps.R"
         header = ",".join(f"v{i}" for i in range(data.k + 1))
@@ -66,9 +66,9 @@ def by_leaps(data: Design) -> tuple[Time, np.ndarray] | None:
                 ["Rscript", str(script), str(table)], capture_output=True, text=True, timeout=PATIENCE_S, check=False
             )
         except subprocess.TimeoutExpired:
-            return None
-    if run.returncode:  # no package leaps
-        return None
+            return f"R leaps does not end within {PATIENCE_S:g} s on the wall"
+    if run.returncode:
+        return f"R leaps fails: {(run.stderr.strip().splitlines() or ['no message'])[-1]}"
     processor, wall, *sse = map(float, run.stdout.split())
     return Time(processor, wall), np.array(sse)
 
@@ -113,14 +113,16 @@ def measure() -> list[Row]:
         own, found = ours(data, "bic", nonnegative=False)
         leaps = by_leaps(data)
         work = f"best of 2^{k} - 1 subsets, {data.n} rows, by BIC"
-        alone = Row(work, own, at_most=goal, remark=said(found))
-        rows.append(alone if leaps is None else row_of_leaps(work, own, found, leaps, goal))
+        if isinstance(leaps, str):
+            rows.append(Row(work, own, at_most=goal, remark=f"{said(found)}; {leaps}"))
+        else:
+            rows.append(row_of_leaps(work, own, found, leaps, goal))
     data = design(TERMS)
     leaps = by_leaps(data)
     for criterion, name in NAMES.items():
         work = f"best of 2^{TERMS} - 1 subsets, {data.n} rows, by {name}"
         own, found = ours(data, criterion, nonnegative=False)
-        if leaps is not None and criterion not in ("bic", "loo"):
+        if not isinstance(leaps, str) and criterion not in ("bic", "loo"):
             rows.append(row_of_leaps(work, own, found, leaps, GOALS[TERMS]))
         if criterion in ("bic", "aic", "loo"):
             rows.append(row_of_abess(work, own, found, data, criterion))

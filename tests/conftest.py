@@ -21,8 +21,8 @@ from damping.records.reading import read_record
 from damping_pipelines.cli import main
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_6 import printed_laws
-from damping_reed1970.reproduce import Studies, studies
-from damping_reed1970.study import source_tables
+from damping_reed1970.exhibit import source_tables
+from damping_reed1970.studies import Studies, compute_studies
 from damping_reed1970.tables import data_folder
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def chapter_3() -> Chapter3:
 @pytest.fixture(scope="session")
 def short_studies() -> Studies:
     """Studies of the other chapters with few simulated tests."""
-    return studies(replicates=(60, 40))
+    return compute_studies(replicates=(60, 40))
 
 
 @pytest.fixture(scope="session")

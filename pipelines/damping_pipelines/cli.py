@@ -20,6 +20,7 @@ from damping.errors import AnalysisError, InputError
 from damping_pipelines import cli_files as files
 from damping_pipelines import cli_files as results
 from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
+from damping_pipelines.exhibits import exhibit_commands
 
 app = typer.Typer(
     name="damping",
@@ -168,49 +169,12 @@ def gap(
     run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs)
 
 
-@app.command()
-def blind(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
-    cases: Annotated[int, typer.Option("--cases", help="Number of cases.")] = 1500,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
-) -> None:
-    """Check the diagnosis on generated data whose effect is withheld."""
-    from damping_validation.blind import blind as run
-    from damping_validation.generator import BLIND_SEED
-
-    run(out, cases, BLIND_SEED if seed is None else seed, jobs)
-
-
 app.command("import")(files.import_)
 app.command("export")(files.export)
 app.command("compare")(results.compare)
 app.command("verify")(results.verify)
-
-
-@app.command()
-def bands(
-    records: Annotated[Path, typer.Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
-    seed: Seed = DEFAULT_SEED,
-) -> None:
-    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
-    from damping_validation.bands import bands_page as run
-
-    run(records, out, seed)
-
-
-@app.command()
-def calibrate(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
-    seed: Seed = DEFAULT_SEED,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
-) -> None:
-    """Check on known structures that bands and posteriors hold what they say."""
-    from damping_validation.calibrate import calibrate as run
-
-    run(out, quick, seed, jobs)
+for _name, _command in exhibit_commands().items():
+    app.command(_name)(_command)
 
 
 @app.command()

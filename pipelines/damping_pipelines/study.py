@@ -31,11 +31,11 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
-from damping_reed1970.study import finish_chapters, start_chapters
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
@@ -105,12 +105,12 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
 
 
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
-    """The whole computation: rankings, posteriors, predictions, and the chapters of the source report if asked for."""
+    """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with ProcessPoolExecutor(
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
-        started = start_chapters(pool, settings.seed) if settings.source_report else None
+        started = [source_report().start(pool, settings.seed)] if settings.source_report else []
         rankings = _rank(inputs, settings.seed)
         plans = _plan(inputs, settings.seed)
         tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
@@ -121,7 +121,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         )
         named = {record.name: record.ranking for record in records}
         loads = {record.name: record.design for record in records if record.design}
-        chapters = finish_chapters(started, named, loads) if started else None
+        exhibits = tuple(one.finish(named, loads) for one in started)
     return StudyResult(
         title=settings.title,
         seed=settings.seed,
@@ -129,8 +129,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         records=records,
         inputs=digests,
         versions=versions(),
-        tables=chapters.tables if chapters else {},
-        chapters=chapters,
+        exhibits=exhibits,
     )
 
 

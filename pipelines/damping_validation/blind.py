@@ -32,16 +32,18 @@ __all__ = ["BLIND_CASES", "BLIND_SEED", "blind", "make_cases"]
 _REPORTED = 25  # cases between two lines of progress
 
 
-def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
+def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
     written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.write_scores``).
-    Cases that the same generator sealed there before, for the same seed, are used again.
+    Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
+    kept for blind cases.
 
     Raises:
         InputError: fewer than one case, or an ``out`` that holds the cases of another run.
     """
+    seed = BLIND_SEED if seed is None else seed
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
     folder, labels = out / "cases", out / "labels.sealed.json"

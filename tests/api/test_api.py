@@ -125,7 +125,7 @@ def test_laws_of_a_ranking_are_sampled_and_go_to_arviz(record):
     assert set(data.posterior.data_vars) >= {"viscous", "velocity-squared"}
     again = law.to_arviz(seed=1)
     np.testing.assert_array_equal(data.posterior["viscous"], again.posterior["viscous"])
-    with pytest.raises(dp.InputError, match="no law 'viscos'.*viscous"):
+    with pytest.raises(dp.InputError, match=r"no law 'viscos'.*viscous"):
         result["viscos"]
 
 

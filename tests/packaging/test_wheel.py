@@ -72,10 +72,15 @@ def test_every_package_says_that_it_is_typed(unpacked):
     assert [house for house in HOUSES if not (unpacked / house / "py.typed").is_file()] == []
 
 
+#: The package that ships each folder of ``data``.
+SHIPPED = {"saturn-v": "damping_reed1970", "blind": "damping_validation"}
+
+
 def test_the_data_are_in_it_byte_by_byte(unpacked):
     for path in (ROOT / "data").rglob("*"):
         if path.is_file():
-            assert (unpacked / DATA / path.relative_to(ROOT / "data")).read_bytes() == path.read_bytes()
+            name = path.relative_to(ROOT / "data")
+            assert (unpacked / SHIPPED[name.parts[0]] / "_data" / name).read_bytes() == path.read_bytes()
 
 
 def test_the_editable_install_finds_every_package(tmp_path):
@@ -92,7 +97,9 @@ def test_the_editable_install_finds_every_package(tmp_path):
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
     code = "from damping_pipelines.settings import default_study as d, read_settings as r; r(d()); print(d())"
-    assert Path(run(unpacked, code, tmp_path)) == unpacked / DATA / "saturn-v" / "study.toml"
+    assert Path(run(unpacked, code, tmp_path)) == unpacked / "damping_reed1970" / "_data" / "saturn-v" / "study.toml"
+    code = "from damping_validation.blind_page import load_blind_table; print(len(load_blind_table()))"
+    assert int(run(unpacked, code, tmp_path)) > 0
     code = """
 from damping.report.page import Footer, Section, page
 print(len(page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
@@ -101,7 +108,7 @@ print(len(page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
 
 
 def test_the_command_runs_outside_the_clone(unpacked, tmp_path):
-    data = unpacked / DATA / "saturn-v"
+    data = unpacked / "damping_reed1970" / "_data" / "saturn-v"
     words = [
         "regress",
         str(data / "tables" / "table_5_II.csv"),

@@ -14,7 +14,7 @@ from damping.plots.design_loads import ForceAmplitude, design_loads, force_ampli
 from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
 from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
 from damping.plots.style import to_svg
-from damping_reed1970.figures import group_of, percent_differences, reproduction
+from damping_reed1970.reproduction import draw_reproduction, group_of, percent_differences
 
 HOSTILE = "<b>$x</b>&\"'"
 LAWS = ("viscous", "viscous + velocity-squared", "coulomb + A^4")
@@ -118,7 +118,7 @@ REPRODUCTION = pd.DataFrame(
 
 
 def _reproduction() -> Figure:
-    return reproduction(REPRODUCTION)
+    return draw_reproduction(REPRODUCTION)
 
 
 def _energy_surface() -> Figure:

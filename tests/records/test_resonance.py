@@ -273,8 +273,8 @@ def test_levels_are_forces_and_repeats_share_one():
 
 def test_ranking_and_diagnosis_number_levels_alike():
     """10 and 10.7 are one level to both, 15 another."""
-    rows = [(label, force, f, 1.0 / (1.0 + abs(f - 2.0))) for label, force in zip("abc", (10.0, 10.7, 15.0), strict=True)
-            for f in (1.9, 2.0, 2.1)]  # fmt: skip
+    levels = {"a": 10.0, "b": 10.7, "c": 15.0}
+    rows = [(name, F, f, 1.0 / (1.0 + abs(f - 2.0))) for name, F in levels.items() for f in (1.9, 2.0, 2.1)]
     record = Record(pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude"]), "made")
     assert number_levels(observe(record).tested_force).tolist() == [0, 0, 1]
     assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).level.tolist() == [0, 0, 1]

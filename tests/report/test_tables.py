@@ -153,7 +153,7 @@ def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: Reco
 def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: RecordResult) -> None:
     bare = replace(peaks, posteriors=(), bands=None, design=None, power_laws=())
     assert leading(bare) is None
-    out = render(replace(study, records=(bare,), tables={}))
+    out = render(replace(study, records=(bare,), exhibits=()))
     assert set(out.figures) == {"config-2-mode-1-ranking", "config-2-mode-1-fits"}
     assert "Design loads</h2>" not in out.html
 

@@ -25,9 +25,9 @@ from damping_reed1970.chapter_3.implications import (
 )
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
-    Band,
     Fits,
     Known,
+    PlanarBand,
     band,
     energy_split,
     evidence_table,
@@ -72,7 +72,7 @@ class Chapter3:
     curves: pd.DataFrame
     fits: Fits
     posteriors: Mapping[tuple[str, str], Known]
-    bands: Mapping[str, Band]
+    bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]
 

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from damping.report.words import counted, points_text
-from damping_reed1970.chapter_3 import words as words
+from damping_reed1970.chapter_3 import captions as words
 from damping_reed1970.chapter_3.implications import branch_table
-from damping_reed1970.chapter_3.planar_fits import Band
+from damping_reed1970.chapter_3.planar_fits import PlanarBand
 from damping_reed1970.chapter_3.study import effect_table, measured_table, saturn_steps
 
 OMEGA = np.linspace(11.17, 11.61, 177)
@@ -24,8 +24,8 @@ def measured() -> pd.DataFrame:
     return measured_table(saturn_steps())
 
 
-def fit(amplitude: np.ndarray, phase: np.ndarray | None = None) -> Band:
-    return Band(OMEGA, curve(amplitude), curve(np.linspace(0.2, 3.0, OMEGA.size) if phase is None else phase))
+def fit(amplitude: np.ndarray, phase: np.ndarray | None = None) -> PlanarBand:
+    return PlanarBand(OMEGA, curve(amplitude), curve(np.linspace(0.2, 3.0, OMEGA.size) if phase is None else phase))
 
 
 def test_points_in_words() -> None:

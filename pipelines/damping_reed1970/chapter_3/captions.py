@@ -1,25 +1,17 @@
-"""What the figures of chapter III show, in sentences whose numbers are those of the results.
-
-Every figure of chapter III with its number in the source report, title and words.
-"""
+"""Chapter III: every figure with its number, title, drawing, and words whose numbers are those of the results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
 from damping.arrays import FloatArray
 from damping.report.words import counted, joined, points_text
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3 import figures as chapter_3
-from damping_reed1970.chapter_3 import figures as chapter_3_planar
-from damping_reed1970.chapter_3 import words as words
-from damping_reed1970.chapter_3.planar_fits import Band
+from damping_reed1970.chapter_3 import PLANES, figures
+from damping_reed1970.chapter_3.planar_fits import PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.common import ChapterFigure
 
 #: Rise of a peak above what is around it, over the largest value: that of a median of draws is rough by less.
 _RISE = 0.002
@@ -30,7 +22,7 @@ def peaks(values: FloatArray) -> int:
     return len(find_peaks(values, prominence=_RISE * values.max())[0])
 
 
-def two_peaks(measured: pd.DataFrame, tail: Band) -> str:
+def two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Peaks of the tail displacement: of the printed points, and of the fit of two planes."""
     points, curve = (peaks(np.asarray(values)) for values in (measured["tail"], tail.amplitude[0]))
     return (
@@ -40,7 +32,7 @@ def two_peaks(measured: pd.DataFrame, tail: Band) -> str:
     )
 
 
-def sines_beside_the_fit(measured: pd.DataFrame, tail: Band) -> str:
+def sines_beside_the_fit(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Mean distance of the printed sines from the fit, before and after the frequency at which the fit reaches 1."""
     fitted = np.sin(tail.phase[0])
     off = np.sin(measured["tail_phase"]) - np.interp(measured["omega"], tail.omega, fitted)
@@ -54,7 +46,7 @@ def sines_beside_the_fit(measured: pd.DataFrame, tail: Band) -> str:
     return text + (", as if all phases had been read too small." if left < 0.0 < right else ".")
 
 
-def modal_points(measured: pd.DataFrame, mode: Band) -> str:
+def modal_points(measured: pd.DataFrame, mode: PlanarBand) -> str:
     """How far computed amplitudes, and those of the fit, are from the printed ones."""
     printed = measured["A_2_printed"].to_numpy(float)
     computed = float(np.abs(measured["A_2"] / printed - 1.0).max())
@@ -119,86 +111,82 @@ def _side(off: float) -> str:
     return f"{abs(off):.2f} {'lower' if off < 0.0 else 'higher'}"
 
 
-#: Name, number in the source report (empty: it goes further than the report), title, description, drawing.
-Row = tuple[str, str, str, str, Callable[[], Figure]]
-
-
-def chapter_3_figures(result: Chapter3) -> list[Row]:
-    """All figures in the order of the chapter, as the fields of ``chapter_figures.ChapterFigure``."""
+def chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
+    """Every figure of the chapter with its"""
     return [*_of_the_report(result), *_beyond(result)]
 
 
-def _of_the_report(result: Chapter3) -> list[Row]:
+def _of_the_report(result: Chapter3) -> list[ChapterFigure]:
     measured, tail, mode = result.measured, result.bands["tail"], result.bands["A2"]
     omega = measured["omega"].to_numpy(float)
     displacement = (PLANES.phi * tail.amplitude[0], PLANES.phi * tail.amplitude[1], PLANES.phi * tail.amplitude[2])
     return [
-        (
+        ChapterFigure(
             "tail-displacement", "3.2", "Tail displacement against frequency",
-            words.two_peaks(measured, tail),
-            lambda: chapter_3.tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
+            two_peaks(measured, tail),
+            lambda: figures.tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
         ),
-        (
+        ChapterFigure(
             "tail-phase-sine", "3.3", "Sine of the tail phase angle against frequency",
-            words.sines_beside_the_fit(measured, tail),
-            lambda: chapter_3.tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
+            sines_beside_the_fit(measured, tail),
+            lambda: figures.tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
         ),
-        (
+        ChapterFigure(
             "phase-angles", "3.5", "Phase angles of tail and second mode",
             "Printed phase angles of the tail and the mode, those computed by the conditioning chain, and the planar "
             "oscillator fitted to the mode.",
-            lambda: chapter_3.phase_angles(measured, mode.omega, mode.phase),
+            lambda: figures.phase_angles(measured, mode.omega, mode.phase),
         ),
-        (
+        ChapterFigure(
             "modal-amplitude", "3.6", "Amplitude of the second mode against frequency",
-            words.modal_points(measured, mode),
-            lambda: chapter_3.modal_amplitude(measured, mode.omega, mode.amplitude),
+            modal_points(measured, mode),
+            lambda: figures.modal_amplitude(measured, mode.omega, mode.amplitude),
         ),
-        (
+        ChapterFigure(
             "input-energy", "3.9", "Energy input per cycle against frequency",
             "Printed and computed energies, the two rows that the report adjusted, and what one damping factor for all "
             "points loses.",
-            lambda: chapter_3.input_energy(measured, result.corrected, result.curves),
+            lambda: figures.input_energy(measured, result.corrected, result.curves),
         ),
-        (
+        ChapterFigure(
             "principal-amplitudes", "3.10", "Amplitudes in the principal planes",
             "Printed values, those at the nearest root of the energy balance (none at "
-            f"{words.without_a_root(measured)}), and curves with one damping factor: planes fitted, and planes of the "
+            f"{without_a_root(measured)}), and curves with one damping factor: planes fitted, and planes of the "
             "report.",
-            lambda: chapter_3.principal_amplitudes(measured, result.corrected, result.curves),
+            lambda: figures.principal_amplitudes(measured, result.corrected, result.curves),
         ),
     ]  # fmt: skip
 
 
-def _beyond(result: Chapter3) -> list[Row]:
+def _beyond(result: Chapter3) -> list[ChapterFigure]:
     measured, mode = result.measured, result.bands["A2"]
     return [
-        (
+        ChapterFigure(
             "conditioning-effect", "", "What each step of the conditioning removed",
-            words.effect_of_steps(result.effect),
-            lambda: chapter_3.conditioning_effect(result.effect, result.tables["removed"]),
+            effect_of_steps(result.effect),
+            lambda: figures.conditioning_effect(result.effect, result.tables["removed"]),
         ),
-        (
+        ChapterFigure(
             "planar-fit", "", "Planar oscillator fitted to amplitude and phase",
             "Measured modal amplitude and phase with the fit of all five parameters and its 90 per cent band, the fit "
             "with the report's angle and mass, and the fit with motion in phase and a common lag.",
-            lambda: chapter_3_planar.planar_overlay(measured, mode.omega, mode.amplitude, mode.phase, result.curves),
+            lambda: figures.planar_overlay(measured, mode.omega, mode.amplitude, mode.phase, result.curves),
         ),
-        (
+        ChapterFigure(
             "planar-posterior", "", "Posterior of the planar oscillator",
             "Both principal frequencies, damping factor, angle and mass, alone and in pairs, with their priors.",
-            lambda: chapter_3_planar.planar_posterior(result.draws, result.prior),
+            lambda: figures.planar_posterior(result.draws, result.prior),
         ),
-        (
+        ChapterFigure(
             "damping-roots", "", "All damping factors that balance the energy",
-            words.roots_taken(result.tables["branches"]),
-            lambda: chapter_3_planar.damping_roots(
+            roots_taken(result.tables["branches"]),
+            lambda: figures.damping_roots(
                 result.tables["branches"], np.quantile(result.draws["xi"], [0.05, 0.5, 0.95]).tolist()
             ),
         ),
-        (
+        ChapterFigure(
             "yaw-amplitude", "", "Yaw amplitude, measured and predicted",
-            words.yaw_predicted(result.tables["yaw"]),
-            lambda: chapter_3_planar.yaw_amplitude(result.tables["yaw"]),
+            yaw_predicted(result.tables["yaw"]),
+            lambda: figures.yaw_amplitude(result.tables["yaw"]),
         ),
     ]  # fmt: skip

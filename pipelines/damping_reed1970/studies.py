@@ -1,20 +1,16 @@
-"""All printed results beside their recomputation.
-
-Every study of chapters II, IV and V in one place: computed once, its tables by name.
-"""
+"""Every study of chapters II, IV and V: computed once, its tables by name."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal
-from typing import Literal
 
 import pandas as pd
 
 from damping.infer.observations import observe
 from damping.records.reading import read_record
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
+from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.coefficients import CoefficientLines, coefficient_lines
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses
@@ -23,68 +19,8 @@ from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
 from damping_reed1970.chapter_5.regressions import EnergySurface, energy_surface
-from damping_reed1970.tables import data_folder, load_printed_results
-
-Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
-
-
-@dataclass(frozen=True)
-class Reproduction:
-    """One printed result of the report.
-
-    ``printed``: text as printed. ``computed``: from the printed inputs (or the inputs that ``recipe`` names).
-    ``computed_after_correction``: with the cells of ``corrections.csv`` corrected, chapter V with the inputs that its
-    own computation used; ``None`` where that changes nothing. ``erratum``: id in ``errata.csv``, or empty.
-    ``reason``: why a result without an erratum agrees to no better than 2 per cent, else empty.
-    """
-
-    id: str
-    where: str
-    printed: str
-    computed: float | None
-    computed_after_correction: float | None
-    erratum: str
-    recipe: str
-    reason: str
-
-    @property
-    def agreement(self) -> Agreement | None:
-        """How well the printed inputs give the printed value; ``None`` if nothing was computed."""
-        return None if self.computed is None else agreement(self.printed, self.computed)
-
-
-def agreement(printed: str, computed: float) -> Agreement:
-    """The first that holds: within half a unit or one unit of the last printed digit, 0.5 or 2 per cent, none."""
-    value, unit = float(printed), 10.0 ** int(Decimal(printed).as_tuple().exponent)
-    difference, rounding = abs(computed - value), 1e-9 * unit
-    bands: dict[Agreement, float] = {
-        "printed digits": 0.5 * unit + rounding,
-        "last digit": unit + rounding,
-        "0.5 per cent": 0.005 * abs(value),
-        "2 per cent": 0.02 * abs(value),
-    }
-    return next((name for name, width in bands.items() if difference <= width), "no")
-
-
-def reproduce() -> list[Reproduction]:
-    """Every result of ``printed_results.csv``, in its order."""
-    computed = {**chapter_2.table_2_ii(), **chapter_3.computed(), **chapter_4.computed(), **chapter_5.computed()}
-    corrected = {**chapter_3.after_correction(), **chapter_4.after_correction(), **chapter_5.after_correction()}
-    changed = {key: value for key, value in corrected.items() if value != computed.get(key)}
-    return [
-        Reproduction(
-            id=row["id"],
-            where=row["where"],
-            printed=row["printed"],
-            computed=computed.get(row["id"]),
-            computed_after_correction=changed.get(row["id"]),
-            erratum=row["erratum"],
-            recipe=row["recipe"],
-            reason=row["reason"],
-        )
-        for row in load_printed_results().to_dict("records")
-    ]
-
+from damping_reed1970.gaps import Gaps
+from damping_reed1970.tables import data_folder
 
 MODES = (1, 2)
 
@@ -143,7 +79,7 @@ class Studies:
         return result
 
 
-def studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
+def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
     """Compute everything; ``seed`` and ``replicates`` are of the simulations, false terms and circularity."""
     return Studies(
         loops=hysteresis_loops(),
@@ -164,3 +100,20 @@ def _level_methods(mode: int, held: str) -> LevelMethods:
     record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
     data = observe(record)
     return level_methods(data, masses(record, data, 1.0) if held == "xi" else None, (1.0, 100.0))
+
+
+@dataclass(frozen=True)
+class ReportResults:
+    """The report recomputed.
+
+    Attributes:
+        studies: of chapters II, IV and V.
+        chapter_3: of chapter III.
+        tables: of the report beside ours, by name.
+        gaps: two gaps between simulation and test, diagnosed.
+    """
+
+    studies: Studies
+    chapter_3: Chapter3
+    tables: Mapping[str, pd.DataFrame]
+    gaps: Gaps
