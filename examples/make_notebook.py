@@ -62,7 +62,7 @@ loads""",
     (
         CODE,
         """prediction = loads.to_json()["predictions"][0]
-{key: prediction[key] for key in ("force", "median", "low", "high", "linear_overprediction_percent")}""",
+{key: f"{prediction[key]:.4g}" for key in ("force", "median", "low", "high", "linear_overprediction_percent")}""",
     ),
     (TEXT, """A bad argument is refused before any work."""),
     (

@@ -16,10 +16,10 @@ from typer.exceptions import TyperException
 
 import damping_pipelines
 from damping import __version__
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, Refused
 from damping_pipelines import cli_files as files
 from damping_pipelines import cli_files as results
-from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
+from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Despite, Json, MaxSize, ModeOption, RecordArgument, Seed
 from damping_pipelines.exhibits import exhibit_commands
 
 app = typer.Typer(
@@ -57,11 +57,12 @@ def study(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
+    despite: Despite = None,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
     from damping_pipelines.study import run_study
 
-    run_study(settings, out, seed, png=png)
+    run_study(settings, out, seed, png=png, despite=tuple(despite or ()))
 
 
 @app.command()
@@ -84,17 +85,33 @@ def regress(
 
 
 @app.command()
+def check(
+    record: RecordArgument,
+    mode: Annotated[
+        Path | None, typer.Option("--mode", metavar="MODE.toml", help="The mode that the record is to be of.")
+    ] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Ask whether a record is what it seems to be: units, phases, cuts, copies; ends 1 where no answer can be right."""
+    from damping_pipelines.check import check as run
+
+    run(record, mode, json_out, max_size)
+
+
+@app.command()
 def rank(
     record: RecordArgument,
     mode: ModeOption,
     json_out: Json = None,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """List every candidate damping law, best first."""
     from damping_pipelines.rank import rank as run
 
-    run(record, mode, json_out, seed, max_size)
+    run(record, mode, json_out, seed, max_size, tuple(despite or ()))
 
 
 @app.command()
@@ -105,12 +122,13 @@ def extrapolate(
     level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
     json_out: Json = None,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Resonant amplitude at forces beyond the test, with bands."""
     from damping_pipelines.rank import extrapolate as run
 
-    run(record, mode, force, level, json_out, seed, max_size)
+    run(record, mode, force, level, json_out, seed, max_size, tuple(despite or ()))
 
 
 @app.command()
@@ -161,12 +179,13 @@ def gap(
     ] = None,
     seed: Seed = DEFAULT_SEED,
     jobs: Annotated[int | None, typer.Option("--jobs", help="Processes for a folder of cases.")] = None,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
     from damping_pipelines.gap import gap as run
 
-    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs)
+    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs, tuple(despite or ()))
 
 
 app.command("import")(files.import_)
@@ -202,6 +221,7 @@ def fleet(
     replace: Annotated[
         bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
     ] = False,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Rank, extrapolate and diagnose many records on Dask."""
@@ -219,6 +239,7 @@ def fleet(
         dashboard=None if dashboard == "off" else dashboard,
         replace=replace,
         max_size=max_size,
+        despite=tuple(despite or ()),
     )
 
 
@@ -232,6 +253,8 @@ def main(arguments: list[str] | None = None) -> None:
         code = app(args=words, prog_name="damping", standalone_mode=False)
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
+    except Refused as error:
+        code = _fail(str(error), 1)
     except InputError as error:
         code = _fail(str(error), 2)
     except AnalysisError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from damping.gap.corrected import EffectPosterior, corrected_mode
 from damping.gap.diagnose import Diagnosis
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
+from damping_pipelines.check import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
 from damping_pipelines.terminal import end_with_parent, progress
 
@@ -35,6 +37,7 @@ def gap(
     seed: int,
     max_size: int,
     jobs: int | None,
+    despite: Collection[str] = (),
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
@@ -45,18 +48,16 @@ def gap(
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if record is None:
-        _folder(model, report, model_out, json_out, jobs, seed)
+        _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     targets = {"--json": json_out, "--model-out": model_out, "--report": report}
     for option, target in targets.items():
         refuse_inputs(option, target, model, record)
     refuse_twice(targets)
+    measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
+    report_findings(measured, mode, despite)
     result = damping.diagnose(
-        read_record(record, max_size=max_size),
-        read_mode(model, max_size=max_size),
-        posterior=posterior is not False,
-        seed=seed,
-        progress=progress,
+        measured, mode, posterior=posterior is not False, seed=seed, despite=despite, progress=progress
     )
     diagnosis = result.diagnosis
     if json_out is not None:
@@ -79,17 +80,23 @@ def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inpu
 
 
 def _folder(
-    cases: Path, report: Path | None, model_out: Path | None, json_out: str | None, jobs: int | None, seed: int
+    cases: Path,
+    report: Path | None,
+    model_out: Path | None,
+    json_out: str | None,
+    jobs: int | None,
+    seed: int,
+    despite: Collection[str] = (),
 ) -> None:
     if report is not None or model_out is not None:
         raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
     if json_out is None or json_out == "-":
         raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed):
+    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed, despite=despite):
         raise AnalysisError("some cases could not be diagnosed; their answers say why")
 
 
-def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> int:
+def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns the exit code: 0, or 1 if any failed.
@@ -104,7 +111,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     failed = 0
     with progress("diagnosing", len(names)) as advance, _pool(jobs, len(names)) as pool:
-        futures = {pool.submit(partial(diagnose_case, cases / name)): name for name in names}
+        futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
             answer = (
@@ -116,11 +123,11 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
     return 1 if failed else 0
 
 
-def diagnose_case(folder: Path) -> dict[str, Any]:
-    """The answer of one case, or ``{"format", "error"}``."""
+def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]:
+    """The answer of one case, or ``{"format", "error"}``; a record that the audit refuses is an error."""
     started = time.process_time()
     try:
-        result = damping.diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"))
+        result = damping.diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"), despite=despite)
         spent = time.process_time() - started  # without the next test, which is found on demand
         return result.to_json() | {"cpu_seconds": spent}
     except DampingError as error:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import damping
@@ -15,15 +16,19 @@ from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.result import LoadsResult, RankingResult
+from damping_pipelines.check import report_findings
 from damping_pipelines.store import refuse_inputs, write_plain
 from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions
 
 
-def rank(record: Path, mode: Path, json_out: str | None, seed: int, max_size: int) -> None:
+def rank(
+    record: Path, mode: Path, json_out: str | None, seed: int, max_size: int, despite: Collection[str] = ()
+) -> None:
     """Rank the candidates of a record, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
     read, described = load(record, mode, max_size)
-    ranking = damping.rank(read, described, seed=seed, progress=progress)
+    report_findings(read, described, despite)
+    ranking = damping.rank(read, described, seed=seed, despite=despite, progress=progress)
     if json_out is not None:
         write_plain(json_out, ranking.to_json())
     if json_out != "-":
@@ -74,13 +79,21 @@ def _law(c: Candidate) -> str:
 
 
 def extrapolate(
-    record: Path, mode: Path, forces: list[float], level: float, json_out: str | None, seed: int, max_size: int
+    record: Path,
+    mode: Path,
+    forces: list[float],
+    level: float,
+    json_out: str | None,
+    seed: int,
+    max_size: int,
+    despite: Collection[str] = (),
 ) -> None:
     """Predict resonant amplitudes at design forces, print the table and write the form."""
     refuse_inputs("--json", json_out, record, mode)
     check_loads(forces, level)
     read, described = load(record, mode, max_size)
-    loads = damping.extrapolate(read, described, forces, level, seed=seed, progress=progress)
+    report_findings(read, described, despite)
+    loads = damping.extrapolate(read, described, forces, level, seed=seed, despite=despite, progress=progress)
     if json_out is not None:
         write_plain(json_out, loads.to_json())
     if json_out != "-":

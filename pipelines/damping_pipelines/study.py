@@ -6,7 +6,7 @@ import hashlib
 import importlib.metadata
 import platform
 import shutil
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -26,11 +26,13 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
+from damping.records.audit import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
@@ -50,6 +52,7 @@ class Input:
     record: Record
     mode: Mode
     data: Observations
+    audit: Audit
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,9 @@ class Task:
     chains: Path
 
 
-def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False) -> None:
+def run_study(
+    settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False, despite: Collection[str] = ()
+) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails.
 
     A run that was interrupted goes on from the chains that it left under ``.chains``.
@@ -81,7 +86,7 @@ def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *,
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
-    inputs = read_inputs(settings, path.parent)
+    inputs = read_inputs(settings, path.parent, despite)
     with sole_writer(out):
         result = compute(settings, inputs, hashes(path, settings), out / ".chains")
         write_study(result, out, png=png)
@@ -89,12 +94,12 @@ def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *,
     print(f"{out / 'report.html'} written")
 
 
-def read_inputs(settings: StudySettings, folder: Path) -> list[Input]:
-    """Read and check every file of the study before any work."""
+def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] = ()) -> list[Input]:
+    """Read, check and audit every file of the study before any work."""
     inputs = []
     for one in settings.records:
         record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
-        inputs.append(Input(one, record, mode, observe(record)))
+        inputs.append(Input(one, record, mode, observe(record), report_findings(record, mode, despite)))
     return inputs
 
 
@@ -262,6 +267,7 @@ def _record_result(
         bands=bands,
         design=loads,
         power_laws=_power_laws(one.data),
+        findings=one.audit.findings,
     )
 
 

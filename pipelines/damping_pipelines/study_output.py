@@ -99,6 +99,7 @@ def _record(record: RecordResult) -> dict[str, Any]:
         "title": record.title,
         "mode": record.mode.name,
         "units": asdict(record.mode.units),
+        "audit": [asdict(finding) for finding in record.findings],
         "rank": rank_form(record.ranking),
         "loads": loads_form(record.design) if record.design else None,
         "power_laws": [

@@ -11,9 +11,9 @@ from math import degrees
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
+from damping.effects import CATALOGUE
 from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.effects import CATALOGUE
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.report.figures import Drawn

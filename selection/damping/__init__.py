@@ -17,6 +17,8 @@ _HOMES = {
     "Law": "damping.infer.law",
     "Mode": "damping.records.mode",
     "Record": "damping.records.record",
+    "Refused": "damping.errors",
+    "check": "damping.api",
     "condition": "damping.api",
     "diagnose": "damping.api",
     "extrapolate": "damping.api",

@@ -5,7 +5,8 @@ Whatever is wrong with an argument is an InputError at once, before any work.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from damping.infer.observations import observe
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
+from damping.records.audit import Audit, audit
 from damping.records.keys import nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -51,24 +53,52 @@ def _check_kind(value: object, kind: type, name: str) -> None:
         raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
 
 
+def check(record: Record, mode: Mode | None = None) -> Audit:
+    """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says.
+
+    Raises:
+        InputError: an argument of another kind.
+    """
+    _check_kind(record, Record, "record")
+    if mode is not None:
+        _check_kind(mode, Mode, "mode")
+    return audit(record, mode)
+
+
+def _admit(record: Record, mode: Mode | None, despite: Collection[str]) -> Audit:
+    """The audit of a record that may be worked on; Refused where a finding refuses that is not in ``despite``."""
+    findings = check(record, mode)
+    findings.require(despite)
+    return findings
+
+
 @single_threaded
-def rank(record: Record, mode: Mode | None = None, *, seed: int = SEED, progress: Progress = silent) -> RankingResult:
+def rank(
+    record: Record,
+    mode: Mode | None = None,
+    *,
+    seed: int = SEED,
+    despite: Collection[str] = (),
+    progress: Progress = silent,
+) -> RankingResult:
     """Every candidate damping law of a record, best first, as ``damping rank`` lists them.
 
     Args:
         mode: where given, cautions say what is odd about it beside the record. progress: shows how far the work is.
+        despite: checks of the audit whose refusal is passed over, such as ``("phase-sign",)``.
+
+    Args:
+        despite: checks of the audit whose refusal is passed over.
 
     Raises:
         InputError: an argument of another kind.
         AnalysisError: no candidate could be fitted.
     """
-    _check_kind(record, Record, "record")
-    if mode is not None:
-        _check_kind(mode, Mode, "mode")
+    findings = _admit(record, mode, despite)
     data = observe(record)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        return RankingResult(rank_laws(data, seed, laws, done), mode)
+        return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
 
 
 @single_threaded
@@ -79,6 +109,7 @@ def extrapolate(
     level: float = 0.9,
     *,
     seed: int = SEED,
+    despite: Collection[str] = (),
     progress: Progress = silent,
 ) -> LoadsResult:
     """Resonant amplitude at each force, as ``damping extrapolate`` predicts it.
@@ -93,13 +124,20 @@ def extrapolate(
     _check_kind(record, Record, "record")
     _check_kind(mode, Mode, "mode")
     asked = check_loads(forces, level)
+    findings = _admit(record, mode, despite)
     found = extrapolate_loads(near_resonance(record), asked, level, seed, mode=mode, progress=progress)
-    return LoadsResult(found, mode, found.plan.data)
+    return LoadsResult(found, mode, found.plan.data, findings)
 
 
 @single_threaded
 def diagnose(
-    record: Record, mode: Mode, *, posterior: bool = False, seed: int = SEED, progress: Progress = silent
+    record: Record,
+    mode: Mode,
+    *,
+    posterior: bool = False,
+    seed: int = SEED,
+    despite: Collection[str] = (),
+    progress: Progress = silent,
 ) -> DiagnosisResult:
     """Why a record departs from the simulation ``mode``, as ``damping gap`` diagnoses it.
 
@@ -110,15 +148,16 @@ def diagnose(
         InputError: an argument of another kind.
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    _check_kind(record, Record, "record")
     _check_kind(mode, Mode, "mode")
+    findings = _admit(record, mode, despite)
     found = diagnose_gap(record, mode)
+    found = replace(found, cautions=(*map(str, findings.findings), *found.cautions))
     if not posterior:
-        return DiagnosisResult(found)
+        return DiagnosisResult(found, audit=findings)
     with progress("posterior", 1) as done:
         sampled = sample_effects(found.leading.best, seed)
         done("done")
-    return DiagnosisResult(found, sampled)
+    return DiagnosisResult(found, sampled, findings)
 
 
 @single_threaded

@@ -21,6 +21,7 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
+from damping.records.audit import Audit
 from damping.records.keys import nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -84,6 +85,11 @@ class Result(ABC):
         return f"<div><p><b>{escape(self.title)}</b></p>{html}{f'<ul>{remarks}</ul>' if remarks else ''}</div>"
 
 
+def _findings(audit: Audit | None) -> list[dict[str, Any]]:
+    """The findings of an audit as the forms carry them."""
+    return list(audit.to_json()["findings"]) if audit else []
+
+
 @dataclass(frozen=True, eq=False)
 class LawSample:
     """Posterior draws of a law: ``posterior`` with its diagnoses, and the rows ``data`` it was given."""
@@ -135,6 +141,7 @@ class RankingResult(Result):
 
     ranking: Ranking
     mode: Mode | None = None
+    audit: Audit | None = None
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
@@ -164,7 +171,9 @@ class RankingResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
-        form: dict[str, Any] = plain({**forms.rank_form(self.ranking), "cautions": list(self.cautions)})
+        form: dict[str, Any] = plain(
+            {**forms.rank_form(self.ranking), "audit": _findings(self.audit), "cautions": list(self.cautions)}
+        )
         return form
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
@@ -201,6 +210,7 @@ class LoadsResult(Result):
     extrapolation: Extrapolation
     mode: Mode
     data: Observations
+    audit: Audit | None = None
 
     @property
     def table(self) -> pd.DataFrame:
@@ -215,7 +225,7 @@ class LoadsResult(Result):
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
         form = forms.loads_form(self.extrapolation.loads, self.extrapolation.plan)
-        values: dict[str, Any] = plain({**form, "cautions": list(self.cautions)})
+        values: dict[str, Any] = plain({**form, "audit": _findings(self.audit), "cautions": list(self.cautions)})
         return values
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
@@ -260,6 +270,7 @@ class DiagnosisResult(Result):
 
     diagnosis: Diagnosis
     posterior: EffectPosterior | None = None
+    audit: Audit | None = None
 
     @property
     def table(self) -> pd.DataFrame:
@@ -268,7 +279,7 @@ class DiagnosisResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""
-        form: dict[str, Any] = plain(forms.gap_form(self.diagnosis, self.posterior))
+        form: dict[str, Any] = plain({**forms.gap_form(self.diagnosis, self.posterior), "audit": _findings(self.audit)})
         return form
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:

@@ -19,11 +19,10 @@ import pandas as pd
 import pytest
 import typer
 
-from damping import ranking
+from damping import api, extrapolation, ranking
 from damping.forces import CATALOGUE
 from damping.infer.law import Law
-from damping_pipelines import rank, study
-from damping_pipelines import rank as extrapolate
+from damping_pipelines import study
 from damping_pipelines.cli import app, main
 
 ROOT = Path(__file__).parents[2]
@@ -66,9 +65,9 @@ def folder(tmp_path, monkeypatch) -> Path:
         thin = 2 if "two-plane" in str(record) else 3
         pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
-    for module in (rank, study, ranking):
+    for module in (api, study, ranking):
         monkeypatch.setattr(module, "candidate_laws", lambda data: RANKED)
-    for module in (extrapolate, study):
+    for module in (extrapolation, study):
         monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)
     return tmp_path
 

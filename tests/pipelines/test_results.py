@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from damping.ranking import rank_laws
-from damping_pipelines.rank import rank_form
+from damping.report.forms import rank_form
 from damping_pipelines.settings import default_study, read_settings
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, read_inputs, sample_law

@@ -10,12 +10,13 @@ import pytest
 
 from damping.errors import AnalysisError, InputError
 from damping.forces import CubicStiffness, Sum, Viscous
+from damping.gap.sweeping import simulated_force
 from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.steady import steady_state
 from damping.records.mode import Mode, mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
-from damping_pipelines.sweep import simulated_force, sweep
+from damping_pipelines.sweep import sweep
 
 MODEL = """
 [mode]
@@ -157,7 +158,9 @@ compliance = 1e-5
 angle = 0.5
 frequency_ratio = 1.01
 """
-    viscous = Mode("m", mode.frequency, mode.mass, damping={"viscous": {"coefficient": 2.0}}, effects={})
+    viscous = Mode(
+        name="m", frequency=mode.frequency, mass=mode.mass, damping={"viscous": {"coefficient": 2.0}}, effects={}
+    )
     path = tmp_path / "linear.toml"
     path.write_text(mode_to_toml(viscous) + text)
     sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz")
@@ -173,7 +176,13 @@ frequency_ratio = 1.01
 
 def test_stiffness_effects_are_cubic_springs() -> None:
     def of(name: str) -> Sum:
-        mode = Mode("m", 1.0, 2.0, damping={"viscous": {"coefficient": 1.0}}, effects={name: {"coefficient": 3.0}})
+        mode = Mode(
+            name="m",
+            frequency=1.0,
+            mass=2.0,
+            damping={"viscous": {"coefficient": 1.0}},
+            effects={name: {"coefficient": 3.0}},
+        )
         return simulated_force(mode)  # type: ignore[return-value]  # it is a sum
 
     assert of("stiffness-hardening") == Sum((Viscous(1.0), CubicStiffness(3.0)))

@@ -211,7 +211,7 @@ def test_whole_file(scratch):
 
 def test_defaults(scratch):
     path = scratch(("\ufeff" + MODE.replace('name = "first"\n', "")).replace("\n", "\r\n"), "a mode.toml")
-    assert read_mode(path) == Mode("a mode", 2.5, 3.0, source=str(path))
+    assert read_mode(path) == Mode(name="a mode", frequency=2.5, mass=3.0, source=str(path))
     assert str(Units()) == "one consistent system of units"
 
 

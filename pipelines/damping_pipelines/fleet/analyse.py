@@ -20,6 +20,7 @@ from damping.infer.evidence import Estimate, evidence, laplace, remembered
 from damping.infer.observations import Observations, observe
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
+from damping.records.audit import Audit, audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
@@ -44,10 +45,12 @@ def analyse(task: FleetTask) -> FleetResult:
         return failed(task, task.problem)
     try:
         record, mode = _read(task)
+        found = audit(record, mode)
+        found.require(task.settings.despite)
         data = observe(record)
     except DampingError as error:
         return failed(task, printable(str(error)))
-    return _Analysis(task, record, mode, data).result()
+    return _Analysis(task, record, mode, data, found).result()
 
 
 def failed(task: FleetTask, reason: str) -> FleetResult:
@@ -86,8 +89,8 @@ def _read(task: FleetTask) -> tuple[Record, Mode]:
 class _Analysis:
     """The stages of one record; each is tried whatever became of the others."""
 
-    def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations) -> None:
-        self.task, self.record, self.mode, self.data = task, record, mode, data
+    def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations, found: Audit) -> None:
+        self.task, self.record, self.mode, self.data, self.audit = task, record, mode, data, found
         self.estimate: Estimate = remembered(laplace if task.settings.fast else evidence)
         self.reasons: list[str] = []
 
@@ -101,6 +104,7 @@ class _Analysis:
             "rows": len(self.record),
             "levels": len(self.data.sweeps),
             "largest_tested_force": self.data.tested_force.max(),
+            "audit": "; ".join(printable(str(finding)) for finding in self.audit.findings),
         }
         pages: dict[str, str] = {}
         ranking = self._tried("rank", self._rank)
@@ -167,6 +171,7 @@ class _Analysis:
             bands=loads.bands if loads else None,
             diagnosis=diagnosis,
             gap_report=f"{Path(report_stem(task)).name}-gap.html",
+            findings=tuple(map(str, self.audit.findings)),
             reasons=tuple(self.reasons),
             own_forces=not task.settings.forces,
             seed=task.seed,

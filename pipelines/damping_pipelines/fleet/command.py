@@ -49,6 +49,7 @@ def fleet(
     dashboard: str | None = None,
     replace: bool = False,
     max_size: int,
+    despite: tuple[str, ...] = (),
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
@@ -69,7 +70,7 @@ def fleet(
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     check_address(dashboard)
-    settings = FleetSettings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
+    settings = FleetSettings(seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite)
     cases = find_cases(records)
     with sole_writer(out):
         _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)

@@ -29,7 +29,7 @@ from damping_pipelines.store import plain, to_json, write_bytes
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
 SCHEMA = pa.schema(
     [
-        *((name, pa.string()) for name in ("key", "name", "status", "reason", "method", "mode", "report")),
+        *((name, pa.string()) for name in ("key", "name", "status", "reason", "audit", "method", "mode", "report")),
         *((name, pa.string()) for name in ("units_force", "units_length", "record_sha256", "model_sha256", "version")),
         *((name, pa.int64()) for name in ("seed", "rows", "levels")),
         ("largest_tested_force", pa.float64()),

@@ -23,7 +23,7 @@ class FleetSettings:
     Attributes:
         seed: of the run. fast: Laplace approximation in place of chains. level: content of the bands.
         forces: design forces; empty for ``MULTIPLES`` of each record's own. versions: of what computes.
-        max_size: largest input file, bytes.
+        max_size: largest input file, bytes. despite: checks of the audit whose refusal is passed over.
     """
 
     seed: int
@@ -32,6 +32,7 @@ class FleetSettings:
     forces: tuple[float, ...]
     versions: dict[str, str]
     max_size: int
+    despite: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:

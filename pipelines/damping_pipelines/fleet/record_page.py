@@ -41,7 +41,7 @@ class FleetRecord:
 
     Attributes:
         method: how posteriors were had. bands: over a grid of forces, None where they were not wanted.
-        gap_report: address of the diagnosis' own page. reasons: of stages that failed.
+        gap_report: address of the diagnosis' own page. findings: of the audit. reasons: of stages that failed.
         own_forces: whether design forces are multiples of the record's own largest force.
     """
 
@@ -55,6 +55,7 @@ class FleetRecord:
     bands: Loads | None
     diagnosis: Diagnosis | None
     gap_report: str
+    findings: tuple[str, ...]
     reasons: tuple[str, ...]
     own_forces: bool
     seed: int
@@ -72,6 +73,8 @@ def record_page(one: FleetRecord) -> str:
     if one.diagnosis:
         sections.append(Section("gap", "The gap to the simulation", _gap(one.diagnosis, one.gap_report)))
     sections.append(Section("basis", "What this rests on", _basis(one)))
+    if one.findings:
+        sections.insert(0, Section("audit", "Is the record what it seems?", [List(one.findings)]))
     return page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
 
 

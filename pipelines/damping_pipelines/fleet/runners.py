@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from typing import Any
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, wait
@@ -140,7 +141,7 @@ def _outcomes(
 ) -> Iterator[tuple[FleetTask, FleetResult | BaseException]]:
     """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
     waiting = iter(tasks)
-    running: dict[Future, FleetTask] = {}
+    running: dict[Future[Any], FleetTask] = {}
     crew = _Crew(client)
     while True:
         for task in itertools.islice(waiting, max(0, PER_THREAD * crew.threads() - len(running))):
@@ -156,7 +157,7 @@ def _outcomes(
             future.release()
 
 
-def _outcome(future: Future) -> FleetResult | BaseException:
+def _outcome(future: Future[Any]) -> FleetResult | BaseException:
     """What a finished future holds."""
     try:
         error = future.exception()

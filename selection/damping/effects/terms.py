@@ -139,9 +139,16 @@ def _at_resonance(found: _Receptance, terms: Terms, F: FloatArray) -> Prediction
     return Prediction(np.asarray(real - 0.5j * np.pi), by_u, by_frequency)
 
 
+#: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
+NEAREST = 1e-6
+
+
 def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
     """Z and dZ/d ln A at amplitude A."""
-    real = terms.M * drive.mass * (np.square(terms.omega_n) - np.square(drive.omega))
+    detuning = np.square(terms.omega_n) - np.square(drive.omega)
+    # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
+    detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
+    real = terms.M * drive.mass * detuning
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
     slope_imaginary: Floats = 0.0

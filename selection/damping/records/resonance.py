@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
 from damping.errors import InputError
 from damping.records.record import Record
 
@@ -149,17 +149,31 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     """
     omega = RAD_S_PER_HZ * frequency
     Y = force / (amplitude * omega) * np.exp(1j * phase)
-    top = frequency[np.argmax(amplitude / force)]
-    below, above = _thinned(np.flatnonzero(frequency < top)), _thinned(np.flatnonzero(frequency > top))
-    i, j = below[:, None], above[None, :]
-    distance = np.log(amplitude[i] / amplitude[j]) / SAME_AMPLITUDE
-    alike = np.abs(distance) < 1.0
-    if min(alike.any(axis=1).sum(), alike.any(axis=0).sum()) < ROWS_ASIDE:
+    i, j, weight = like_pairs(omega, amplitude, Y, amplitude / force)
+    if len(weight) == 0:
         return 0.0
-    difference = Y[i] - Y[j]
-    weight = np.exp(-0.5 * distance**2) * np.abs(difference) / (np.abs(Y[i]) + np.abs(Y[j]))
-    offset = _weighted_median(np.angle(difference).ravel(), weight.ravel())
+    offset = weighted_median(np.angle(Y[i] - Y[j]), weight)
     return offset if abs(offset) <= LARGEST_OFFSET else 0.0
+
+
+def like_pairs(
+    omega: FloatArray, amplitude: FloatArray, Y: ComplexArray, compliance: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs (below, above) of rows of like amplitude on either side of the largest ``compliance``, and their weights.
+
+    All arguments (n,), the results (pairs,): none where fewer than ``ROWS_ASIDE`` rows on a side have a like.
+    """
+    top = omega[np.argmax(compliance)]
+    below, above = _thinned(np.flatnonzero(omega < top)), _thinned(np.flatnonzero(omega > top))
+    distance = np.log(amplitude[below][:, None] / amplitude[above][None, :]) / SAME_AMPLITUDE
+    like = np.abs(distance) < 1.0
+    if min(like.any(axis=1).sum(), like.any(axis=0).sum()) < ROWS_ASIDE:
+        none = np.empty(0, np.int64)
+        return none, none, np.empty(0)
+    first, second = np.nonzero(like)
+    i, j = below[first], above[second]
+    weight = np.exp(-0.5 * distance[like] ** 2) * np.abs(Y[i] - Y[j]) / (np.abs(Y[i]) + np.abs(Y[j]))
+    return i, j, weight
 
 
 def _thinned(rows: IntArray) -> IntArray:
@@ -169,7 +183,8 @@ def _thinned(rows: IntArray) -> IntArray:
     return rows[np.linspace(0, len(rows) - 1, _MOST_ROWS_ASIDE).astype(np.int64)]
 
 
-def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+def weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    """The value below which half of the weight lies; arguments (n,)."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

@@ -205,7 +205,8 @@ def cautions(study: StudyResult) -> Section:
 
 
 def _of(result: RecordResult) -> Iterator[str]:
-    """Cautions of the laws that carry weight, of their checks, and of the predictions."""
+    """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
+    yield from map(str, result.findings)
     for candidate in weighted(result):
         if candidate.weight > LEAST_WEIGHT:
             yield from candidate.cautions

@@ -23,6 +23,7 @@ from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
+from damping.records.checks import Finding
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw
@@ -48,6 +49,7 @@ class RecordResult:
     Attributes:
         bands: predictions on a fine grid of forces, for the figure; design: at the design forces; None where the
             study asks for none. power_laws: of both forms; empty with fewer than two levels.
+        findings: of the audit of the record.
     """
 
     name: str
@@ -60,6 +62,7 @@ class RecordResult:
     bands: Loads | None
     design: Loads | None
     power_laws: tuple[PowerLaw, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)

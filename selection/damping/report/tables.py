@@ -144,7 +144,10 @@ _FILE_NAMES = {
 
 def loads_table(loads: Loads | None) -> pd.DataFrame:
     """A row a force, as the files of a study name the columns; empty without loads."""
-    return pd.DataFrame() if loads is None else forms.loads_table(loads).rename(columns=_FILE_NAMES)
+    if loads is None:
+        return pd.DataFrame()
+    table = forms.loads_table(loads)
+    return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
 
 
 def loads_by_model_table(loads: Loads | None) -> pd.DataFrame:
