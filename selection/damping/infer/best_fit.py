@@ -27,6 +27,8 @@ from damping.infer.observations import Observations
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
 REWEIGHTINGS = 12
+#: Share of the force below which a coefficient is rounding.
+NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops.
 STEADY = 1e-12
 #: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
@@ -103,28 +105,44 @@ def build_force(law: Law, coefficients: FloatArray, shapes: Sequence[dict[str, f
 
 
 def fit_law(law: Law, data: Observations) -> BestFit:
-    """The best fit of a law.
+    """The best fit of a law, sought without dimension so that units cannot move it.
 
     Raises:
-        AnalysisError: no coefficients make it carry the measured forces.
+        AnalysisError: a part of the law is never met at the tested amplitudes.
     """
-    coordinates = Coordinates.of(law, data)
+    scaled = data.scaled()
+    pure = Coordinates.of(law, scaled)
     free = len(law.free_shapes)
-    if free == 0:
-        return _fit_at(np.zeros(0), coordinates, data)
-    grid = ndtri(SHAPE_GRID)
-    tried = [np.array(point) for point in product(grid, repeat=free)]
-    squares = [_fit_at(point, coordinates, data).squares for point in tried]
-    start = tried[int(np.argmin(squares))]
-    refined = _refine(start, squares, coordinates, data)
-    return min((_fit_at(point, coordinates, data) for point in (start, refined)), key=lambda fit: fit.squares)
+    point = np.zeros(0)
+    if free:
+        grid = [np.array(at) for at in product(ndtri(SHAPE_GRID), repeat=free)]
+        squares = [_solve(at, pure, scaled)[1] for at in grid]
+        start = grid[int(np.argmin(squares))]
+        point = min(start, _refine(start, squares, pure, scaled), key=lambda at: _solve(at, pure, scaled)[1])
+    solved, squares_left = _solve(point, pure, scaled)
+    coordinates = Coordinates.of(law, data)
+    x = _place(point, coordinates)
+    per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
+    pure_force = solved / np.array([float(c) for c in pure.coefficients(x)])
+    coefficients = pure_force * per_force * data.reference[2]
+    shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
+    n = np.asarray(residuals(build_force(law, coefficients, shapes), data)[0])
+    return BestFit(coordinates, coefficients, shapes, point, n, squares_left if np.isfinite(n).all() else np.inf)
+
+
+def _place(point: FloatArray, coordinates: Coordinates) -> FloatArray:
+    """Variables x (dimension,), zero but for the shapes."""
+    x = np.zeros(coordinates.dimension)
+    parts = len(coordinates.law.parts)
+    x[parts : parts + point.size] = point
+    return x
 
 
 def _refine(start: FloatArray, squares: Sequence[float], coordinates: Coordinates, data: Observations) -> FloatArray:
     """Shapes of least squares near the best of the grid: a bounded search in one variable, a simplex in several."""
 
     def distance(point: Floats) -> float:
-        return min(_fit_at(np.atleast_1d(np.asarray(point)), coordinates, data).squares, HOPELESS)
+        return min(_solve(np.atleast_1d(np.asarray(point)), coordinates, data)[1], HOPELESS)
 
     if start.size == 1:
         best = int(np.argmin(squares))
@@ -133,37 +151,41 @@ def _refine(start: FloatArray, squares: Sequence[float], coordinates: Coordinate
         return np.array([nearest.x])
     simplex = np.vstack([start, start + 0.1 * np.eye(start.size)])
     most = 100 * start.size
-    found = minimize(
+    refined = minimize(
         distance,
         start,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": SHAPE_STEP, "fatol": 1e-9, "maxiter": most},
     )
-    return np.asarray(found.x)
+    return np.asarray(refined.x)
 
 
-def _fit_at(point: FloatArray, coordinates: Coordinates, data: Observations) -> BestFit:
-    """Non-negative least squares at given shapes, standard normal variables (shapes,)."""
+def _solve(point: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, float]:
+    """Coefficients >= 0 at given shapes, standard normal variables (shapes,), and the squares they leave.
+
+    A coefficient that carries less than ``NOTHING`` of the force is 0.
+    """
     law = coordinates.law
-    x = np.zeros(coordinates.dimension)
-    x[len(law.parts) : len(law.parts) + point.size] = point
-    shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
-    units = [part.build(1.0, **values) for part, values in zip(law.parts, shapes, strict=True)]
+    shapes = coordinates.shapes(_place(point, coordinates))
+    units = [
+        part.build(1.0, **{name: float(value) for name, value in values.items()})
+        for part, values in zip(law.parts, shapes, strict=True)
+    ]
     columns = np.stack([np.asarray(unit.quadrature(data.A, data.omega)) for unit in units], axis=1)
     slopes = np.stack([np.asarray(unit.slope(data.A, data.omega)) for unit in units], axis=1)
-    if not np.all(columns.max(axis=0) > 0.0):
-        raise AnalysisError(f"{law.name}: a part of it is never met at the tested amplitudes")
     scale = columns.max(axis=0)
-    g, coefficients, squares = np.abs(data.D), np.zeros(len(units)), np.inf
+    if not np.all(scale > 0.0):
+        raise AnalysisError(f"{law.name}: a part of it is never met at the tested amplitudes")
+    g, carried, squares = np.abs(data.D), np.zeros(len(units)), np.inf
     for _ in range(REWEIGHTINGS):
         weight = 1.0 / np.sqrt(_variance(g, data))
-        coefficients = nnls(columns / scale * weight[:, None], data.D * weight)[0] / scale
-        g = slopes @ coefficients
-        previous, squares = squares, float(np.sum((data.D - columns @ coefficients) ** 2 / _variance(g, data)))
+        carried = nnls(columns / scale * weight[:, None], data.D * weight)[0]
+        carried[carried < NOTHING * carried.max()] = 0.0
+        g = slopes @ (carried / scale)
+        previous, squares = squares, float(np.sum((data.D - columns @ (carried / scale)) ** 2 / _variance(g, data)))
         if abs(squares - previous) <= STEADY * squares:
             break
-    n = residuals(build_force(law, coefficients, shapes), data)[0]
-    return BestFit(coordinates, coefficients, shapes, point, np.asarray(n), squares if np.isfinite(n).all() else np.inf)
+    return carried / scale, squares
 
 
 def _variance(g: FloatArray, data: Observations) -> FloatArray:

@@ -36,8 +36,8 @@ def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
     caption = (
         f"Every distinct law, sorted by {result.ranking.criterion} (Z is the marginal likelihood, π the prior). "
         "Coefficients are posterior medians, T-ratios their ratio to the posterior's standard deviation; held-out "
-        "error: root mean square per cent error of resonant amplitude, each level predicted from the others; mean |%|: as "
-        "fitted. Equivalents predict the same on this record."
+        "error: root mean square per cent error of resonant amplitude, each level predicted from the others; mean |%|: "
+        "as fitted. Equivalents predict the same on this record."
     )
     blocks: list[Block] = [
         Heading("Ranking"),
