@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 import damping
-from damping.extrapolation import check_loads
+from damping.extrapolation import LEAST_WEIGHT, check_loads
 from damping.extrapolation.prediction import PARTS
 from damping.ranking import Candidate
 from damping.records.mode import Mode, read_mode
@@ -47,7 +47,10 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     headings = ("avg |%|", "held-out %", "score", "weight", "notes")
     table = plain_table(f"{mode.name}: damping laws, best first", headings, ("", "law: coefficient (T-ratio)"))
     numbers = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
-    for c, errors in zip(result.ranking.candidates, numbers, strict=True):
+    shown = [(c, row) for c, row in zip(result.ranking.candidates, numbers, strict=True) if c.weight > LEAST_WEIGHT]
+    if result.ranking.fit.sentence:
+        out.print(result.ranking.fit.sentence.capitalize(), style="bold red")
+    for c, errors in shown:
         table.add_row(
             "-" if c.rank is None else str(c.rank),
             _law(c),
@@ -58,17 +61,21 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(table)
     criterion = result.ranking.criterion
     out.print(f"Criterion: {criterion}. Units: {units or 'one consistent system'}.", highlight=False)
+    rest = len(result) - len(shown)
+    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them", highlight=False)
     notes.show(out)
     show_cautions(out, result.cautions)
 
 
 def _law(c: Candidate) -> str:
-    """Each parameter with its T-ratio on a line."""
+    """Each parameter with its T-ratio on a line, and how many laws predict the same."""
     if not c.coefficients:
         return c.name
-    return "\n".join(
-        f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients
-    )
+    lines = [f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients]
+    if c.equivalents:
+        more = f" and {len(c.equivalents) - 1} more" if len(c.equivalents) > 1 else ""
+        lines.append(f"  same as {c.equivalents[0]}{more}")
+    return "\n".join(lines)
 
 
 def extrapolate(

@@ -145,7 +145,7 @@ def versions() -> dict[str, str]:
 
 
 def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
-    laws = [candidate_laws(one.data) for one in inputs]
+    laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
             rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))

@@ -165,7 +165,7 @@ RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
-    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.beside_viscous),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
 )
 #: What the calibration data are taken to cover, for the priors of shapes.
 TESTED = Tested(0.5, 2.0, OMEGA)

@@ -96,7 +96,7 @@ def rank(
     """
     findings = _admit(record, mode, despite)
     data = observe(record)
-    laws = candidate_laws(data)
+    laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
         return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
 

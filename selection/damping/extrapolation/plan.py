@@ -24,7 +24,7 @@ from damping.extrapolation.near import Trend, at_resonance, bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.ranking.candidates import candidate_laws, fit
+from damping.ranking.candidates import candidate_laws, fit_distinct
 from damping.ranking.weights import FEWEST_BELOW, HeldOut, held_out, pseudo_bma, resonance_scatter
 from damping.records.resonance import number_levels
 
@@ -99,8 +99,8 @@ class Plan:
 
 
 def load_candidates(data: Observations) -> list[Law]:
-    """Candidates on what laws are judged on."""
-    return candidate_laws(_judged(data))
+    """The candidates that predict differently on what laws are judged on."""
+    return [fit.law for fit in fit_distinct(candidate_laws(), _judged(data))]
 
 
 def plan_loads(
@@ -168,10 +168,9 @@ def _plausible(
         except AnalysisError as error:
             reasons.append(str(error))
         done(law.name)
-    physical = [row for row in rows if row[2]] or rows
-    best = max((own.log_z for _, own, _ in physical), default=0.0)
+    best = max((own.log_z for _, own in rows), default=0.0)
     chosen = []
-    for law, own, _ in physical:
+    for law, own in rows:
         if own.log_z <= best - np.log(PLAUSIBLE):
             continue
         coordinates = Coordinates.of(law, data)
@@ -184,15 +183,11 @@ def _plausible(
     return chosen
 
 
-def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Law, Evidence, bool]:
-    """A law's evidence, and whether its unconstrained coefficients are all >= 0."""
+def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Law, Evidence]:
+    """A law's evidence."""
     if not law.has_resonance:
         raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
-    coordinates = Coordinates.of(law, data)
-    own = estimate(coordinates, data, seed)
-    if len(law.parts) == 1:  # one force carries what was measured with a coefficient > 0
-        return law, own, True
-    return law, own, bool(np.all(fit(coordinates, data, own.mode).values[: len(law.parts)] >= 0.0))
+    return law, estimate(Coordinates.of(law, data), data, seed)
 
 
 def _held_out(law: Law, data: Observations, below: int, seed: int, estimate: Estimate) -> tuple[HeldOut, ...]:

@@ -47,8 +47,8 @@ def candidates_table(ranking: Ranking) -> pd.DataFrame:
             "score_standard_error": 2.0 * candidate.evidence.standard_error if candidate.evidence else np.nan,
             "held_out_error": candidate.held_out_error,
             "average_absolute_percent": candidate.average_absolute_percent,
-            **{name: getattr(candidate.fit, name) if candidate.fit else np.nan for name in ("aic", "aicc", "bic")},
             "physical": candidate.physical,
+            "equivalents": "; ".join(candidate.equivalents),
             "cautions": "; ".join(candidate.cautions),
         }
         for candidate in ranking.candidates
@@ -58,7 +58,6 @@ def candidates_table(ranking: Ranking) -> pd.DataFrame:
 
 #: Keys of a model of ``rank/1`` that are columns of the table, in the order of the form.
 _RANK_KEYS = ("score", "weight", "held_out_error", "average_absolute_percent", "physical")
-_CRITERIA_KEYS = ("aic", "aicc", "bic")
 
 
 def rank_form(ranking: Ranking) -> Form:
@@ -67,6 +66,7 @@ def rank_form(ranking: Ranking) -> Form:
     return {
         "format": "rank/1",
         "criterion": ranking.criterion,
+        "fit": {"verdict": ranking.fit.verdict, "p_value": ranking.fit.p_value},
         "models": [_model(row, c) for row, c in zip(rows, ranking.candidates, strict=True)],
     }
 
@@ -78,7 +78,7 @@ def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
         "forces": _forces(candidate),
         **{key: row[key] for key in _RANK_KEYS},
         "cautions": list(candidate.cautions),
-        **{key: row[key] for key in _CRITERIA_KEYS},
+        "equivalents": list(candidate.equivalents),
     }
 
 
