@@ -191,9 +191,8 @@ def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():
             row = int(np.argmin(good))
-            raise InputError(
-                f"{shortened(str(cells.iloc[row]))!r} in row {row}", file=file, column=name, expected=expected
-            )
+            message = f"{shortened(str(cells.iloc[row]))!r} in row {row}"
+            raise InputError(message, file=file, column=name, expected=expected)
     return typed
 
 
