@@ -4,13 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: help study test lint types docs package bench clean
+.PHONY: help study test lint types docs package lowest bench clean
 
 help:
 	@echo "make study   install into $(VENV) and run the Saturn V study: results/saturn-v/report.html"
 	@echo "make test    install into $(VENV) and run the tests"
 	@echo "make docs    the documentation: docs/_build/index.html"
 	@echo "make package wheel and sdist, tried in empty environments"
+	@echo "make lowest  a part of the tests with the lowest versions of everything that is needed"
 	@echo "make lint    ruff;  make types  mypy;  make bench  speed against named peers"
 
 $(BIN)/python:
@@ -20,17 +21,17 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing (once)"
-	$(INSTALL) .
+	$(INSTALL) '.[fleet,formats]'
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing with the tools for development (once)"
-	$(INSTALL) '.[dev,docs]'
+	$(INSTALL) '.[dev,docs,fleet,formats]'
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-bench: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing with the peers that speed is measured against (once)"
-	$(INSTALL) '.[bench]'
+	$(INSTALL) '.[bench,fleet,formats]'
 	@touch $@ $(VENV)/.installed
 
 study: $(VENV)/.installed
@@ -52,6 +53,9 @@ docs: $(VENV)/.installed-dev
 
 package: $(VENV)/.installed-dev
 	tests/packaging/try_wheel.sh $(CURDIR)/$(BIN)/python
+
+lowest:
+	tests/packaging/try_lowest.sh $(PYTHON)
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks

@@ -50,7 +50,8 @@ def plain(x: Any) -> float:
         C = linear + square
         n = (F - C) / ((linear + 2.0 * square) * min(1.0, F / C))
         value -= 0.5 * (n / scatter) ** 2 + math.log(scatter)
-    return value
+    result: float = value
+    return result
 
 
 @dataclass(frozen=True)

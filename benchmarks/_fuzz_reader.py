@@ -26,12 +26,12 @@ with atheris.instrument_imports(include=["damping.records", "damping.errors", "t
 with atheris.instrument_imports(
     include=[
         "damping_pipelines.settings",
-        "damping_pipelines.condition",
+        "damping.signals.reading",
         "damping_pipelines.export",
         "damping_pipelines.manifest",
     ]
 ):
-    from damping_pipelines.condition import read_description, read_raw
+    from damping.signals.reading import read_description, read_raw
     from damping_pipelines.export import form_table
     from damping_pipelines.manifest import MANIFEST, open_folder
     from damping_pipelines.settings import default_study, read_settings

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -91,7 +92,7 @@ def write(out: Path, names: Sequence[str]) -> None:
     )
 
 
-def _line(row: dict) -> str:
+def _line(row: dict[Hashable, Any]) -> str:
     """A row of the table in Markdown."""
     theirs = seconds(row["peer_processor_s"]) if row["peer_processor_s"] else ""
     walls = seconds(row["ours_wall_s"]) + (f", {seconds(row['peer_wall_s'])}" if row["peer_wall_s"] else "")

@@ -11,7 +11,7 @@ import os
 import sys
 from multiprocessing import get_context
 
-from damping.ranking import candidates
+from damping.infer.law import Law
 from damping.report import figures
 from damping.report import study as build
 from damping_pipelines import study
@@ -22,8 +22,7 @@ LAWS = ("viscous", "velocity-squared")
 
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
-    candidates.CATALOGUE = {name: candidates.CATALOGUE[name] for name in LAWS}
-    vars(candidates)["PARTNERS"] = ()
+    vars(study)["candidate_laws"] = lambda data: [Law((name,)) for name in LAWS]
     build.record_figures = lambda result, level: {"fits": figures._fits(result)}
     vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:

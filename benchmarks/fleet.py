@@ -30,7 +30,7 @@ from damping.records.record import record_to_csv
 from damping_pipelines.fleet import command
 from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import row_of
-from damping_pipelines.fleet.inputs import Result, Task
+from damping_pipelines.fleet.inputs import FleetResult, FleetTask
 from damping_pipelines.fleet.runners import distributed
 from damping_pipelines.store import write_text
 from damping_validation.calibration import OMEGA, simulated_levels, structures
@@ -116,17 +116,17 @@ def write_records(folder: Path, number: int) -> None:
         (folder / f"record-{i:05d}.toml").write_text("[mode]\nfrequency = 1.6\nmass = 1.0\n")
 
 
-_FIRST: list[Result] = []
+_FIRST: list[FleetResult] = []
 
 
-def answered(task: Task) -> Result:
+def answered(task: FleetTask) -> FleetResult:
     """The first result of this worker under the name of ``task``: what the machinery costs without the analysis."""
     if not _FIRST:
         _FIRST.append(analyse(task))
     first = _FIRST[0]
     own = row_of(task)
     kept = {name: own[name] for name in ("key", "name", "report", "seed", "record_sha256", "model_sha256")}
-    return Result(first.row | kept, {own["report"]: next(iter(first.pages.values()))})
+    return FleetResult(first.row | kept, {own["report"]: next(iter(first.pages.values()))})
 
 
 def machinery(source: str, out: str, workers: str) -> None:

@@ -32,7 +32,13 @@ def commands() -> str:
     group = typer.main.get_command(cli)
     parts = []
     for name, command in group.commands.items():
-        context = typer.Context(command, info_name=f"damping {name}", terminal_width=100, max_content_width=100)
+        context = typer.Context(
+            command,
+            info_name=f"damping {name}",
+            terminal_width=100,
+            max_content_width=100,
+            help_option_names=["-h", "--help"],
+        )
         parts.append(f"## damping {name}\n\n```text\n{command.get_help(context)}\n```\n")
     return "\n".join(parts)
 

@@ -14,10 +14,13 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from damping.errors import AnalysisError, InputError
+import damping_pipelines
+from damping import __version__
+from damping.errors import AnalysisError, InputError, Refused
 from damping_pipelines import cli_files as files
 from damping_pipelines import cli_files as results
-from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Json, MaxSize, ModeOption, RecordArgument, Seed
+from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Despite, Json, MaxSize, ModeOption, RecordArgument, Seed
+from damping_pipelines.exhibits import exhibit_commands
 
 app = typer.Typer(
     name="damping",
@@ -25,7 +28,25 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"damping {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def begin(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress; say it before the command.")] = False,
+) -> None:
+    """Set what holds for whichever command follows."""
+    damping_pipelines.QUIET.set(quiet)
 
 
 @app.command()
@@ -36,11 +57,12 @@ def study(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
+    despite: Despite = None,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
     from damping_pipelines.study import run_study
 
-    run_study(settings, out, seed, png=png)
+    run_study(settings, out, seed, png=png, despite=tuple(despite or ()))
 
 
 @app.command()
@@ -63,17 +85,33 @@ def regress(
 
 
 @app.command()
+def check(
+    record: RecordArgument,
+    mode: Annotated[
+        Path | None, typer.Option("--mode", metavar="MODE.toml", help="The mode that the record is to be of.")
+    ] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Ask whether a record is what it seems to be: units, phases, cuts, copies; ends 1 where no answer can be right."""
+    from damping_pipelines.check import check as run
+
+    run(record, mode, json_out, max_size)
+
+
+@app.command()
 def rank(
     record: RecordArgument,
     mode: ModeOption,
     json_out: Json = None,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """List every candidate damping law, best first."""
     from damping_pipelines.rank import rank as run
 
-    run(record, mode, json_out, seed, max_size)
+    run(record, mode, json_out, seed, max_size, tuple(despite or ()))
 
 
 @app.command()
@@ -84,12 +122,13 @@ def extrapolate(
     level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
     json_out: Json = None,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Resonant amplitude at forces beyond the test, with bands."""
     from damping_pipelines.rank import extrapolate as run
 
-    run(record, mode, force, level, json_out, seed, max_size)
+    run(record, mode, force, level, json_out, seed, max_size, tuple(despite or ()))
 
 
 @app.command()
@@ -140,57 +179,21 @@ def gap(
     ] = None,
     seed: Seed = DEFAULT_SEED,
     jobs: Annotated[int | None, typer.Option("--jobs", help="Processes for a folder of cases.")] = None,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
     from damping_pipelines.gap import gap as run
 
-    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs)
-
-
-@app.command()
-def blind(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
-    cases: Annotated[int, typer.Option("--cases", help="Number of cases.")] = 1500,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
-) -> None:
-    """Check the diagnosis on generated data whose effect is withheld."""
-    from damping_validation.blind import blind as run
-    from damping_validation.generator import BLIND_SEED
-
-    run(out, cases, BLIND_SEED if seed is None else seed, jobs)
+    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs, tuple(despite or ()))
 
 
 app.command("import")(files.import_)
 app.command("export")(files.export)
 app.command("compare")(results.compare)
 app.command("verify")(results.verify)
-
-
-@app.command()
-def bands(
-    records: Annotated[Path, typer.Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
-    seed: Seed = DEFAULT_SEED,
-) -> None:
-    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
-    from damping_validation.bands import bands_page as run
-
-    run(records, out, seed)
-
-
-@app.command()
-def calibrate(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
-    seed: Seed = DEFAULT_SEED,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
-) -> None:
-    """Check on known structures that bands and posteriors hold what they say."""
-    from damping_validation.calibrate import calibrate as run
-
-    run(out, quick, seed, jobs)
+for _name, _command in exhibit_commands().items():
+    app.command(_name)(_command)
 
 
 @app.command()
@@ -218,6 +221,7 @@ def fleet(
     replace: Annotated[
         bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
     ] = False,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Rank, extrapolate and diagnose many records on Dask."""
@@ -235,6 +239,7 @@ def fleet(
         dashboard=None if dashboard == "off" else dashboard,
         replace=replace,
         max_size=max_size,
+        despite=tuple(despite or ()),
     )
 
 
@@ -244,15 +249,20 @@ def main(arguments: list[str] | None = None) -> None:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        code = app(args=(sys.argv[1:] if arguments is None else arguments) or ["--help"], standalone_mode=False)
+        words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+        code = app(args=words, prog_name="damping", standalone_mode=False)
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
+    except Refused as error:
+        code = _fail(str(error), 1)
     except InputError as error:
         code = _fail(str(error), 2)
     except AnalysisError as error:
         code = _fail(str(error), 1)
     except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
         code = _fail(" ".join(error.format_message().split()), 2)
+    except ModuleNotFoundError as error:
+        code = _fail(_missing(error), 1)
     except (typer.Abort, KeyboardInterrupt):
         code = _fail("interrupted; nothing half-written is left behind", 130)
     except BrokenPipeError:
@@ -265,6 +275,18 @@ def main(arguments: list[str] | None = None) -> None:
         line = f"{type(error).__name__}: {error}".splitlines()[0]
         code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+#: Packages that a bare install leaves out, and the extra that brings each.
+EXTRAS = {"dask": "fleet", "distributed": "fleet", "pyarrow": "formats"}
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    """What to install, in one line."""
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRAS:
+        return f"the installation is not complete: {error}"
+    return f"this needs {package}, which is not installed; pip install 'damping-selection[{EXTRAS[package]}]' brings it"
 
 
 def _fail(message: str, code: int) -> int:

@@ -20,6 +20,10 @@ DEFAULT_SEED = 1970
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is sampled.")]
 MaxSize = Annotated[int, typer.Option("--max-size", help="Largest input file accepted, bytes.")]
+Despite = Annotated[
+    list[str] | None,
+    typer.Option("--despite", metavar="CHECK", help="Go on although this check of the audit refuses; repeat."),
+]
 RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
 ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
 
@@ -78,6 +82,7 @@ def import_(
     levels: Annotated[int | None, typer.Option("--levels", help="Most levels taken of a decay.")] = None,
     start: Annotated[float | None, typer.Option("--start", help="Where the decay starts, s.")] = None,
     end: Annotated[float | None, typer.Option("--end", help="Where it ends, s.")] = None,
+    despite: Despite = None,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -112,7 +117,7 @@ def import_(
     if ring_down and mode is None:
         raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
     decay = RingDown(mode, **given) if mode is not None else None
-    import_file(file, out, stated, decay, json_out, max_size)
+    import_file(file, out, stated, decay, json_out, max_size, tuple(despite or ()))
 
 
 def export(
@@ -131,11 +136,21 @@ def export(
         Path | None, typer.Option("--mode-out", metavar="FILE.toml", help="Write the converted mode here.")
     ] = None,
     text: Annotated[bool, typer.Option("--text", help="Values of a universal file as text, not bytes.")] = False,
+    to: Annotated[
+        str | None,
+        typer.Option("--to", metavar="CODE", help="Damping for nastran, abaqus, ansys, opensees or openfast."),
+    ] = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Records, rankings and loads to other formats and units."""
+    """Records, rankings and loads to other formats and units; damping to a structural code."""
     from damping_pipelines.export import export as run
+    from damping_pipelines.export import export_deck
 
+    if to is not None:
+        if units or given or mode or mode_out or text:
+            raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
+        export_deck(source, out, to)
+        return
     run(source, out, units=units, given=given, mode=mode, mode_out=mode_out, text=text, max_size=max_size)
 
 

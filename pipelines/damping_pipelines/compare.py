@@ -25,16 +25,16 @@ _LOADS = ["force", "median", "low", "high", "linear", "linear_overprediction_per
 _POSTERIORS = ["law", "parameter", "unit", "low", "median", "high"]
 
 
-class _Table(BaseModel):
+class _SummaryTable(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class _Units(_Table):
+class _Units(_SummaryTable):
     force: str = ""
     length: str = ""
 
 
-class _Record(_Table):
+class _Record(_SummaryTable):
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
     title: str = ""
     units: _Units = _Units()
@@ -42,7 +42,7 @@ class _Record(_Table):
     loads: LoadsForm | None = None
 
 
-class _Summary(_Table):
+class _Summary(_SummaryTable):
     format: Literal["study/1"]
     title: str
     seed: int
@@ -54,7 +54,7 @@ _Number = Annotated[float | None, BeforeValidator(lambda text: None if text == "
 _Text = Annotated[str, BeforeValidator(lambda text: unguarded(str(text)))]
 
 
-class _Posterior(_Table):
+class _Posterior(_SummaryTable):
     """A row of ``NAME-posteriors.csv``."""
 
     law: _Text

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +18,7 @@ from damping.records.mode import Mode, Units, mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
+from damping_pipelines.decks import write_deck
 from damping_pipelines.forms import LoadsForm, RankForm, loads_rows, ranking_rows
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_bytes, write_text
 from damping_pipelines.terminal import console
@@ -81,6 +84,24 @@ def export(
     if mode_out is not None:
         _write_mode(described, units, mode_out)
     _write_record(record, names, out, notes, text=text)
+
+
+def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZE) -> None:
+    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
+
+    Raises:
+        InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
+    """
+    refuse_inputs("--out", out, source)
+    content = read_bytes(source, max_size)
+    try:
+        values = json.loads(content)
+    except ValueError as error:
+        raise InputError(str(error), file=source, expected="a form curve/1, loads/1 or campaign/1 (JSON)") from None
+    if not isinstance(values, dict):
+        raise InputError("no form", file=source, expected="a form curve/1, loads/1 or campaign/1 (JSON)")
+    write_text(out, write_deck(code, content, values, str(source)))
+    console().print(f"{out} written: damping for {code}", markup=False, highlight=False)
 
 
 def _names(mode: Mode | None, given: str | None) -> Units:
@@ -168,6 +189,7 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
 
 def to_parquet(table: pd.DataFrame) -> bytes:
     """A table as a Parquet file."""
+    import_module("pyarrow")  # of the extra [formats]: pandas says less clearly that it is not there
     buffer = io.BytesIO()
     table.to_parquet(buffer, engine="pyarrow", index=False)
     return buffer.getvalue()

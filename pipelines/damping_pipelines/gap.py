@@ -5,23 +5,23 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
+import damping
+from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
-from damping.gap.corrected import EffectPosterior, corrected_mode, effect_values, refitted_values, sample_effects
-from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
+from damping.gap.corrected import EffectPosterior, corrected_mode
+from damping.gap.diagnose import Diagnosis
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping.report.gap_page import doubts, following, outside, place, reach, verdict
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
+from damping_pipelines.check import report_findings
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
 from damping_pipelines.terminal import end_with_parent, progress
 
 FORMAT = "gap/1"
@@ -37,6 +37,7 @@ def gap(
     seed: int,
     max_size: int,
     jobs: int | None,
+    despite: Collection[str] = (),
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
@@ -47,26 +48,27 @@ def gap(
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if record is None:
-        _folder(model, report, model_out, json_out, jobs, seed)
+        _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     targets = {"--json": json_out, "--model-out": model_out, "--report": report}
     for option, target in targets.items():
         refuse_inputs(option, target, model, record)
     refuse_twice(targets)
-    diagnosis = diagnose(read_record(record, max_size=max_size), read_mode(model, max_size=max_size))
-    sampled = None
-    if posterior is not False:
-        with progress("posterior", 1) as advance:
-            sampled = sample_effects(diagnosis.leading.best, seed)
-            advance("done")
+    measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
+    report_findings(measured, mode, despite)
+    result = damping.diagnose(
+        measured, mode, posterior=posterior is not False, seed=seed, despite=despite, progress=progress
+    )
+    diagnosis = result.diagnosis
     if json_out is not None:
-        write_json(json_out, gap_form(diagnosis, sampled))
+        write_plain(json_out, result.to_json())
     if model_out is not None:
         write_text(model_out, mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if report is not None:
-        write_text(report, _page(diagnosis, sampled, seed, (model, record)))
+        write_text(report, _page(diagnosis, result.posterior, seed, (model, record)))
     if json_out != "-":
-        _print(diagnosis)
+        for sentence in result.sentences:
+            Console(highlight=False, markup=False).print(sentence)
 
 
 def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
@@ -77,35 +79,24 @@ def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inpu
     return gap_page(diagnosis, sampled, seed, versions(), digests)
 
 
-def _print(diagnosis: Diagnosis) -> None:
-    """What is found, in a few lines."""
-    lines = [
-        verdict(diagnosis),
-        place(diagnosis),
-        *doubts(diagnosis),
-        *outside(diagnosis),
-        reach(diagnosis),
-        following(diagnosis),
-    ]
-    console = Console(highlight=False, markup=False)
-    for line in lines:
-        console.print(line)
-    for caution in diagnosis.cautions:
-        console.print(f"Caution: {caution}.")
-
-
 def _folder(
-    cases: Path, report: Path | None, model_out: Path | None, json_out: str | None, jobs: int | None, seed: int
+    cases: Path,
+    report: Path | None,
+    model_out: Path | None,
+    json_out: str | None,
+    jobs: int | None,
+    seed: int,
+    despite: Collection[str] = (),
 ) -> None:
     if report is not None or model_out is not None:
         raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
     if json_out is None or json_out == "-":
         raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed):
+    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed, despite=despite):
         raise AnalysisError("some cases could not be diagnosed; their answers say why")
 
 
-def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> int:
+def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns the exit code: 0, or 1 if any failed.
@@ -120,7 +111,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     failed = 0
     with progress("diagnosing", len(names)) as advance, _pool(jobs, len(names)) as pool:
-        futures = {pool.submit(partial(diagnose_case, cases / name)): name for name in names}
+        futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
             answer = (
@@ -132,68 +123,19 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> i
     return 1 if failed else 0
 
 
-def diagnose_case(folder: Path) -> dict[str, Any]:
-    """The answer of one case, or ``{"format", "error"}``."""
+def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]:
+    """The answer of one case, or ``{"format", "error"}``; a record that the audit refuses is an error."""
     started = time.process_time()
     try:
-        diagnosis = diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"))
+        result = damping.diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"), despite=despite)
         spent = time.process_time() - started  # without the next test, which is found on demand
-        return gap_form(diagnosis) | {"cpu_seconds": spent}
+        return result.to_json() | {"cpu_seconds": spent}
     except DampingError as error:
         return _failure(str(error))
 
 
 def _failure(error: str) -> dict[str, Any]:
     return {"format": FORMAT, "error": error}
-
-
-def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> dict[str, Any]:
-    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
-    leading = diagnosis.leading
-    return {
-        "format": FORMAT,
-        "effects": list(leading.effects),
-        "explanations": [
-            {"effects": list(one.effects), "probability": one.probability} for one in diagnosis.explanations
-        ],
-        "equivalents": [list(group.effects) for group in diagnosis.groups],
-        "unexplained": diagnosis.unexplained,
-        "where": [asdict(cell) for cell in diagnosis.where],
-        "footprint": [asdict(cell) for cell in diagnosis.footprint],
-        "gap": {
-            "nominal": diagnosis.gap.nominal,
-            "before": diagnosis.gap.before,
-            "after": diagnosis.gap.after,
-            "shrinkage": diagnosis.gap.shrinkage,
-            "held_out": _held_out(diagnosis),
-        },
-        "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
-        "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
-        "tests": [asdict(test) for test in diagnosis.tests],
-        "strangers": [asdict(one) for one in diagnosis.strangers],
-        "local": [asdict(one) for one in diagnosis.local],
-        "posterior": None if sampled is None else _posterior(sampled),
-        "cautions": list(diagnosis.cautions),
-    }
-
-
-def _held_out(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The held-out part of the form; nulls where there is one level and nothing could be held out."""
-    names = ("nominal", "before", "after", "shrinkage", "low", "high")
-    held = diagnosis.held_out
-    scheme = "one force level: nothing can be held out" if held is None else held.scheme
-    return {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
-
-
-def _posterior(sampled: EffectPosterior) -> dict[str, Any]:
-    low, median, high = np.quantile(sampled.draws, [0.05, 0.5, 0.95], axis=0)
-    return {
-        "converged": sampled.chains.converged,
-        "log_evidence": sampled.log_evidence,
-        "parameters": {
-            name: {"low": low[i], "median": median[i], "high": high[i]} for i, name in enumerate(sampled.names)
-        },
-    }
 
 
 def _pool(jobs: int | None, cases: int) -> ProcessPoolExecutor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
+from damping_pipelines.check import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from damping_pipelines.terminal import console
 
@@ -45,6 +46,7 @@ def import_file(
     decay: RingDown | None = None,
     json_out: str | None = None,
     max_size: int = DEFAULT_MAX_SIZE,
+    despite: Collection[str] = (),
 ) -> None:
     """Read a file, write its record and print what was understood (form ``import/1`` where asked).
 
@@ -52,6 +54,7 @@ def import_file(
 
     Raises:
         InputError: a file that cannot be read, or something that neither the file nor the user says.
+        Refused: the record cannot be what it seems, and the check is not among ``despite``.
         AnalysisError: no decay that can be used.
     """
     inputs = [file, *([decay.mode] if decay else [])]
@@ -60,9 +63,10 @@ def import_file(
     refuse_twice({"--out": out, "--json": json_out})
     series, summary = read_file(file, stated, max_size=max_size)
     found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
+    findings = report_findings(found.record, read_mode(decay.mode) if decay else None, despite)
     write_text(out, record_to_csv(found.record))
     if json_out is not None:
-        write_json(json_out, import_form(found, out))
+        write_json(json_out, {**import_form(found, out), "audit": findings.to_json()["findings"]})
     if json_out != "-":
         _print(found, out, console())
 

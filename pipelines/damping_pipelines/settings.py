@@ -24,7 +24,7 @@ from damping.errors import InputError
 from damping.forces import force_class
 from damping.records.keys import line_of, nearest, read_toml
 from damping.records.text import shortened
-from damping_reed1970.tables import data_folder
+from damping_pipelines.exhibits import source_report
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970
@@ -90,7 +90,7 @@ class StudySettings(_Table):
 
 def default_study() -> Path:
     """The settings of the Saturn V study."""
-    return data_folder() / "saturn-v" / "study.toml"
+    return source_report().settings_file()
 
 
 def read_settings(path: Path) -> StudySettings:

@@ -7,7 +7,6 @@ sees the old file or the new one, never half of one, and a failed run leaves ear
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 import tempfile
@@ -15,8 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from damping.arrays import plain
 from damping.errors import InputError
 
 
@@ -119,20 +117,3 @@ def _json_chunks(value: Any) -> Iterator[str]:
     """The text of plain data piece by piece: as a whole it can be many times the data."""
     yield from json.JSONEncoder(indent=2, ensure_ascii=False, allow_nan=False).iterencode(value)
     yield "\n"
-
-
-def plain(value: Any) -> Any:
-    """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value

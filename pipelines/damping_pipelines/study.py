@@ -6,7 +6,7 @@ import hashlib
 import importlib.metadata
 import platform
 import shutil
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -17,26 +17,27 @@ import numpy as np
 
 from damping import __version__
 from damping.errors import AnalysisError
-from damping.extrapolation import LEAST_WEIGHT, sample_candidate
+from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import predict
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
+from damping.records.audit import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines.check import report_findings
+from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
-from damping_reed1970.study import finish_chapters, start_chapters
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
@@ -51,6 +52,7 @@ class Input:
     record: Record
     mode: Mode
     data: Observations
+    audit: Audit
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class Task:
     chains: Path
 
 
-def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False) -> None:
+def run_study(
+    settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False, despite: Collection[str] = ()
+) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails.
 
     A run that was interrupted goes on from the chains that it left under ``.chains``.
@@ -82,7 +86,7 @@ def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *,
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
-    inputs = read_inputs(settings, path.parent)
+    inputs = read_inputs(settings, path.parent, despite)
     with sole_writer(out):
         result = compute(settings, inputs, hashes(path, settings), out / ".chains")
         write_study(result, out, png=png)
@@ -90,12 +94,12 @@ def run_study(settings_file: Path | None, out: Path | None, seed: int | None, *,
     print(f"{out / 'report.html'} written")
 
 
-def read_inputs(settings: StudySettings, folder: Path) -> list[Input]:
-    """Read and check every file of the study before any work."""
+def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] = ()) -> list[Input]:
+    """Read, check and audit every file of the study before any work."""
     inputs = []
     for one in settings.records:
         record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
-        inputs.append(Input(one, record, mode, observe(record)))
+        inputs.append(Input(one, record, mode, observe(record), report_findings(record, mode, despite)))
     return inputs
 
 
@@ -106,12 +110,12 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
 
 
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
-    """The whole computation: rankings, posteriors, predictions, and the chapters of the source report if asked for."""
+    """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with ProcessPoolExecutor(
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
-        started = start_chapters(pool, settings.seed) if settings.source_report else None
+        started = [source_report().start(pool, settings.seed)] if settings.source_report else []
         rankings = _rank(inputs, settings.seed)
         plans = _plan(inputs, settings.seed)
         tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
@@ -122,7 +126,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         )
         named = {record.name: record.ranking for record in records}
         loads = {record.name: record.design for record in records if record.design}
-        chapters = finish_chapters(started, named, loads) if started else None
+        exhibits = tuple(one.finish(named, loads) for one in started)
     return StudyResult(
         title=settings.title,
         seed=settings.seed,
@@ -130,8 +134,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         records=records,
         inputs=digests,
         versions=versions(),
-        tables=chapters.tables if chapters else {},
-        chapters=chapters,
+        exhibits=exhibits,
     )
 
 
@@ -142,7 +145,7 @@ def versions() -> dict[str, str]:
 
 
 def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
-    laws = [candidate_laws(one.data) for one in inputs]
+    laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
             rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))
@@ -208,7 +211,8 @@ def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
     checkpoint = checkpoint_in(task.chains, chain_key(task))
     posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
-    amplitude = _tested_amplitudes(posterior_member(task.candidate, posterior.draws), task.data)
+    sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
+    amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
     return LawPosterior(
         law=task.candidate.law,
         weight=task.candidate.weight,
@@ -228,17 +232,6 @@ def chain_key(task: Task) -> str:
     return digest.hexdigest()[:24]
 
 
-def posterior_member(law: Candidate | Planned, draws: np.ndarray) -> Member:
-    """A sampled law as a member of the average."""
-    assert law.coordinates is not None  # a sampled law was fitted
-    return Member(law.name, law.weight, law.coordinates, draws)
-
-
-def _tested_amplitudes(member: Member, data: Observations) -> np.ndarray:
-    """Amplitude of each draw at each tested force, (draws, sweeps)."""
-    return amplitude_draws(member, data.tested_force, data)
-
-
 def _record_result(
     one: Input,
     ranking: Ranking,
@@ -247,21 +240,22 @@ def _record_result(
     settings: StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
-    members = [
-        posterior_member(task.candidate, law.posterior.draws)
-        for task, law in sampled
-        if task.for_loads and law.posterior.converged
-    ]
     bands = loads = None
-    if plan and members:
+    if plan:
+        chains = {task.candidate.name: law.posterior for task, law in sampled if task.for_loads}
         design = np.array(one.settings.design_forces)
         largest = max(design.max(), one.data.tested_force.max())
-        grid = np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID)
-        repeatability = one.mode.repeatability.amplitude or 0.0
-        bands, loads = (
-            predict(members, forces, plan.data, settings.level, settings.seed, plan, repeatability)
-            for forces in (grid, design)
+        predicted = extrapolate_loads(
+            plan.data,
+            design,
+            settings.level,
+            settings.seed,
+            mode=one.mode,
+            plan=plan,
+            sampler=lambda law, *_: chains[law.name],  # sampled before, in processes of their own
         )
+        loads = predicted.loads
+        bands = predicted.predict_at(np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID))
     return RecordResult(
         name=one.settings.name,
         title=one.settings.title or one.mode.name,
@@ -273,6 +267,7 @@ def _record_result(
         bands=bands,
         design=loads,
         power_laws=_power_laws(one.data),
+        findings=one.audit.findings,
     )
 
 

@@ -1,33 +1,24 @@
-"""What a study leaves behind: report, summary, tables, figures, posteriors. Rendered first, then written whole.
-
-The figures of a study as PNG images, by the names of their SVG files.
-"""
+"""What a study leaves behind: report, summary, tables, figures, posteriors. Rendered first, then written whole."""
 
 from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import Any
-
-import arviz
-import pandas as pd
 
 from damping.errors import InputError
 from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
-from damping.report.results import ChapterResults, LawPosterior, RecordResult, StudyResult, file_stem
+from damping.report.forms import loads_form, rank_form
+from damping.report.results import LawPosterior, RecordResult, StudyResult, file_stem
 from damping.report.study import render, study_figures
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
-from damping_pipelines.rank import loads_form, rank_form
 from damping_pipelines.store import plain, to_json
-from damping_reed1970.chapter_3.words import chapter_3_figures
-from damping_reed1970.figures import ChapterFigure, chapter_figures
-from damping_reed1970.study import chapters_summary, planar_data, rows
 
 
 def write_study(study: StudyResult, out: Path, *, png: bool = False) -> None:
@@ -52,12 +43,9 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
         for law in record.posteriors:
             data = inference_data(law.posterior, record.data)
             files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = to_netcdf(data)
-    if study.chapters:
-        for known in study.chapters.chapter_3.posteriors.values():
-            if known.posterior:
-                files[f"posterior/chapter-3--{slug(f'{known.data} {known.variant}')}.nc"] = to_netcdf(
-                    planar_data(known)
-                )
+    for exhibit in study.exhibits:
+        for name, data in exhibit.posteriors.items():
+            files[f"posterior/{name}.nc"] = to_netcdf(data)
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
     files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
     files["summary.json"] = to_json(summary(study)).encode()
@@ -70,8 +58,8 @@ def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
 
 
-def to_netcdf(data: arviz.InferenceData) -> bytes:
-    """A posterior as ArviZ netCDF: equal draws give equal bytes."""
+def to_netcdf(data: Any) -> bytes:
+    """ArviZ groups of a posterior as netCDF: equal draws give equal bytes."""
     for group in data.groups():
         data[group].attrs.pop("created_at", None)
     with tempfile.TemporaryDirectory() as folder:
@@ -86,8 +74,8 @@ def to_netcdf(data: arviz.InferenceData) -> bytes:
 
 
 def summary(study: StudyResult) -> dict[str, Any]:
-    """The study as plain data."""
-    return {
+    """The study as plain data; what a source report adds is empty without one."""
+    form = {
         "format": "study/1",
         "title": study.title,
         "seed": study.seed,
@@ -95,21 +83,14 @@ def summary(study: StudyResult) -> dict[str, Any]:
         "inputs": dict(study.inputs),
         "versions": dict(study.versions),
         "records": [_record(record) for record in study.records],
-        "reproduction": _rows(study.tables, "reproduction", _REPRODUCTION),
-        "section_6_1": _rows(study.tables, "section_6_1"),
-        "errata": _rows(study.tables, "errata"),
-        "chapters": chapters_summary(study.chapters) if study.chapters else None,
+        "reproduction": [],
+        "section_6_1": [],
+        "errata": [],
+        "chapters": None,
     }
-
-
-_REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
-
-
-def _rows(tables: Mapping[str, pd.DataFrame], name: str, columns: tuple[str, ...] | None = None) -> list[Any]:
-    """A table as a list of rows, empty where there is none."""
-    if name not in tables:
-        return []
-    return rows(tables[name] if columns is None else tables[name][list(columns)])
+    for exhibit in study.exhibits:
+        form |= exhibit.summary
+    return form
 
 
 def _record(record: RecordResult) -> dict[str, Any]:
@@ -118,6 +99,7 @@ def _record(record: RecordResult) -> dict[str, Any]:
         "title": record.title,
         "mode": record.mode.name,
         "units": asdict(record.mode.units),
+        "audit": [asdict(finding) for finding in record.findings],
         "rank": rank_form(record.ranking),
         "loads": loads_form(record.design) if record.design else None,
         "power_laws": [
@@ -150,20 +132,6 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     figures = {name.replace("_", "-"): one.figure for name, one in study_figures(study).items()}
     for result in study.records:
         figures |= {file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()}
-    of_chapters = _of_chapters(study.chapters) if study.chapters else {}
-    drawn: dict[str, bytes] = {}
-    for svg in svgs:
-        path = PurePosixPath(svg)
-        figure = figures.get(path.stem) or of_chapters[_CHAPTER.sub("", path.stem)].draw()
-        drawn[str(path.with_suffix(".png"))] = to_png(figure)
-    return drawn
-
-
-_CHAPTER = re.compile(r"^chapter-\d-")
-
-
-def _of_chapters(results: ChapterResults) -> dict[str, ChapterFigure]:
-    """Figures of the chapters of the source report by name."""
-    of_studies = chapter_figures(results.studies, results.tables["section_6_1_errors"])
-    chapter_3 = [ChapterFigure(*row) for row in chapter_3_figures(results.chapter_3)]
-    return {one.name: one for one in [*of_studies, *chapter_3]}
+    for exhibit in study.exhibits:
+        figures |= {name: draw() for name, draw in exhibit.drawings.items()}
+    return {str(path.with_suffix(".png")): to_png(figures[path.stem]) for path in map(PurePosixPath, svgs)}

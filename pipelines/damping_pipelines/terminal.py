@@ -14,27 +14,25 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-
-class Advance(Protocol):
-    """Call it when a part is done."""
-
-    def __call__(self, what: str, parts: int = 1) -> None:
-        """Say that ``parts`` more are done; ``what`` names the last."""
+from damping.progress import Advance
+from damping_pipelines import QUIET
 
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Advance]:
     """Show that ``parts`` of ``total`` are done, on standard error.
 
-    On a terminal a rich bar; elsewhere (a log, a pipe) a plain line whenever another part is done.
+    On a terminal a rich bar; elsewhere (a log, a pipe) a plain line whenever another part is done; with ``--quiet``
+    nothing.
     """
-    if sys.stderr.isatty():
+    if QUIET.get():
+        yield lambda what, parts=1: None
+    elif sys.stderr.isatty():
         yield from _bar(title, total)
     else:
         yield from _lines(title, total)

@@ -1,1 +1,1 @@
-"""Every printed result of the report that can be recomputed: one module a chapter, formulas named after equations."""
+"""The report of 1970 recomputed: one folder a chapter, with its equations, its figures and its page."""

@@ -1,25 +1,32 @@
-"""What every chapter needs: its figures and tables by name, and how well its printed numbers come out.
-
-Proofs of errata as the reader sees them: the plain letters of the data in the symbols of the report.
-"""
+"""What every chapter needs: its figures and tables by name, and how well its printed numbers come out."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.plots.style import to_svg
-from damping.report.page import Block, FigureBlock, Fold, Part, Section, Table
+from damping.report.figures import Drawn
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
 from damping.report.words import count, joined
-from damping_reed1970.figures import ChapterFigure
 
-#: Figures of the chapters by name, not yet drawn.
-Figures = Mapping[str, ChapterFigure]
+
+class ChapterFigure(NamedTuple):
+    """A figure: ``counterpart`` is its number in the source report (empty: it goes further than the report)."""
+
+    name: str
+    counterpart: str
+    title: str
+    description: str
+    draw: Callable[[], Figure]
+
+
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)
 #: Agreement of a printed number with its recomputation, best first, in words.
@@ -33,15 +40,21 @@ AGREEMENTS = {
 
 
 @dataclass(frozen=True)
-class ChapterFigureBlock(FigureBlock):
-    """A figure of a chapter; ``file`` names its SVG file, without the ending."""
+class DrawnBlock(FigureBlock):
+    """A figure of its own file, ``file`` without the ending, that can be drawn again."""
 
     file: str = ""
+    draw: Callable[[], Figure] = Figure
 
 
-def figure(figures: Figures, name: str, chapter: int) -> ChapterFigureBlock:
+def draw_block(file: str, drawn: Drawn, caption: str = "") -> DrawnBlock:
+    """A figure with its caption: by default its title and description."""
+    svg = to_svg(drawn.figure, file, drawn.title, drawn.description)
+    return DrawnBlock(svg, caption or f"{drawn.title}. {drawn.description}", file, lambda: drawn.figure)
+
+
+def draw_figure(one: ChapterFigure, chapter: int) -> DrawnBlock:
     """Draw a figure; its caption starts with its number in the source report, where it has one."""
-    one = figures[name]
     file = f"chapter-{chapter}-{one.name}"
     numbers = one.counterpart.split(", ")
     head = one.title
@@ -49,24 +62,29 @@ def figure(figures: Figures, name: str, chapter: int) -> ChapterFigureBlock:
         what = "counterpart" if one.counterpart in NOT_PRINTED else "redrawn"
         head = f"Fig{'s' * (len(numbers) > 1)}. {joined(numbers)} {what}: {_lowered(one.title)}"
     svg = to_svg(one.draw(), file, one.title, one.description)
-    return ChapterFigureBlock(svg, f"{head}. {one.description}", file)
+    return DrawnBlock(svg, f"{head}. {one.description}", file, one.draw)
 
 
-def part(chapter: int, title: str, blocks: Sequence[Block], tables: Mapping[str, pd.DataFrame]) -> Part:
-    """The section of a chapter with the figures in its blocks and its tables under the names of their files."""
-    section = Section(f"chapter-{chapter}", title, blocks)
-    return Part(section, dict(_figures_in(blocks)), {file_of(chapter, name): frame for name, frame in tables.items()})
+@dataclass(frozen=True)
+class ReportPart:
+    """A section with the tables that belong to it, by file; the figures are in its blocks."""
+
+    section: Section
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> dict[str, DrawnBlock]:
+        """The figures by file."""
+        return {block.file: block for block in _drawn_in(self.section.blocks)}
 
 
-def table(
-    chapter: int, name: str, frame: pd.DataFrame, caption: str, headings: Mapping[str, str] | None = None
-) -> Table:
-    """A table whose whole is in the chapter's CSV file of that name; ``frame`` may be a part of it.
+def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
+    """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds.
 
     Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
     """
     own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, caption, headings=own | dict(headings or {}), key=file_of(chapter, name))
+    return Table(frame, "", headings=own | dict(headings or {}), key=file_of(chapter, name))
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -74,11 +92,6 @@ def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
     chosen = np.logical_and.reduce([(frame[name] == value).to_numpy() for name, value in where.items()])
     assert chosen.sum() == 1, f"{chosen.sum()} rows with {where}"
     return frame.iloc[int(chosen.argmax())]
-
-
-def folded(summary: str, *blocks: Block) -> Fold:
-    """Blocks behind a line."""
-    return Fold(summary, blocks)
 
 
 def file_of(chapter: int, name: str) -> str:
@@ -109,51 +122,107 @@ def agreement_text(reproduction: pd.DataFrame) -> str:
     return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
 
 
-def _figures_in(blocks: Iterable[Block]) -> Iterable[tuple[str, str]]:
+def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
     for block in blocks:
-        if isinstance(block, ChapterFigureBlock):
-            yield block.file, block.svg
+        if isinstance(block, DrawnBlock):
+            yield block
         elif isinstance(block, Fold):
-            yield from _figures_in(block.blocks)
+            yield from _drawn_in(block.blocks)
 
 
 def _lowered(title: str) -> str:
     return title[:1].lower() + title[1:]
 
 
-_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: What stands in the data, as a pattern, and what the report writes.
-SYMBOLS = {
-    r"->": "→",
-    r"\+-": "±",
-    r"(?<=[\w)\]])( ?)\*( ?)(?=[\w(.])": r"\1·\2",
-    r"\b(?:Gamma)\b": "Γ",
-    r"(?<![A-Za-z])pi(?![A-Za-z])": "π",
-    r"(?<![A-Za-z])xi(?![A-Za-z])": "ξ",
-    r"(?<![A-Za-z])phi(?![A-Za-z])": "φ",
-    r"(?<![A-Za-z])eta(?![A-Za-z])": "η",
-    r"(?<![A-Za-z])omega(?![A-Za-z])": "ω",
-    r"(?<![A-Za-z])(?:w)(?![A-Za-z])": "ω",
-    r"\bwt\b": "ωt",
-    r"(?<![A-Za-z])psi(?![A-Za-z])": "ψ",
-    r"(?<![A-Za-z])int(?=[ _])": "∫",
-    r"\bLambda(?=_)": "Λ",
-    r"\balpha\b": "α",
-    r"\bbeta\b": "β",
-    r"\bdelta\b": "δ",
-    r"\bdW\b": "ΔW",
-    r"\bQd\b": "Q̇",
-    r"(?<=\d)pi": "π",
-    r"\bOLS\b": "least squares",
-    r"\bdof\b": "degree of freedom",
-    r"\bs\.e\.": "standard error",
-    r"\bsqrt\b": "√",
+#: A table with more rows than this is folded away.
+MOST_ROWS = 24
+
+
+@dataclass(frozen=True)
+class KnownTable:
+    """A table that is known by name: its title, what it says, and the columns that the page shows (all if empty)."""
+
+    title: str
+    said: str
+    columns: tuple[str, ...] = ()
+
+
+KNOWN = {
+    "section_6_1": KnownTable(
+        "Damping forces of section 6.1, printed and ours",
+        "Each printed coefficient beside its recomputation by the report's own method on corrected tables, and "
+        "beside our fit with its 90 per cent credible interval. A law reproduces the tests when its amplitudes are "
+        "within 5 per cent.",
+        (
+            *("configuration", "mode", "equation", "force", "parameter", "unit", "printed", "recomputed", "ours"),
+            *("low", "high", "printed_in_interval", "printed_percent_resonance", "recomputed_percent_resonance"),
+            *("ours_percent_resonance", "printed_reproduces", "recomputed_reproduces", "ours_reproduces", "erratum"),
+        ),
+    ),
+    "section_6_1_errors": KnownTable(
+        "Errors of the laws of section 6.1, point by point",
+        "Per cent error of resonant amplitude and of energy per cycle at each tested point, for each version of "
+        "each law.",
+    ),
+    "section_4_3_example": KnownTable(
+        "The example of section 4.3: what becomes of 67 per cent",
+        "The report extrapolates the first mode of Configuration II to 90 lb. Its numbers beside their "
+        "recomputation, with intervals where there are any.",
+    ),
+    "power_laws": KnownTable(
+        "Power laws of section 4.3, printed and recomputed",
+        "Exponent and coefficient from the printed and from the corrected tables, beside the printed values.",
+        (
+            *("mode", "form", "equation", "inputs", "p_printed", "p", "p_std_error", "p_low", "p_high"),
+            *("alpha_printed", "alpha_at_printed_p", "alpha", "erratum"),
+        ),
+    ),
+    "linear_coefficients": KnownTable(
+        "Linear coefficients against amplitude, section 4.1",
+        "The amplitude-dependent linear coefficient and the forces it is converted to, from one degree of freedom.",
+        (
+            *("mode", "model", "inputs", "parameter", "unit", "coefficient", "std_error", "t_ratio", "low", "high"),
+            *("report_method", "printed", "force", "force_coefficient", "printed_force", "erratum"),
+        ),
+    ),
+    "regressions": KnownTable(
+        "Regressions of chapter V, printed and recomputed",
+        "Every energy polynomial the report fitted, from printed, corrected and recovered inputs. R² is without a "
+        "constant.",
+        (
+            *("fit", "equation", "inputs", "cells_changed", "points", "term", "coefficient", "std_error", "t_ratio"),
+            *("printed", "force", "force_coefficient", "printed_force", "r_squared_without_constant"),
+            *("average_absolute_percent", "largest_absolute_percent", "erratum"),
+        ),
+    ),
+    "regression_deviations": KnownTable(
+        "Per cent deviations of Tables 5.II to 5.IV",
+        "The report's own column of per cent deviations beside those of our fits to printed, corrected and "
+        "recovered inputs.",
+    ),
+    "errata": KnownTable(
+        "Errata of the report",
+        "Misprints, misreadings and derivation errors with their proofs. Severity A changes results, B changes "
+        "numbers, C is minor.",
+        ("id", "severity", "where", "as_printed", "should_be"),
+    ),
+    "reproduction": KnownTable(
+        "Every printed result recomputed",
+        "Printed values beside what their own recipe gives, from the tables as printed and after correction.",
+        ("id", "where", "printed", "computed", "computed_after_correction", "agreement", "erratum", "reason"),
+    ),
 }
 
 
-def in_symbols(text: str) -> str:
-    """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
-    text = re.sub(r"\^(\d)(?![\d.])", lambda found: found[1].translate(_SUPERSCRIPT), text)
-    for pattern, symbol in SYMBOLS.items():
-        text = re.sub(pattern, symbol, text)
-    return text
+def known_table(name: str, frame: pd.DataFrame) -> list[Block]:
+    """A table that is known by name with what it says, folded where it is long."""
+    return _table(name, frame, KNOWN[name])
+
+
+def _table(name: str, frame: pd.DataFrame, known: KnownTable) -> list[Block]:
+    """A table, folded where it is long."""
+    shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
+    if len(shown) <= MOST_ROWS:
+        return [Table(shown, known.said or known.title, key=name)]
+    said = [Text(known.said)] if known.said else []
+    return [*said, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]

@@ -1,17 +1,16 @@
-"""Every printed number and every erratum in the report: how well each comes out, and why some do not."""
+"""Every erratum of the report with its proof and the numbers that it changes."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
 import pandas as pd
 
-from damping.report.page import Block, Fold, Heading, Part, Section, Table, Text
-from damping.report.results import ChapterResults, Svgs, figure
+from damping.report.page import Block, Fold, Heading, Section, Table, Text
 from damping.report.words import count, joined, number
-from damping_reed1970.common import AGREEMENTS, chapter_of, in_symbols
-from damping_reed1970.source import KNOWN
+from damping_reed1970.common import ReportPart
 
 SEVERITIES = {"A": "Errata that change results", "B": "Errata that change numbers", "C": "Minor errata"}
 #: Kinds as the reader sees them; the scan of the report has misreadings of its own.
@@ -27,38 +26,9 @@ KINDS = {
 MOST_NUMBERS = 3
 
 
-def reproduction(results: ChapterResults, svgs: Svgs) -> Part:
-    """Every printed number: counts by chapter and agreement, the picture, and all rows."""
-    rows = results.tables["reproduction"]
-    known = KNOWN["reproduction"]
-    close = rows["agreement"].isin(["printed digits", "last digit", "0.5 per cent"])
-    told = (rows["erratum"] != "") & ~close
-    silent = int((~(close | told) & (rows["reason"] == "")).sum())
-    blocks: list[Block] = [
-        Text(
-            f"{len(rows)} numbers that the report prints as results were recomputed by its own recipes from its own "
-            f"tables. {int(close.sum())} agree to the print or within half a per cent; {int(told.sum())} of the others "
-            f"carry an erratum, and {int((~close & ~told).sum())} give a reason, mostly the rounding of the numbers "
-            f"they were made from. {silent or 'None'} of them {'are' if silent > 1 else 'is'} off without a reason."
-        ),
-        Table(counts(rows), "Printed numbers by chapter and how well they come out.", key=""),
-        *figure(
-            svgs,
-            "reproduction",
-            "Per cent difference between each printed number and its recomputation, by group of ids (count).",
-        ),
-        Fold(
-            f"{known.title}: all {len(rows)} rows",
-            [Table(rows[list(known.columns)], known.said, key="reproduction")],
-        ),
-    ]
-    return Part(Section("reproduction", "Every printed number recomputed", blocks))
-
-
-def errata(results: ChapterResults) -> Part:
+def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
-    table = results.tables["errata"]
-    numbers = evidence(results.tables["reproduction"])
+    numbers = evidence(reproduction)
     sizes = table["severity"].value_counts()
     said = joined(f"{sizes.get(key, 0)} {words}" for key, words in
                   (("A", "change results"), ("B", "change numbers but no conclusion"), ("C", "are minor")))  # fmt: skip
@@ -76,7 +46,7 @@ def errata(results: ChapterResults) -> Part:
         shown = pd.DataFrame([shown_row(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
         one = Table(shown, f"{title}, with proofs.", key="errata")
         blocks += [Heading(title), one] if key == "A" else [Fold(f"{title}: {len(rows)}", [one])]
-    return Part(Section("errata", "Errata of the report", blocks))
+    return ReportPart(Section("errata", "Errata of the report", blocks))
 
 
 def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
@@ -89,20 +59,6 @@ def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
         "erratum": f"{erratum['id']}, {where}. Printed: {printed}. Right: {right}.",
         "proof": f"{said} Recomputed here: {numbers}." if numbers else said,
     }
-
-
-def counts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the reproduction by chapter and agreement, with the number that carry an erratum; a last row for all."""
-    chapter = rows["id"].map(chapter_of)
-    table = pd.crosstab(chapter, rows["agreement"]).reindex(columns=list(AGREEMENTS), fill_value=0)
-    table.insert(0, "printed numbers", table.sum(axis=1))
-    table["with erratum"] = (rows["erratum"] != "").groupby(chapter).sum()
-    table.loc["all"] = table.sum()
-    table.index = pd.Index([f"chapter {_ROMAN[n]}" if n in _ROMAN else str(n) for n in table.index])
-    return table.rename_axis("chapter").reset_index().rename_axis(columns=None)
-
-
-_ROMAN = {2: "II", 3: "III", 4: "IV", 5: "V"}
 
 
 def evidence(rows: pd.DataFrame) -> dict[str, str]:
@@ -120,3 +76,41 @@ def evidence(rows: pd.DataFrame) -> dict[str, str]:
 
 def _some(texts: list[str]) -> Iterable[str]:
     return texts if len(texts) <= MOST_NUMBERS else [*texts[:MOST_NUMBERS], f"and {len(texts) - MOST_NUMBERS} more"]
+
+
+_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: What stands in the data, as a pattern, and what the report writes.
+SYMBOLS = {
+    r"->": "→",
+    r"\+-": "±",
+    r"(?<=[\w)\]])( ?)\*( ?)(?=[\w(.])": r"\1·\2",
+    r"\b(?:Gamma)\b": "Γ",
+    r"(?<![A-Za-z])pi(?![A-Za-z])": "π",
+    r"(?<![A-Za-z])xi(?![A-Za-z])": "ξ",
+    r"(?<![A-Za-z])phi(?![A-Za-z])": "φ",
+    r"(?<![A-Za-z])eta(?![A-Za-z])": "η",
+    r"(?<![A-Za-z])omega(?![A-Za-z])": "ω",
+    r"(?<![A-Za-z])(?:w)(?![A-Za-z])": "ω",
+    r"\bwt\b": "ωt",
+    r"(?<![A-Za-z])psi(?![A-Za-z])": "ψ",
+    r"(?<![A-Za-z])int(?=[ _])": "∫",
+    r"\bLambda(?=_)": "Λ",
+    r"\balpha\b": "α",
+    r"\bbeta\b": "β",
+    r"\bdelta\b": "δ",
+    r"\bdW\b": "ΔW",
+    r"\bQd\b": "Q̇",
+    r"(?<=\d)pi": "π",
+    r"\bOLS\b": "least squares",
+    r"\bdof\b": "degree of freedom",
+    r"\bs\.e\.": "standard error",
+    r"\bsqrt\b": "√",
+}
+
+
+def in_symbols(text: str) -> str:
+    """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
+    text = re.sub(r"\^(\d)(?![\d.])", lambda found: found[1].translate(_SUPERSCRIPT), text)
+    for pattern, symbol in SYMBOLS.items():
+        text = re.sub(pattern, symbol, text)
+    return text

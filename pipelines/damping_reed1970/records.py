@@ -2,26 +2,21 @@
 
 The files ``data/saturn-v/records/NAME.csv`` and ``data/saturn-v/modes/NAME.toml`` are the texts returned here; a test
 compares them. Units are lb, in, s.
-
-Two gaps whose cause is known from the report: planar coupling of Configuration I, damping of Configuration II.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, pi, radians
 
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ
 from damping.errors import InputError
-from damping.gap.diagnose import Diagnosis, diagnose
-from damping.records.mode import Mode, Tolerance, Units
-from damping.records.record import Record
 from damping_reed1970.tables import load_table
 
-#: Tail displacement at unit modal displacement, and angle of the principal planes (Eq. 3.2.16).
-PHI_T2, THETA = 0.041, radians(28.0)
+#: Tail displacement at unit modal displacement of the second mode (Eq. 3.2.16).
+PHI_T2 = 0.041
+#: Angle of the principal planes, rad (Eq. 3.2.16).
+THETA = radians(28.0)
 
 RECORD_NAMES = ("config-1-mode-2-rough", "config-1-mode-2-pitch", "config-2-mode-1", "config-2-mode-2")
 
@@ -190,67 +185,3 @@ def _spread(column: pd.Series) -> float:
 def _check(name: str) -> None:
     if name not in RECORD_NAMES:
         raise InputError(f"unknown record '{name}'", expected=f"one of {', '.join(RECORD_NAMES)}")
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Both diagnoses."""
-
-    configuration_1: Diagnosis
-    configuration_2: Diagnosis
-
-
-def historic_gaps() -> Gaps:
-    """Both gaps diagnosed from their tables alone."""
-    return Gaps(configuration_1_gap(), configuration_2_gap())
-
-
-_UNITS = Units(force="lb", length="in", time="s")
-
-
-def configuration_1_gap() -> Diagnosis:
-    """Second mode of Configuration I as Table 3.III gives it against one plane with viscous damping.
-
-    Amplitude and phase of the mode (Table 3.III), modal force phi_t2 F and frequency (Table 3.I); simulation of Table
-    3.II with the average damping of Eq. 3.2.18 (xi = 0.005), whose 15 values scatter by 12 per cent of their mean.
-    """
-    motion, modal = load_table("3_I"), load_table("3_III", "corrected")
-    table = pd.DataFrame(
-        {
-            "sweep": "I",
-            "force": PHI_T2 * motion["force_lb"],
-            "frequency": motion["omega_rad_s"] / RAD_S_PER_HZ,
-            "amplitude": modal["modal_amplitude_A2_in"],
-            "phase": modal["modal_phase_rad"],
-        }
-    )
-    mode = Mode(
-        name="Configuration I, second mode, one plane",
-        frequency=11.39 / RAD_S_PER_HZ,
-        mass=21.0,
-        tolerance=Tolerance(frequency=0.001, mass=0.02, viscous=0.12),
-        units=_UNITS,
-        damping={"viscous": {"coefficient": 2.30}},
-        source="Table 3.II, Eq. 3.2.19",
-    )
-    return diagnose(Record(table, "Table 3.III"), mode)
-
-
-def configuration_2_gap() -> Diagnosis:
-    """First mode of Configuration II, three levels at phase resonance, against the viscous simulation of sweep A.
-
-    Tables 4.I and 4.II. Frequency, mass and damping are those of the lowest level, with the default tolerances of mass
-    and damping and, as the resonance was read to 0.001 Hz, of 0.0006 for the frequency.
-    """
-    record = report_record("config-2-mode-1")
-    first = record.iloc[0]
-    mode = Mode(
-        name="Configuration II, first mode, as sweep A",
-        frequency=float(first["frequency"]),
-        mass=float(first["mass"]),
-        tolerance=Tolerance(frequency=0.0006),
-        units=_UNITS,
-        damping={"viscous": {"coefficient": float(load_table("4_II")["C1_lb_s_per_in"].iloc[0])}},
-        source="Tables 4.I and 4.II, sweep A",
-    )
-    return diagnose(Record(record, "Tables 4.I and 4.II"), mode)

@@ -2,8 +2,6 @@
 
 Source: R. R. Reed, *Determination of Modal Damping for Launch Vehicles Using Experimental Data*, NASA contract
 NAS8-21110. The files and the meaning of every column are described in ``data/saturn-v/README.md``.
-
-Columns of a table as arrays, and results by point.
 """
 
 from __future__ import annotations
@@ -17,6 +15,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping_pipelines.exhibits import shipped_folder
 
 Version = Literal["printed", "corrected", "used"]
 Run = Literal["E3", "E4"]
@@ -28,17 +27,12 @@ TABLE_NAMES = (
 
 
 def data_folder() -> Path:
-    """Folder ``data`` of the project: the packaged copy where there is one, else the repository's.
+    """Folder with ``saturn-v``: the packaged copy where there is one, else the repository's.
 
     Raises:
         InputError: neither exists (an incomplete installation).
     """
-    package = Path(__file__).resolve().parents[1]
-    candidates = (package / "_data", package.parent / "data")
-    for folder in candidates:
-        if (folder / "saturn-v").is_dir():
-            return folder
-    raise InputError("the report's data are not installed", expected=f"a folder {candidates[0]} or {candidates[1]}")
+    return shipped_folder(Path(__file__).resolve().parent, "saturn-v").parent
 
 
 def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.DataFrame:

@@ -10,16 +10,16 @@ import numpy as np
 import pandas as pd
 
 from damping.errors import InputError
-from damping.extrapolation import leave_higher_levels_out
+from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
-from damping.extrapolation.prediction import PARTS, Loads, predict
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.plots.style import with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
-from damping_pipelines.rank import plan_record, sample_members
 from damping_pipelines.store import write_bytes, write_text
+from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 
 LEVEL = 0.9
@@ -44,11 +44,14 @@ CITATIONS = {
 }
 #: Records whose law changes at the top of the test.
 WARNED = ("sloshing-tank",)
-_GRID, _DPI = 40, 130
+#: Forces at which a band is drawn.
+_GRID = 40
+#: Dots per inch of the figure.
+_DPI = 130
 
 
 @dataclass(frozen=True)
-class Result:
+class BandResult:
     """One structure: what was predicted, on a grid and at ``RATIOS``, and the check with levels left out."""
 
     name: str
@@ -79,21 +82,20 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
     print(f"{out / 'README.md'} written")
 
 
-def result(folder: Path, seed: int) -> Result:
+def result(folder: Path, seed: int) -> BandResult:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     data = near_resonance(record)
-    plan = plan_record(data, mode, seed)
     largest = data.tested_force.max()
-    members = sample_members(plan, largest * np.array(RATIOS), seed)
+    predicted = extrapolate_loads(data, largest * np.array(RATIOS), LEVEL, seed, mode=mode, progress=progress)
     forces = np.geomspace(data.tested_force.min(), 1.1 * RATIOS[-1] * largest, _GRID)
-    return Result(
+    return BandResult(
         name=folder.name,
         mode=mode,
-        plan=plan,
-        grid=predict(members, forces, data, LEVEL, seed, plan),
-        at=predict(members, largest * np.array(RATIOS), data, LEVEL, seed, plan),
-        left_out=leave_higher_levels_out(data, LEVEL, seed, mode.mass),
+        plan=predicted.plan,
+        grid=predicted.predict_at(forces),
+        at=predicted.loads,
+        left_out=leave_higher_levels_out(data, LEVEL, seed, mode),
     )
 
 
@@ -119,7 +121,7 @@ def loads_table(loads: Loads) -> pd.DataFrame:
     )
 
 
-def figure(one: Result) -> bytes:
+def figure(one: BandResult) -> bytes:
     """The figure of one structure as PNG."""
     data, units = one.plan.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
@@ -135,7 +137,7 @@ def figure(one: Result) -> bytes:
     return buffer.getvalue()
 
 
-def page(results: list[Result], seed: int) -> str:
+def page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
     goals = [row for one in results for row in _goals(one)]
     checks = pd.concat([one.left_out for one in results], ignore_index=True)
@@ -179,7 +181,7 @@ def _medians(given: pd.DataFrame) -> str:
     return "; ".join(parts)
 
 
-def _goals(one: Result) -> list[str]:
+def _goals(one: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
     if one.name in WARNED:
         refused = np.isnan(one.at.average.median).all()
@@ -199,7 +201,7 @@ def _yes(met: bool) -> str:
     return "yes" if met else "no"
 
 
-def _section(one: Result) -> str:
+def _section(one: BandResult) -> str:
     """One structure: figure, table, what was left out, citation."""
     units, plan = one.mode.units, one.plan
     force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
@@ -232,5 +234,5 @@ def _row(loads: Loads, i: int) -> str:
     )
 
 
-def _title(one: Result) -> str:
+def _title(one: BandResult) -> str:
     return CITATIONS[one.name][0] if one.name in CITATIONS else one.mode.name

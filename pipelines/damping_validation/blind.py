@@ -20,7 +20,7 @@ from damping.errors import InputError
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
-from damping_validation.generator import BLIND_CASES, BLIND_SEED, Case, Stratum, draw_case, strata
+from damping_validation.generator import BLIND_CASES, BLIND_SEED, BlindCase, Stratum, draw_case, strata
 from damping_validation.scorer import read_sealed, score
 from damping_validation.scorer_output import write_scores
 
@@ -32,16 +32,18 @@ __all__ = ["BLIND_CASES", "BLIND_SEED", "blind", "make_cases"]
 _REPORTED = 25  # cases between two lines of progress
 
 
-def blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
+def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
     written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.write_scores``).
-    Cases that the same generator sealed there before, for the same seed, are used again.
+    Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
+    kept for blind cases.
 
     Raises:
         InputError: fewer than one case, or an ``out`` that holds the cases of another run.
     """
+    seed = BLIND_SEED if seed is None else seed
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
     folder, labels = out / "cases", out / "labels.sealed.json"
@@ -129,7 +131,7 @@ def _names(n: int, seed: int) -> list[str]:
     return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False).tolist()]
 
 
-def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[Case]:
+def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[BlindCase]:
     workers = min(jobs or os.cpu_count() or 1, len(tasks))
     if workers == 1:
         yield from map(_drawn, tasks)
@@ -138,5 +140,5 @@ def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[Case]:
         yield from pool.map(_drawn, tasks, chunksize=4)
 
 
-def _drawn(task: _Task) -> Case:
+def _drawn(task: _Task) -> BlindCase:
     return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}", task.nearest)

@@ -38,8 +38,10 @@ from damping_validation.calibration import (
 )
 from damping_validation.truths import TRUTHS
 
-#: Law of the trials with whole sweeps, and of those sampled by emcee.
-SWEPT, CHAINED = Law(("viscous", "velocity-squared")), Law(("velocity-power",))
+#: Law of the trials with whole sweeps.
+SWEPT = Law(("viscous", "velocity-squared"))
+#: Law of the trials sampled by emcee.
+CHAINED = Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
 _DPI = 130

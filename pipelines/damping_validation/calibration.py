@@ -11,6 +11,7 @@ joint that no candidate is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
@@ -21,13 +22,12 @@ from scipy.stats import binom
 from scipy.stats import t as student
 
 from damping.arrays import BoolArray, FloatArray, Floats
-from damping.extrapolation import LEAST_WEIGHT, members_of, sample_members
+from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import at_resonance
-from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import predict
-from damping.forces import CATALOGUE, make
-from damping.forces.contract import Force, Sum
+from damping.forces import CATALOGUE, component
+from damping.forces.contract import AveragedForce, Force, Sum
+from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
 from damping.infer.chains import sample
 from damping.infer.evidence import evidence, laplace
 from damping.infer.law import Coordinates, Law
@@ -37,11 +37,10 @@ from damping_validation.truths import OMEGA, draw_truth, peaks, sweeps
 
 
 @dataclass(frozen=True)
-class Iwan(Force):
+class Iwan(AveragedForce):
     """Joint of sliders that slip at the displacements x with density R x^chi up to ``limit`` (Segalman 2005, no spike).
 
-    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx. Only the
-    average is given, so the cycle is the equivalent viscous one, C cos(theta).
+    A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx.
     """
 
     strength: Floats
@@ -51,6 +50,11 @@ class Iwan(Force):
     name: ClassVar[str] = "iwan"
     label: ClassVar[str] = "Iwan joint"
     formula: ClassVar[str] = "sliders of density R x^chi up to the limit"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("strength", FORCE / LENGTH**2.0 / LENGTH ** "chi", least=0.0),
+        Shape("chi", above=-2.0),
+        Shape("limit", LENGTH, above=0.0),
+    )
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit)."""
@@ -64,13 +68,9 @@ class Iwan(Force):
         x = np.minimum(A, self.limit)
         return np.asarray(4.0 / np.pi * self.strength * x**n / (n * A) + 0.0 * omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C cos(theta)."""
-        return self.quadrature(A, omega) * np.cos(theta)
-
 
 @dataclass(frozen=True)
-class Structure:
+class KnownStructure:
     """A damping force by name; ``law`` is its own among the candidates, None where it has none."""
 
     name: str
@@ -82,15 +82,17 @@ class Structure:
         return resonant_amplitude(self.force, force, OMEGA)
 
 
+#: Forces that are no candidates, by name.
+BUILDERS: dict[str, Callable[..., Force]] = {Iwan.name: Iwan}
+
+
 def carrying(share: float, name: str, **shapes: float) -> Force:
     """The force called ``name`` that carries ``share`` at the amplitude 1 and ``OMEGA``."""
-    if name == "iwan":
-        return Iwan(share / float(Iwan(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
-    scale = "stiffness" if name == "slip" else "coefficient"
-    return make(name, **{scale: share / float(make(name, **{scale: 1.0}, **shapes).quadrature(1.0, OMEGA))}, **shapes)
+    build = BUILDERS.get(name) or component(name).build
+    return build(share / float(build(1.0, **shapes).quadrature(1.0, OMEGA)), **shapes)
 
 
-def structures() -> tuple[Structure, ...]:
+def structures() -> tuple[KnownStructure, ...]:
     """The structures that predictions are tried on."""
     shares = {
         "viscous": {"viscous": 1.0},
@@ -99,7 +101,7 @@ def structures() -> tuple[Structure, ...]:
         "viscous + coulomb": {"viscous": 0.7, "coulomb": 0.3},
     }
     sums = [
-        Structure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
+        KnownStructure(n, Sum(tuple(carrying(s, f) for f, s in parts.items())), Law(tuple(parts)))
         for n, parts in shares.items()
     ]
     power = Sum((carrying(1.0, "velocity-power", exponent=1.6),))
@@ -107,14 +109,14 @@ def structures() -> tuple[Structure, ...]:
     iwan = Sum((carrying(0.4, "viscous"), carrying(0.6, "iwan", chi=-0.6, limit=4.0)))
     return (
         *sums,
-        Structure("velocity-power", power, Law(("velocity-power",))),
-        Structure("viscous + slip", slip, Law(("viscous", "slip"))),
-        Structure("viscous + Iwan joint", iwan, None),
+        KnownStructure("velocity-power", power, Law(("velocity-power",))),
+        KnownStructure("viscous + slip", slip, Law(("viscous", "slip"))),
+        KnownStructure("viscous + Iwan joint", iwan, None),
     )
 
 
 def simulated_levels(
-    structure: Structure, levels: int, span: float, noise: float, rng: np.random.Generator
+    structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
     """A test of ``levels`` forces, equally spaced in the logarithm from ``span``^(-1/2) to ``span``^(1/2).
 
@@ -133,20 +135,31 @@ CANDIDATES = (
 )
 #: Largest over smallest tested force of the fixed structures.
 SPAN = 4.0
-#: Forces predicted, relative to the largest tested one; content of the bands.
-RATIOS, LEVEL = (1.5, 2.0, 4.0), 0.9
-#: Bounds of what is drawn for a trial: levels, largest over smallest force, noise; share tested by whole sweeps.
-LEVELS, SPANS, NOISES, SWEPT_SHARE = (2, 6), (1.3, 4.0), (0.003, 0.04), 0.15
+#: Forces predicted, relative to the largest tested one.
+RATIOS = (1.5, 2.0, 4.0)
+#: Probability content of the bands.
+LEVEL = 0.9
+#: Levels of a trial, fewest and most.
+LEVELS = (2, 6)
+#: Largest over smallest force of a trial, least and most.
+SPANS = (1.3, 4.0)
+#: Noise of a trial, standard deviation of ln A, least and most.
+NOISES = (0.003, 0.04)
+#: Share of trials tested by whole sweeps.
+SWEPT_SHARE = 0.15
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
-    *(Law((name,)) for name in CATALOGUE if name != "coulomb"),
-    *(Law(("viscous", name)) for name in ("displacement", "velocity-squared", "displacement-velocity")),
-    *(Law(("viscous", name)) for name in ("quadratic-displacement", "coulomb", "slip")),
+    *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
 )
-#: Forces of calibration data; amplitudes beyond this factor from 1 either way are not drawn.
-_FORCES, _RANGE = np.geomspace(0.5, 2.0, 4), 100.0
+#: What the calibration data are taken to cover, for the priors of shapes.
+TESTED = Tested(0.5, 2.0, OMEGA)
+#: Forces of calibration data, of the order of one.
+_FORCES = np.geomspace(0.5, 2.0, 4)
+#: Amplitudes beyond this factor from 1 either way are not drawn.
+_RANGE = 100.0
 
 
 @dataclass(frozen=True)
@@ -187,9 +200,9 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
     data = at_resonance(sweeps(truth, tested, noise, rng)) if swept else peaks(tested, read)
     force = tested[-1] * np.array(RATIOS)
-    plan = plan_loads(data, CANDIDATES, seed, estimate=laplace if way == "fast" else evidence)
-    members = sample_members(plan, force, seed) if way == "chains" else members_of(plan, LEAST_WEIGHT)
-    band = predict(members, force, data, LEVEL, seed, plan).average
+    estimate, sampler = laplace if way == "fast" else evidence, sample_chains if way == "chains" else draw_evidence
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, estimate=estimate, sampler=sampler)
+    band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))
     return Coverage(
@@ -202,8 +215,8 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
         width=np.log(band.high / band.low),
         oracle=oracle_width(truth.law, data, force) if truth.law else np.full(len(force), np.nan),
         error=np.log(band.median / true),
-        winner=plan.laws[0].name,
-        true=plan.laws[0].law == truth.law,
+        winner=leading.name,
+        true=leading == truth.law,
     )
 
 
@@ -212,7 +225,7 @@ def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
 
     Least squares of ln A over the parameters, Student's t with the levels' degrees of freedom; NaN without any.
     """
-    coordinates = Coordinates(law, data.reference, (0.1 * data.tested_amplitude.min(), 1.0), False)
+    coordinates = replace(Coordinates.of(law, data), with_level_scatter=False, with_doubt=False)
     k = coordinates.dimension - 1  # the last is the scatter, which least squares has no use for
     freedom = len(data.tested_force) - k
     if freedom < 1:
@@ -226,7 +239,8 @@ def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
         return np.where(np.isfinite(value), value, 10.0)
 
     starts = np.random.default_rng(0).standard_normal((4, k))
-    best = min((least_squares(left, start, diff_step=1e-4) for start in starts), key=lambda found: float(found.cost))
+    fits = [least_squares(left, start, diff_step=np.full(k, 1e-4)) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.cost))
     steps = 1e-4 * np.eye(k)
     slopes = np.array([log_amplitude(best.x + d, force) - log_amplitude(best.x - d, force) for d in steps]).T / 2e-4
     jacobian = np.asarray(best.jac)
@@ -245,7 +259,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
         chains: sample by emcee; by importance draws otherwise.
     """
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), False)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, False)
     true = _prior_draw(coordinates, rng)
     noise = coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))
     data = peaks(_FORCES, _amplitudes(coordinates, true)[0] * np.exp(noise))
@@ -255,7 +269,7 @@ def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
 def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
     """The same from whole sweeps: four of nine rows between the half-power points, with scatter of rows and levels."""
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), (0.05, 2.0), True)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, True)
     true = _prior_draw(coordinates, rng)
     row, level = (float(value[0]) for value in coordinates.scatter(true))
     phase = np.tile(np.linspace(0.25 * np.pi, 0.75 * np.pi, 9), len(_FORCES))

@@ -41,7 +41,8 @@ def coverage(table: pd.DataFrame, level: float) -> Figure:
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, column, goal in ((left, "held", level), (right, "above", 0.5 * (1.0 - level))):
         ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
-        for shift, (ratio, rows) in zip((-0.22, 0.0, 0.22), table.groupby("ratio"), strict=True):
+        for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
+            rows = table[table["ratio"] == ratio]
             place = np.array([names.index(name) for name in rows["truth"]]) + shift
             found = [binomtest(int(k), int(n)) for k, n in zip(rows[column], rows["given"], strict=True)]
             limits = [result.proportion_ci(0.95, "wilson") for result in found]

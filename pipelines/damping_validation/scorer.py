@@ -17,7 +17,12 @@ from scipy.stats import binomtest, bootstrap
 from damping.errors import InputError
 from damping_validation.verdicts import Verdict, read_verdicts
 
-DETECTABLE, CLEAR, LARGE = 1.0, 2.0, 4.0  # gaps, sigma
+#: Gap, sigma, from which on a diagnosis is asked to see an effect.
+DETECTABLE = 1.0
+#: Gap, sigma, from which on the explanation is asked to close it.
+CLEAR = 2.0
+#: Gap, sigma, from which on nothing may be missed.
+LARGE = 4.0
 CONFIDENT = 0.95
 #: Root sum of squares by which the nearest other effect must miss a record for the record to tell them apart.
 APART = 5.0

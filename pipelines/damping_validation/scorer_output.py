@@ -16,7 +16,12 @@ from damping_validation.blind_page import blind_page
 from damping_validation.scorer import DETECTABLE, Figure, Goal
 from damping_validation.verdicts import Verdict
 
-NONE, SEVERAL, BOTH, OPEN, FAILED = "none", "several", "both of the pair", "unexplained", "no answer"
+# Answers that name no single class, as the confusion matrix heads them.
+NONE = "none"
+SEVERAL = "several"
+BOTH = "both of the pair"
+OPEN = "unexplained"
+FAILED = "no answer"
 _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)
 
 

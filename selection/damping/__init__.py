@@ -1,21 +1,50 @@
-"""Damping models from vibration tests: which law, how sure, how large at the design load."""
+"""Damping models from vibration tests: which law, how sure, how large at the design load.
 
+``import damping as dp``: the names of ``__all__`` are the library's interface, loaded when first asked for.
+"""
+
+import os
+import sys
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
-#: What ``from damping import ...`` gives, and where it lives: loaded when asked for, since it takes a second.
-_SHORTCUTS = {
-    "read_record": "damping.records.reading",
-    "read_mode": "damping.records.mode",
-    "rank": "damping.api",
+#: Where each name of the interface lives.
+_HOMES = {
+    "AnalysisError": "damping.errors",
+    "InputError": "damping.errors",
+    "Law": "damping.infer.law",
+    "Mode": "damping.records.mode",
+    "Record": "damping.records.record",
+    "Refused": "damping.errors",
+    "check": "damping.api",
+    "condition": "damping.api",
+    "diagnose": "damping.api",
     "extrapolate": "damping.api",
+    "rank": "damping.api",
+    "read_mode": "damping.records.mode",
+    "read_record": "damping.records.reading",
+    "regress": "damping.api",
+    "sweep": "damping.api",
 }
+__all__ = sorted(_HOMES)
+
+# The matrices here are small: threads of the linear algebra cost more than they give, and work is spread over records
+# and laws instead. One thread also makes results independent of the number of cores. The variables are read when numpy
+# is loaded; where it is already (a notebook), each function of the interface limits the threads while it runs.
+if "numpy" not in sys.modules:
+    for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(_name, "1")
 
 
 def __getattr__(name: str) -> Any:
-    """One of the shortcuts, loaded now."""
-    if name not in _SHORTCUTS:
+    """One of the names of the interface, loaded now."""
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_SHORTCUTS[name]), name)
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    """The interface, whatever parts of the library are loaded."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__") and name.endswith("__"))})

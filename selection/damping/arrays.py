@@ -1,17 +1,21 @@
-"""Names of array types used in signatures.
+"""Names of array types used in signatures; results as plain Python values.
 
 Unit constants with their sources.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from math import pi
-from typing import TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 #: A number or an array of numbers that broadcasts with the others of the call.
@@ -28,3 +32,20 @@ INCH_M = 0.0254
 POUND_FORCE_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 #: Cycles per second to radians per second.
 RAD_S_PER_HZ = 2.0 * pi
+
+
+def plain(value: Any) -> Any:
+    """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value

@@ -41,5 +41,9 @@ class InputError(DampingError):
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+class Refused(InputError):  # noqa: N818 - the name is part of the interface
+    """A record that was read but cannot be what it seems: any answer would be wrong. The message names the check."""
+
+
 class AnalysisError(DampingError):
     """The analysis cannot be done on this (valid) data; the message says why."""

@@ -1,23 +1,50 @@
-"""The two functions of the shortest way give what the commands give."""
+"""The library as it is imported: its names, results as objects, bad arguments, and what the commands give."""
 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from contextlib import contextmanager
 
+import matplotlib
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.figure import Figure
+from threadpoolctl import threadpool_info
 
-import damping
-from damping import api, extrapolate, rank, read_mode, read_record
-from damping import ranking as compare_ranking
+import damping as dp
+from damping import api, extrapolation, ranking
 from damping.infer.law import Law
-from damping_pipelines import rank as extrapolate_command
-from damping_pipelines import rank as rank_command
+from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
 from damping_reed1970.tables import data_folder
 
 SATURN = data_folder() / "saturn-v"
 RECORD, MODE = SATURN / "records" / "config-2-mode-1.csv", SATURN / "modes" / "config-2-mode-1.toml"
+LAWS = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("velocity-power",)))
+API = {
+    *("AnalysisError", "InputError", "Law", "Mode", "Record", "condition", "diagnose", "extrapolate", "rank"),
+    *("read_mode", "read_record", "regress", "sweep"),
+}
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    """What stands for all candidates: the way is tested here, not the laws."""
+    monkeypatch.setattr(api, "candidate_laws", lambda data: LAWS)
+    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS[1:])
+
+
+@pytest.fixture
+def record() -> dp.Record:
+    return dp.read_record(RECORD)
+
+
+@pytest.fixture
+def mode() -> dp.Mode:
+    return dp.read_mode(MODE)
 
 
 def command(capsys, *words: object) -> dict:
@@ -27,36 +54,251 @@ def command(capsys, *words: object) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.fixture(autouse=True)
-def few_laws(monkeypatch):
-    """What stands for all candidates: the way is tested here, not the laws."""
-    laws = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("velocity-power",)))
-    for module in (compare_ranking, rank_command):
-        monkeypatch.setattr(module, "candidate_laws", lambda data: laws)
-    for module in (api, extrapolate_command):
-        monkeypatch.setattr(module, "load_candidates", lambda data: laws[1:])
+def plain_json(value: object) -> object:
+    """What JSON makes of plain values: fails on NaN and on what is not plain."""
+    return json.loads(json.dumps(value, allow_nan=False))
 
 
-def test_rank_is_the_command(capsys):
-    table = rank(read_record(RECORD))
-    models = command(capsys, "rank", RECORD, "--mode", MODE)["models"]
-    assert list(table["law"]) == [model["name"] for model in models]
-    # the same numbers; JSON keeps every digit
-    np.testing.assert_allclose(table["weight"], [model["weight"] for model in models], rtol=1e-12, atol=0.0)
+def check_drawing(result) -> None:
+    """A figure of its own, which a notebook shows, or the axes that were given."""
+    figure = result.plot()
+    assert isinstance(figure, Figure)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    axes = Figure().add_subplot()
+    assert result.plot(axes) is axes
+    assert axes.has_data()
+    assert "matplotlib.pyplot" not in sys.modules or matplotlib.pyplot.get_fignums() == []
+
+
+def test_the_interface_is_what_dir_shows():
+    names = {name for name in dir(dp) if not name.startswith("__")}
+    assert names == set(dp.__all__) >= API
+    for name in names:
+        assert getattr(dp, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'guess'"):
+        _ = dp.guess
+
+
+def test_importing_loads_nothing():
+    code = "import damping, sys; print([m for m in ('numpy', 'pandas', 'scipy', 'matplotlib') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_one_thread_also_where_numpy_was_there_before(record, monkeypatch):
+    threads = []
+
+    def look(*_: object, **__: object):
+        threads.extend(found["num_threads"] for found in threadpool_info())
+        raise dp.AnalysisError("seen")
+
+    monkeypatch.setattr(api, "rank_laws", look)
+    with pytest.raises(dp.AnalysisError, match="seen"):
+        dp.rank(record)
+    assert threads
+    assert set(threads) == {1}
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_rank_is_the_command(capsys, record, mode):
+    result = dp.rank(record, mode)
+    assert list(result.table)[:5] == ["rank", "law", "weight", "score", "held_out_error"]
+    assert result.table["rank"].tolist() == [1, 2, 3]
+    assert result.to_json() == command(capsys, "rank", RECORD, "--mode", MODE)
+    assert plain_json(result.to_json()) == result.to_json()
+    # sums of weights: rounding of three numbers below 1
+    np.testing.assert_allclose(result.table["weight"].sum(), 1.0, rtol=1e-12, atol=0.0)
+    assert "viscous + velocity-squared" in repr(result)
+    assert "<table" in result._repr_html_()
+    check_drawing(result)
 
 
 @pytest.mark.sampling
-def test_extrapolate_is_the_command(capsys):
-    table = extrapolate(read_record(RECORD), read_mode(MODE), [60.0, 90.0], level=0.8)
-    wanted = command(capsys, "extrapolate", RECORD, "--mode", MODE, "--force", 60, "--force", 90, "--level", 0.8)[
-        "predictions"
-    ]
-    for column, key in (("median", "median"), ("low", "low"), ("high", "high"), ("linear", "linear")):
-        # the same numbers; JSON keeps every digit
-        np.testing.assert_allclose(table[column], [one[key] for one in wanted], rtol=1e-12, atol=0.0)
-    assert [said.split("; ") if said else [] for said in table["cautions"]] == [one["cautions"] for one in wanted]
+@pytest.mark.usefixtures("few_laws")
+def test_laws_of_a_ranking_are_sampled_and_go_to_arviz(record):
+    result = dp.rank(record)
+    law = result["velocity-squared + viscous"]
+    assert law.law == result["viscous + velocity-squared"].law
+    sample = law.sample(seed=1)
+    assert sample.posterior.converged
+    data = sample.to_arviz()
+    assert set(data.posterior.data_vars) >= {"viscous", "velocity-squared"}
+    again = law.to_arviz(seed=1)
+    np.testing.assert_array_equal(data.posterior["viscous"], again.posterior["viscous"])
+    with pytest.raises(dp.InputError, match=r"no law 'viscos'.*viscous"):
+        result["viscos"]
 
 
-def test_other_names_are_unknown():
-    with pytest.raises(AttributeError, match="no attribute 'guess'"):
-        _ = damping.guess
+@pytest.mark.sampling
+@pytest.mark.usefixtures("few_laws")
+def test_extrapolate_is_the_command(capsys, record, mode):
+    result = dp.extrapolate(record, mode, [60.0, 90.0], level=0.8)
+    wanted = command(capsys, "extrapolate", RECORD, "--mode", MODE, "--force", 60, "--force", 90, "--level", 0.8)
+    assert result.to_json() == wanted
+    keys = set(wanted["predictions"][0]) - {"by_model", "parts_percent"}
+    assert keys <= set(result.table.columns)
+    for row, prediction in zip(result.table.to_dict("records"), wanted["predictions"], strict=True):
+        assert all(row[key] == prediction[key] for key in keys - {"cautions"})
+        assert row["cautions"] == "; ".join(prediction["cautions"])
+    assert "90 " in str(result)
+    check_drawing(result)
+
+
+@pytest.mark.parametrize("forces", [[-5.0], [0.0], [float("nan")], [float("inf")], [], ["60"], 60.0, [True]])
+def test_bad_forces_are_refused_before_any_work(record, mode, forces, monkeypatch):
+    monkeypatch.setattr(api, "near_resonance", lambda record: pytest.fail("work began"))
+    with pytest.raises(dp.InputError, match="force"):
+        dp.extrapolate(record, mode, forces)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -1.0, 90, float("nan"), "0.9"])
+def test_bad_levels_are_refused_before_any_work(record, mode, level):
+    with pytest.raises(dp.InputError, match="level"):
+        dp.extrapolate(record, mode, [60.0], level)
+
+
+def test_other_kinds_of_arguments_are_refused(record, mode):
+    with pytest.raises(dp.InputError, match="record is a DataFrame; expected a Record"):
+        dp.rank(record.table)
+    with pytest.raises(dp.InputError, match="mode is a Record"):
+        dp.extrapolate(record, record, [60.0])
+    with pytest.raises(dp.InputError, match="mode is a str"):
+        dp.diagnose(record, "mode.toml")
+    with pytest.raises(dp.InputError, match="force -2"):
+        dp.sweep(mode, force=-2.0, frequency=[1.0, 2.0])
+    with pytest.raises(dp.InputError, match="frequencies out of range"):
+        dp.sweep(mode, force=2.0, frequency=[2.0, 1.0])
+
+
+def test_a_sweep_is_a_record_that_can_be_ranked_and_diagnosed(mode, capsys, tmp_path):
+    swept = dp.sweep(mode, force=[20.0, 30.0], frequency=np.linspace(1.6, 1.73, 25))
+    assert swept.table["sweep"].unique().tolist() == ["A", "B"]
+    assert plain_json(swept.to_json())["rows"][0]["force"] == 20.0
+    check_drawing(swept)
+    path = tmp_path / "record.csv"
+    path.write_text(record_to_csv(swept.record))
+    result = dp.diagnose(swept.record, mode)
+    form = result.to_json()
+    assert form["effects"] == []  # the record is the simulation
+    assert form == {**command(capsys, "gap", MODE, path, "--no-posterior")}
+    assert list(result.table) == ["effects", "probability"]
+    assert "already fits" in repr(result)
+    check_drawing(result)
+
+
+def test_regress_is_the_command(capsys):
+    table = SATURN / "tables" / "table_5_II.csv"
+    terms = "A_in^2*omega_rad_s, A_in^3*omega_rad_s"
+    result = dp.regress(pd.read_csv(table), response="E_in_lb", terms=terms.split(","))
+    wanted = command(capsys, "regress", table, "--response", "E_in_lb", "--terms", terms)
+    assert {**result.to_json(), "data": "table_5_II.csv"} == wanted
+    assert result.table["name"].tolist() == ["A_in^2*omega_rad_s", "A_in^3*omega_rad_s"]
+    assert "E_in_lb" in repr(result)
+    check_drawing(result)
+    for bad, match in (({"response": "E"}, "no column 'E'"), ({"terms": "A_in^"}, "term"), ({"select": "all"}, "all")):
+        with pytest.raises(dp.InputError, match=match):
+            dp.regress(pd.read_csv(table), **{"response": "E_in_lb", "terms": terms, **bad})
+
+
+def test_condition_is_the_command(capsys, tmp_path):
+    raw, config = SATURN / "raw" / "config-1-mode-2.csv", SATURN / "condition.toml"
+    result = dp.condition(pd.read_csv(raw), config)
+    out = tmp_path / "record.csv"
+    with pytest.raises(SystemExit) as stopped:
+        main(["condition", str(raw), "--config", str(config), "--out", str(out)])
+    assert not stopped.value.code
+    capsys.readouterr()
+    read = dp.read_record(out).table
+    # CSV keeps every digit; the labels and kept columns may be text in one and numbers in the other
+    numbers = ["force", "frequency", "amplitude", "phase"]
+    np.testing.assert_allclose(result.table[numbers], read[numbers], rtol=1e-14, atol=0.0)
+    assert result.steps
+    with pytest.raises(dp.InputError, match="unknown key"):
+        dp.condition(pd.read_csv(raw), {"sensor": []})
+    with pytest.raises(dp.InputError, match="no column"):
+        dp.condition(pd.DataFrame({"a": [1.0]}), config)
+
+
+GOOD = pd.DataFrame({"sweep": [1, 1, 2], "force": [1, 1, 2.0], "frequency": [1.0, 1.1, 1.0], "amplitude": [1.0, 2, 3]})
+
+
+def test_a_record_of_a_frame_is_the_record_of_its_file(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text(record_to_csv(GOOD))
+    frame = GOOD.set_axis([7, 8, 9], axis=0)
+    made = dp.Record(frame)
+    pd.testing.assert_frame_equal(made.table, dp.read_record(path).table)
+    made.table["force"] = 0.0
+    assert frame["force"].tolist() == [1.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "expected"),
+    [
+        ("force", -1.0, "-1.*expected a force amplitude > 0"),
+        ("amplitude", 0.0, "expected a displacement amplitude > 0"),
+        ("frequency", 1e60, "magnitude"),
+        ("phase", 90.0, "degrees"),
+        ("energy", 0.0, "energy per cycle > 0"),
+        ("amplitude_sd", -0.1, "standard uncertainty >= 0"),
+    ],
+)
+def test_what_a_file_may_not_hold_a_frame_may_not_either(tmp_path, column, value, expected):
+    table = GOOD.assign(**{column: [1.0, value, 1.5]})
+    with pytest.raises(dp.InputError, match=f"record, column {column}: .* in row 1.*{expected.split('.*')[-1]}"):
+        dp.Record(table)
+    path = tmp_path / "r.csv"
+    path.write_text(record_to_csv(table))
+    with pytest.raises(dp.InputError, match=f"line 3, column {column}: .*{expected.split('.*')[-1]}"):
+        dp.read_record(path)
+
+
+def test_frames_that_are_no_record():
+    for table, match in (
+        (GOOD.drop(columns="force"), "missing column force"),
+        (GOOD.iloc[:0], "no data rows"),
+        (GOOD.to_dict(), "no table"),
+        (pd.concat([GOOD, GOOD.iloc[:1]]), "identical in every column to row 0 in row 3"),
+        (GOOD.assign(force=["1", "x", "2"]), "'x' in row 1; expected a finite number"),
+        (GOOD.assign(force=[1.0, np.nan, 2.0]), "'nan' in row 1"),
+        (GOOD.assign(sweep=["a", None, "b"]), "column sweep: 'None' in row 1; expected text"),
+    ):
+        with pytest.raises(dp.InputError, match=match):
+            dp.Record(table)
+
+
+def test_a_mode_is_checked_when_it_is_made():
+    mode = dp.Mode(
+        name="m",
+        frequency=2,
+        mass=np.float64(3.0),
+        damping={"viscous": 1.5},
+        units={"force": "N"},
+        tolerance={"mass": 0.1},
+    )
+    assert mode.damping == {"viscous": {"coefficient": 1.5}}
+    assert (mode.units.force, mode.tolerance.mass, mode.tolerance.frequency) == ("N", 0.1, 0.001)
+    for changed, match in (
+        ({"frequency": -2.0}, "frequency: is -2; expected a number > 0"),
+        ({"mass": float("nan")}, "mass: is nan"),
+        ({"damping": {"viscos": 1.0}}, "unknown key in .damping.; expected viscous"),
+        ({"damping": {"viscous": -1.0}}, "viscous: is -1"),
+        ({"tolerance": {"masss": 1.0}}, "expected mass"),
+        ({"name": 3}, "name: is a number"),
+    ):
+        with pytest.raises(dp.InputError, match=match):
+            dp.Mode(**{"name": "m", "frequency": 2.0, "mass": 3.0, **changed})
+
+
+def test_progress_is_seen(record, monkeypatch):
+    monkeypatch.setattr(api, "candidate_laws", lambda data: LAWS)
+    seen = []
+
+    @contextmanager
+    def progress(title, total):
+        seen.append((title, total))
+        yield lambda what, parts=1: seen.append(what)
+
+    dp.rank(record, progress=progress)
+    assert seen == [("ranking", 3), *(law.name for law in LAWS)]
+    assert ranking.CRITERION in dp.rank(record).title

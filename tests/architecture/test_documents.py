@@ -50,6 +50,32 @@ def test_constraints_pin_every_dependency():
         assert re.match(r"[A-Za-z0-9_.-]+", dependency)[0].lower() in pinned, dependency
 
 
+def test_lowest_versions_are_those_that_are_tried():
+    """``make lowest`` installs what ``pyproject.toml`` promises, of every dependency that people install."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *extras["fleet"], *extras["formats"]]
+    promised = {m[1]: m[2] for m in (re.match(r"([A-Za-z0-9]+)(?:\[\w+\])?>=([\d.]+)", d) for d in wanted)}
+    lines = (ROOT / "constraints-lowest.txt").read_text().splitlines()
+    assert promised == dict(line.split("==") for line in lines if "==" in line)
+
+
+def test_the_citation_is_of_this_version():
+    from damping import __version__
+
+    assert f"version: {__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_new_names_of_coming_over_exist():
+    """What became of each module: every module in the left column is one."""
+    rows = re.findall(r"^\| `(damping[\w.]*)` \| `", (ROOT / "docs" / "coming-over.md").read_text(), re.MULTILINE)
+    assert len(rows) > 100
+    for module in rows:
+        house = ROOT / ("selection" if module.split(".")[0] == "damping" else "pipelines")
+        path = house.joinpath(*module.split("."))
+        assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), module
+
+
 @pytest.mark.parametrize("word", ["pypi", "pythonhosted", "npmjs", "/root/", "/work/"])
 def test_no_host_names_or_machine_paths(word):
     files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False).stdout.split(b"\0")

@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 HEAD = "| where | what |\n|---|---|\n"
 #: The arrow of imports, in which the table lists the parts of the library.
 ORDER = [
-    *("errors", "arrays", "forces", "records", "signals", "predict", "regression"),
+    *("errors", "arrays", "forces", "effects", "records", "signals", "predict", "regression"),
     *("infer", "ranking", "extrapolation", "gap", "formats", "plots", "report", "api"),
 ]
 HOUSES = (

@@ -22,6 +22,7 @@ from damping.forces import (
     DisplacementVelocityPower,
     EnergyTerm,
     Force,
+    PowerStiffness,
     QuadraticDisplacement,
     Slip,
     Sum,
@@ -202,3 +203,49 @@ def test_every_force_says_what_it_is(force: Force) -> None:
     assert force.name
     assert force.label
     assert force.formula
+
+
+@every_force
+@every_state
+def test_facts_are_what_the_averages_do(force: Force, A: float, omega: float) -> None:
+    levels = A * np.array([0.5, 1.0, 2.0, 100.0])
+    S, C = force.in_phase(levels, omega), force.quadrature(levels, omega)
+    assert force.restores or np.all(S == 0.0)
+    # what sets a resonance has a C that grows with amplitude; a spring, or nothing at all, has no C
+    if np.any(C != 0.0):
+        assert force.resonates == (C[-1] > C[0] * (1.0 + 1e-12))
+    if force.linear:
+        np.testing.assert_allclose(C, C[0] * levels / levels[0], rtol=1e-13, atol=0.0)  # rounding
+        assert np.all(S == 0.0)
+    # memory is what g, a function of the instant, cannot give: a spring that is stuck has neither
+    assert force.hysteretic == any(isinstance(part, Slip) for part in parts_of(force))
+
+
+@pytest.mark.parametrize("kind", CATALOGUE.values(), ids=CATALOGUE)
+def test_parameters_are_the_fields_in_order(kind: type[Force]) -> None:
+    assert [shape.name for shape in kind.shapes] == [field.name for field in fields(kind)]
+    assert all(shape.prior is not None for shape in kind.shapes[1:])
+
+
+def by_dimension(kind: type[Force], force: float, length: float, time: float) -> None:
+    """C in other units is C times the unit of force, when parameters, A and omega are converted by their dimensions."""
+    values = {shape.name: 1.3 if shape.name == "exponent" else 0.4 for shape in kind.shapes}
+    units = {shape.name: shape.unit.at(values) for shape in kind.shapes}
+    scale = {name: force**unit.force * length**unit.length * time**unit.time for name, unit in units.items()}
+    A, omega = 1.7, 5.0
+    before = kind(**values)
+    after = kind(**{name: value * scale[name] for name, value in values.items()})
+    for average in ("quadrature", "in_phase"):
+        np.testing.assert_allclose(
+            getattr(after, average)(A * length, omega / time),
+            force * getattr(before, average)(A, omega),
+            rtol=1e-12,  # rounding of powers
+            atol=0.0,
+        )
+
+
+@pytest.mark.parametrize("kind", [*CATALOGUE.values(), CubicStiffness, PowerStiffness], ids=lambda kind: kind.name)
+def test_units_are_those_of_the_averages(kind: type[Force]) -> None:
+    by_dimension(kind, 4.448, 1.0, 1.0)
+    by_dimension(kind, 1.0, 0.0254, 1.0)
+    by_dimension(kind, 1.0, 1.0, 1e-3)

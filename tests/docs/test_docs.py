@@ -19,11 +19,10 @@ import pandas as pd
 import pytest
 import typer
 
-from damping import ranking
+from damping import api, extrapolation
 from damping.forces import CATALOGUE
 from damping.infer.law import Law
-from damping_pipelines import rank, study
-from damping_pipelines import rank as extrapolate
+from damping_pipelines import study
 from damping_pipelines.cli import app, main
 
 ROOT = Path(__file__).parents[2]
@@ -66,9 +65,9 @@ def folder(tmp_path, monkeypatch) -> Path:
         thin = 2 if "two-plane" in str(record) else 3
         pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
-    for module in (rank, study, ranking):
+    for module in (api, study):
         monkeypatch.setattr(module, "candidate_laws", lambda data: RANKED)
-    for module in (extrapolate, study):
+    for module in (extrapolation, study):
         monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)
     return tmp_path
 
@@ -138,7 +137,7 @@ def test_options_named_anywhere_exist():
     known |= {
         option for one in group.commands.values() for parameter in one.params for option in parameter.secondary_opts
     }
-    known |= {"--help", "--port"}  # the latter of Dask's scheduler
+    known |= {"--help", "--version", "--quiet", "--port"}  # the latter of Dask's scheduler
     pages = [*PAGES, ROOT / "README.md", *(ROOT / "examples").rglob("README.md")]
     # benchmarks have options of their own
     texts = [(page.name, re.sub(r"`python -m benchmarks[^`]*`", "", page.read_text())) for page in pages]

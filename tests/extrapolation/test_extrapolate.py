@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from damping import extrapolation as members
-from damping.extrapolation import members_of
+from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import predict
 from damping.forces import CubicStiffness, Sum
 from damping.infer.chains import Settings
 from damping.predict.integrate import steady_state_in_time
@@ -36,8 +34,7 @@ def test_bands_hold_resonances_integrated_in_time(peaks):
     amplitude = in_time("viscous + slip", force)
     noise = np.exp(0.01 * np.random.default_rng(5).standard_normal(4))
     data = peaks(amplitude[:4] * noise, force[:4], OMEGA_N)
-    plan = plan_loads(data)
-    band = predict(members_of(plan), force[4:], data, 0.9, 1, plan).average
+    band = extrapolate_loads(data, force[4:], sampler=draw_evidence).loads.average
     assert np.all((band.low < amplitude[4:]) & (amplitude[4:] < band.high))
 
 
@@ -47,9 +44,8 @@ def test_bands_from_whole_sweeps_with_faults(swept):
     force = Sum((*iwan.force.forces, CubicStiffness(0.05)))
     record = swept(force, np.geomspace(0.5, 2.0, 4), noise=0.01, offset=np.radians(3.0), dropout=0.2, seed=2)
     data = near_resonance(record)
-    plan = plan_loads(data)
     design = data.tested_force.max() * np.array([1.5, 4.0])
-    band = predict(members_of(plan), design, data, 0.9, 1, plan).average
+    band = extrapolate_loads(data, design, sampler=draw_evidence).loads.average
     true = iwan.amplitude(design)
     assert np.all((band.low < true) & (true < band.high))
     np.testing.assert_allclose(band.median, true, rtol=0.1)

@@ -5,11 +5,11 @@ import pytest
 from scipy.special import softmax
 
 from damping.errors import AnalysisError
-from damping.extrapolation import leave_higher_levels_out, members_of
+from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import predict
 from damping.infer.law import Law
+from damping.ranking import prior_masses
 from damping_validation.calibration import CANDIDATES, simulated_levels, structures
 
 STRUCTURES = {s.name: s for s in structures()}
@@ -30,14 +30,16 @@ def test_weights_add_to_one_and_the_true_law_takes_part(number):
 def test_weights_are_those_of_the_evidence():
     plan = plan_loads(levels("viscous", 3), CANDIDATES)
     log_z = np.array([law.evidence.log_z for law in plan.laws])
-    np.testing.assert_allclose([law.weight for law in plan.laws], softmax(log_z), rtol=1e-12)
+    prior = np.log(prior_masses([law.law for law in plan.laws]))
+    np.testing.assert_allclose([law.weight for law in plan.laws], softmax(log_z + prior), rtol=1e-12)
 
 
 def test_two_levels_allow_half_as_much_again_and_no_more():
     data = levels("viscous", 2)
-    plan = plan_loads(data, CANDIDATES)
+    forces = data.tested_force.max() * np.array([1.4, 2.0])
+    extrapolated = extrapolate_loads(data, forces, laws=CANDIDATES, sampler=draw_evidence)
+    plan, loads = extrapolated.plan, extrapolated.loads
     np.testing.assert_allclose(plan.limit, 1.5 * data.tested_force.max(), rtol=1e-12)
-    loads = predict(members_of(plan), data.tested_force.max() * np.array([1.4, 2.0]), data, 0.9, 1, plan)
     assert np.isfinite(loads.average.median[0])
     assert np.isnan([loads.average.median[1], loads.average.low[1], loads.linear[1], loads.overprediction[1]]).all()
     assert all(np.isnan(band.high[1]) for band in loads.by_model)
@@ -59,8 +61,7 @@ def test_a_law_that_changes_at_the_top_widens_the_band(peaks, top):
     widths = []
     for factor in (1.0, top):
         data = onset(peaks, factor)
-        plan = plan_loads(data, CANDIDATES)
-        band = predict(members_of(plan), np.array([8.0]), data, 0.9, 1, plan).average
+        band = extrapolate_loads(data, [8.0], laws=CANDIDATES, sampler=draw_evidence).loads.average
         widths.append(float(np.log(band.high / band.low)[0]))
     assert widths[1] > 3.0 * widths[0]
 
@@ -77,8 +78,7 @@ def test_leaving_higher_levels_out_sees_nothing_of_them():
     assert table["levels"].tolist() == [2, 2, 3]
     assert table["sweep"].tolist() == ["level 3", "level 4", "level 4"]
     lower = data.keep_sweeps(np.arange(4) < 2)
-    plan = plan_loads(lower)
-    loads = predict(members_of(plan), data.tested_force[2:], lower, 0.9, 0, plan)
+    loads = extrapolate_loads(lower, data.tested_force[2:], sampler=draw_evidence, least_weight=0.0).loads
     np.testing.assert_allclose(table["median"][:2], loads.average.median, rtol=1e-12)
     np.testing.assert_allclose(table["ratio"][:2], data.tested_force[2:] / data.tested_force[1], rtol=1e-12)
 

@@ -11,15 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.effects import CATALOGUE
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
-from damping_validation.generator.forces import Effect
+from damping_validation.generator.forces import TrueEffect
 from damping_validation.generator.plan import Bench
-from damping_validation.generator.refit import Cells, applied
+from damping_validation.generator.refit import RecordCells, applied
 from damping_validation.generator.steady import true_record
-from damping_validation.generator.structure import Rows, Structure, plain_rows
+from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
 assert damping_pipelines.__doc__  # imported for its effect
 
@@ -60,7 +60,7 @@ class Lab:
     xi: float = XI
     noise: float = NOISE
     effects: Mapping[str, tuple[float, tuple[float, ...]]] = field(default_factory=lambda: EFFECTS)
-    _truths: dict[tuple[Any, ...], Cells] = field(default_factory=dict)
+    _truths: dict[tuple[Any, ...], RecordCells] = field(default_factory=dict)
     _diagnoses: dict[str, Diagnosis] = field(default_factory=dict)
 
     def bench(self, levels: int = 3, points: int = 20, half: float = 6.0) -> Bench:
@@ -85,25 +85,25 @@ class Lab:
         )
         return replace(mode, **changes)
 
-    def truth(self, name: str, **plan: Any) -> Cells:
+    def truth(self, name: str, **plan: Any) -> RecordCells:
         """The noise-free record with one effect (none for ""), integrated in time to the steady state."""
         key = (name, *plan.items())
         if key not in self._truths:
             bench = self.bench(**plan)
-            present = (Effect(name, *EFFECTS[name]),) if name else ()
+            present = (TrueEffect(name, *EFFECTS[name]),) if name else ()
             self._truths[key] = self.cells(*true_record(*applied(present, bench)))
         return self._truths[key]
 
-    def cells(self, amplitude: np.ndarray, phase: np.ndarray) -> Cells:
+    def cells(self, amplitude: np.ndarray, phase: np.ndarray) -> RecordCells:
         """Amplitudes and phases with their standard deviations."""
-        return Cells(amplitude, phase, NOISE * amplitude, np.full(amplitude.size, NOISE))
+        return RecordCells(amplitude, phase, NOISE * amplitude, np.full(amplitude.size, NOISE))
 
-    def linear(self, rows: Rows, **true: float | np.ndarray) -> Cells:
+    def linear(self, rows: TrueRows, **true: float | np.ndarray) -> RecordCells:
         """Viscous damping in closed form; ``omega``, ``viscous`` and ``gain`` as given, numbers or one a row."""
         Y = MASS * (true.get("omega", OMEGA) ** 2 - rows.omega**2) + 1j * true.get("viscous", VISCOUS) * rows.omega
         return self.cells(true.get("gain", 1.0) * rows.force / np.abs(Y), np.angle(Y))
 
-    def record(self, rows: Rows, cells: Cells, seed: int | None = None, wild: float = 0.0) -> Record:
+    def record(self, rows: TrueRows, cells: RecordCells, seed: int | None = None, wild: float = 0.0) -> Record:
         """The record as it would be read from a file; noise of ``seed``, none without; a share of ``wild`` points."""
         amplitude, phase = cells.amplitude, cells.phase
         if seed is not None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import diagnose
-from damping.gap.effects import CATALOGUE
 
 #: Effects whose gap in ``lab`` is 6 to 31 sigma.
 LARGE = ("planar-coupling", "force-dropout", "phase-lag", "residual-modes", "stiffness-hardening", "slip")

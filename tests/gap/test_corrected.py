@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
-from damping.gap.effects import CATALOGUE
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main

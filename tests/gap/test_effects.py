@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damping.gap import effects as catalogue
+from damping.effects import CATALOGUE, with_effects
+from damping.effects.terms import predict
 from damping.gap.corrected import effect_values
-from damping.gap.effects import CATALOGUE
 from damping.gap.problem import setting
 from damping.gap.search import Search
 from damping.gap.steady import fitted_terms, steady
-from damping.gap.terms import predict
-from damping.records.keys import EFFECT_NAMES
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.generator import draw
@@ -58,7 +56,7 @@ def test_the_reported_table_reproduces_the_prediction_of_the_fit(fitted, name):
     rows, parts = own.model.problem.rows, own.model.parts
     with_form = fitted_terms(own, deviations=False)
     without = fitted_terms(own, effects=False, deviations=False)
-    with_table = CATALOGUE[name].simulate(without, effect_values(own)[name])
+    with_table = with_effects(without, {name: effect_values(own)[name]})
     assert [part.form.effect for part in parts] == [name]
     a, b = (predict(terms, rows.u, rows.drive).P for terms in (with_form, with_table))
     # the same formula from the same numbers: rounding only, of ln(prediction)
@@ -140,10 +138,3 @@ def test_drawn_cases_are_fitted_too(name, tmp_path):
     # 0.3 sigma shift chi-square of 200 values by 18, less than its standard deviation of 20: it is not seen. The centre
     # of a drawn dip of force lies off resonance, where the form has it
     assert np.sqrt(np.mean(own.r**2)) < 0.3
-
-
-def test_every_effect_of_a_file_is_in_the_catalogue():
-    """Files are found by themselves, names are listed: neither without the other."""
-    defined = catalogue._defined()
-    assert set(defined) == set(CATALOGUE) == set(EFFECT_NAMES)
-    assert all(effect.name == name for name, effect in CATALOGUE.items())

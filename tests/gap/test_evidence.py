@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from damping.effects import CATALOGUE
 from damping.gap.corrected import sample_effects
-from damping.gap.effects import CATALOGUE
 from damping.gap.fit import Fit, Unknowns, evidences, fit, log_likelihood, settled, unknowns
 from damping.gap.model import Scatter
 from damping.gap.problem import setting

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values
-from damping.gap.effects import CATALOGUE
-from damping_reed1970.records import configuration_1_gap as configuration_1
-from damping_reed1970.records import configuration_2_gap as configuration_2
+from damping_reed1970.gaps import configuration_1_gap as configuration_1
+from damping_reed1970.gaps import configuration_2_gap as configuration_2
 
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import searched, shortest, weighed
 from damping.gap.directed import directed_tests, unexplained
-from damping.gap.effects import CATALOGUE
 from damping.gap.problem import setting
 
 GAIN, JITTER = 0.01, 3e-4

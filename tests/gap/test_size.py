@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import searched
-from damping.gap.effects import CATALOGUE
 from damping.gap.problem import setting
 from damping.gap.size import gap, held_out, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from damping.effects import CATALOGUE
 from damping.gap.diagnose import diagnose
-from damping.gap.effects import CATALOGUE
 from damping.gap.size import nominal_residuals
 
 

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
+DATA = Path("damping_reed1970", "_data")
+EDITABLE = "import sys; from hatchling.build import build_editable; build_editable(sys.argv[1])"
 
 
 @pytest.fixture(scope="module")
@@ -35,25 +38,68 @@ def run(unpacked: Path, code: str, folder: Path) -> str:
     return done.stdout.strip()
 
 
+def names_in(unpacked: Path) -> list[str]:
+    """Every file of the wheel by its path there."""
+    return sorted(str(path.relative_to(unpacked)) for path in unpacked.rglob("*") if path.is_file())
+
+
+def test_every_top_level_name_is_ours(unpacked):
+    """Packages called ``selection``, ``pipelines`` or ``tests`` are other projects': ours must not meet them."""
+    tops = {name.split("/")[0] for name in names_in(unpacked)}
+    assert {top for top in tops if not top.endswith(".dist-info")} == set(HOUSES)
+
+
+def test_no_package_of_that_name_can_overwrite_ours(unpacked, tmp_path):
+    """With packages ``selection`` and ``pipelines`` installed into the same folder, ours are what they were."""
+    for stranger in ("selection", "pipelines"):
+        assert not (unpacked / stranger).exists()
+        (tmp_path / stranger).mkdir()
+        (tmp_path / stranger / "__init__.py").write_text("raise ImportError('of another project')\n")
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n" + "".join(f"import {house}\n" for house in HOUSES)
+    run(unpacked, code + "import damping_pipelines.cli\n", tmp_path)
+
+
 def test_every_file_of_the_packages_is_in_it(unpacked):
-    tracked = subprocess.run(
+    done = subprocess.run(
         ["git", "ls-files", "selection", "pipelines"], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
-    assert len(tracked) > 200
-    assert [name for name in tracked if (ROOT / name).is_file() and not (unpacked / name).is_file()] == []
+    )
+    tracked = [Path(name) for name in done.stdout.split() if (ROOT / name).is_file()]
+    assert {path.parts[1] for path in tracked} == set(HOUSES)
+    assert [path for path in tracked if not unpacked.joinpath(*path.parts[1:]).is_file()] == []
+
+
+def test_every_package_says_that_it_is_typed(unpacked):
+    assert [house for house in HOUSES if not (unpacked / house / "py.typed").is_file()] == []
+
+
+#: The package that ships each folder of ``data``.
+SHIPPED = {"saturn-v": "damping_reed1970", "blind": "damping_validation"}
 
 
 def test_the_data_are_in_it_byte_by_byte(unpacked):
     for path in (ROOT / "data").rglob("*"):
         if path.is_file():
-            assert (
-                unpacked / "selection" / "_data" / path.relative_to(ROOT / "data")
-            ).read_bytes() == path.read_bytes()
+            name = path.relative_to(ROOT / "data")
+            assert (unpacked / SHIPPED[name.parts[0]] / "_data" / name).read_bytes() == path.read_bytes()
+
+
+def test_the_editable_install_finds_every_package(tmp_path):
+    """The wheel of an editable install holds nothing but the way to the folders of the houses."""
+    command = [sys.executable, "-c", EDITABLE, str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        ways = [file.read(name).decode() for name in file.namelist() if name.endswith(".pth")]
+    folders = [Path(line) for way in ways for line in way.splitlines()]
+    assert all(any((folder / house / "__init__.py").is_file() for folder in folders) for house in HOUSES)
 
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
-    code = "from damping_pipelines.settings import default_study, read_settings; d = default_study(); read_settings(d); print(d)"
-    assert Path(run(unpacked, code, tmp_path)) == unpacked / "selection" / "_data" / "saturn-v" / "study.toml"
+    code = "from damping_pipelines.settings import default_study as d, read_settings as r; r(d()); print(d())"
+    assert Path(run(unpacked, code, tmp_path)) == unpacked / "damping_reed1970" / "_data" / "saturn-v" / "study.toml"
+    code = "from damping_validation.blind_page import load_blind_table; print(len(load_blind_table()))"
+    assert int(run(unpacked, code, tmp_path)) > 0
     code = """
 from damping.report.page import Footer, Section, page
 print(len(page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
@@ -62,7 +108,7 @@ print(len(page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
 
 
 def test_the_command_runs_outside_the_clone(unpacked, tmp_path):
-    data = unpacked / "selection" / "_data" / "saturn-v"
+    data = unpacked / "damping_reed1970" / "_data" / "saturn-v"
     words = [
         "regress",
         str(data / "tables" / "table_5_II.csv"),
@@ -72,3 +118,16 @@ def test_the_command_runs_outside_the_clone(unpacked, tmp_path):
         "A_in^2*omega_rad_s",
     ]
     assert "A_in^2*omega_rad_s" in run(unpacked, f"from damping_pipelines.cli import main; main({words!r})", tmp_path)
+
+
+@pytest.mark.parametrize("command", ["study", "blind", "calibrate", "fleet", "gap", "import"])
+def test_every_house_answers_from_the_wheel(command, unpacked, tmp_path):
+    code = f"from damping_pipelines.cli import main; main([{command!r}, '--help'])"
+    assert f"damping {command}" in run(unpacked, code, tmp_path)
+
+
+def test_blind_runs_from_the_wheel(unpacked, tmp_path):
+    """The generator, the diagnosis and the scorer, on two cases; ``make package`` runs ``study`` and ``calibrate``."""
+    code = "from damping_pipelines.cli import main; main(['blind', '--cases', '2', '--jobs', '1', '--out', 'out'])"
+    run(unpacked, code, tmp_path)
+    assert (tmp_path / "out" / "report.html").is_file()

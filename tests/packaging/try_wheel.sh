@@ -41,6 +41,31 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	"$bin/python" -c 'from damping_pipelines.settings import default_study; print(default_study())'
 	data="$("$bin/python" -c 'from damping_reed1970.tables import data_folder; print(data_folder() / "saturn-v")')"
 	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json >/dev/null 2>&1
+	# every house runs: a study of one record, the generator with its scorer
+	cat >study.toml <<-END
+		title = "one record"
+		[[records]]
+		name = "rough"
+		record = "$data/records/config-1-mode-2-rough.csv"
+		mode = "$data/modes/config-1-mode-2-rough.toml"
+		laws = [["viscous"]]
+	END
+	"$bin/damping" --quiet study study.toml --out study >/dev/null
+	"$bin/damping" verify study
+	"$bin/damping" --quiet blind --cases 2 --jobs 1 --out blind >/dev/null
+	# the install is bare: what needs more says so, and runs with it
+	if said="$("$bin/damping" fleet "$clone/examples" --out fleet 2>&1)" || ! grep --quiet "\[fleet\]" <<<"$said"; then
+		echo "a bare install does not say what the fleet needs: $said" >&2
+		exit 1
+	fi
+	"$bin/python" -m pip install --quiet --disable-pip-version-check --constraint "$clone/constraints.txt" \
+		"$(echo "$work"/dist/*.whl)[fleet,formats]"
+	mkdir records
+	cp "$data/records/config-2-mode-1.csv" "$data/modes/config-2-mode-1.toml" records
+	"$bin/damping" --quiet fleet records --out fleet --fast --workers 0 >/dev/null
+	# a calibration, --quick too, takes too long here: that it answers and finds its structures stands for it
+	"$bin/python" -c 'from damping_validation.calibration import structures; assert structures()'
+	"$bin/damping" calibrate --help >/dev/null
 	cd "$clone"
 	tried=$((tried + 1))
 done

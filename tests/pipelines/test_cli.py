@@ -3,10 +3,12 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).parents[2]
 COMMANDS = (
     *("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export", "fleet"),
     *("compare", "verify"),
@@ -21,7 +23,47 @@ def files(saturn_data, name="config-2-mode-1"):
 def test_every_command_has_help(command, damping):
     run = damping(command, "--help")
     assert run.code == 0
-    assert "Usage" in run.out
+    assert run.out.startswith(f"Usage: damping {command}")
+    assert damping(command, "-h") == run
+
+
+def test_version_is_that_of_the_changelog(damping):
+    """The newest heading of CHANGELOG.md is the version in the code, and the one pyproject.toml reads."""
+    heading = (ROOT / "CHANGELOG.md").read_text().split("## ")[1].split()[0]
+    assert damping("--version") == damping("--version", "rank")
+    assert damping("--version").out == f"damping {heading}\n"
+
+
+def test_quiet_shows_no_progress_and_changes_nothing_else(damping, saturn_data, tmp_path):
+    words = ("sweep", saturn_data / "modes" / "config-2-mode-1.toml", "--force", 20, "--frequency", "1.6:1.7:5")
+    loud = damping(*words, "--out", tmp_path / "loud.csv")
+    quiet = damping("--quiet", *words, "--out", tmp_path / "quiet.csv")
+    assert (loud.code, quiet.code) == (0, 0)
+    assert "5/5" in loud.err
+    assert quiet.err == ""
+    assert (tmp_path / "loud.csv").read_bytes() == (tmp_path / "quiet.csv").read_bytes()
+    assert "5/5" in damping(*words, "--out", tmp_path / "again.csv").err
+
+
+@pytest.mark.parametrize(
+    ("without", "extra", "words"),
+    [
+        ("distributed", "fleet", ("fleet", ".", "--out", "out")),
+        ("pyarrow", "formats", ("export", "RECORD", "--out", "out.parquet")),
+    ],
+)
+def test_a_bare_install_says_which_extra_to_install(without, extra, words, saturn_data, tmp_path):
+    record = str(files(saturn_data)[0])
+    script = (
+        f"import sys; sys.modules[{without!r}] = None\n"
+        f"from damping_pipelines.cli import main; main({[record if w == 'RECORD' else w for w in words]!r})"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("damping: ")
+    assert done.stderr.count("\n") == 1
+    assert f"damping-selection[{extra}]" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def odd_mode(saturn_data, tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from damping.errors import AnalysisError, InputError
+from damping.infer.observations import observe
 from damping.records.keys import read_toml
 from damping.records.reading import read_record, read_table
 from damping.signals import description as schema
@@ -52,11 +53,10 @@ def test_the_record_is_one_that_the_other_commands_take(
 ) -> None:
     out = tmp_path / "record.csv"
     condition(raw, config, out, None, SIZE)
-    observations, mode = load(out, saturn_data / "modes" / "config-1-mode-2-rough.toml", SIZE)
-    record = read_record(out)
+    record, mode = load(out, saturn_data / "modes" / "config-1-mode-2-rough.toml", SIZE)
     assert len(record) == 15
     assert record.sweeps == ("I",)
-    assert_allclose(observations.A, record.column("amplitude"), rtol=1e-15)
+    assert_allclose(observe(record).A, record.column("amplitude"), rtol=1e-15)
     assert mode.mass == 21.0
     printed = " ".join(capsys.readouterr().out.split())
     assert "r2_over_i = 0.000192" in printed

@@ -26,7 +26,7 @@ from damping_pipelines.fleet import command, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import DataSet, row_of
-from damping_pipelines.fleet.inputs import Result, Settings, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, find_cases, seed_of, tasks_of
 from damping_pipelines.fleet.page import outliers
 from damping_pipelines.manifest import sole_writer
 from damping_pipelines.store import write_bytes
@@ -161,7 +161,7 @@ def harmless_or_deadly(task):
         os.kill(os.getpid(), signal.SIGKILL)
     if task.name == "mode-02":
         raise ZeroDivisionError("of no record's making")
-    return Result({"name": task.name, "status": "done", "reason": ""}, {})
+    return FleetResult({"name": task.name, "status": "done", "reason": ""}, {})
 
 
 def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records, monkeypatch):
@@ -178,9 +178,9 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
     assert failed["mode-02"] == "internal error, please report it (ZeroDivisionError: of no record's making)"
 
 
-def settings(**changes) -> Settings:
+def settings(**changes) -> FleetSettings:
     fields = {"seed": 5, "fast": True, "level": 0.9, "forces": (), "versions": {"damping-selection": "1"}}
-    return Settings(**{**fields, "max_size": SIZE, **changes})
+    return FleetSettings(**{**fields, "max_size": SIZE, **changes})
 
 
 def test_a_failed_record_is_a_row_with_its_reason(alone):

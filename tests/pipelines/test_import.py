@@ -13,17 +13,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+import damping as dp
 from damping.errors import AnalysisError, InputError
 from damping.forces import from_damping
 from damping.formats.quantity import Factors, convert_mode
 from damping.formats.series import Stated
+from damping.infer.observations import observe
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, form_table, to_png
 from damping_pipelines.import_ import RingDown, band, import_file, pairs, scales
-from damping_pipelines.rank import load, rank_form, rank_record
+from damping_pipelines.rank import load
 from damping_pipelines.store import write_json
 from damping_reed1970.tables import data_folder
 
@@ -84,7 +86,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     c = 2 * 2.0 * zeta * n
     # the image of the window, 1e-3 and of the second harmonic, averages out over levels of some periods
     np.testing.assert_allclose(record.column("force"), c * n * record.column("amplitude"), rtol=5e-3)
-    data, _ = load(out, mode, 10**6)
+    data = observe(load(out, mode, 10**6)[0])
     laws = [law for law in candidate_laws(data) if law.name in ("viscous", "velocity-squared")]
     best = rank_laws(data, 1, laws).candidates[0]
     assert best.name == "viscous"
@@ -213,13 +215,13 @@ def test_every_damping_force_keeps_its_energy_in_other_units() -> None:
     }
     by = Factors(force=LBF, length=INCH)
     for name, parameters in damping.items():
-        mode = convert_mode(Mode("m", 1.0, 1.0, damping={name: parameters}), by, "si")
+        mode = convert_mode(Mode(name="m", frequency=1.0, mass=1.0, damping={name: parameters}), by, "si")
         A, omega = 0.3, 5.0
         old = from_damping({name: parameters}).quadrature(A, omega)
         new = from_damping(mode.damping).quadrature(A * INCH, omega)
         np.testing.assert_allclose(new, old * LBF, rtol=1e-13)  # powers with rounding
     with pytest.raises(AnalysisError, match="planar-coupling"):
-        convert_mode(Mode("m", 1.0, 1.0, effects={"planar-coupling": {"angle": 0.1}}), by, "si")
+        convert_mode(Mode(name="m", frequency=1.0, mass=1.0, effects={"planar-coupling": {"angle": 0.1}}), by, "si")
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +229,7 @@ def ranking(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = data_folder() / "saturn-v"
     data, _ = load(folder / "records" / "config-2-mode-1.csv", folder / "modes" / "config-2-mode-1.toml", 10**6)
     path = tmp_path_factory.mktemp("forms") / "rank.json"
-    write_json(path, rank_form(rank_record(data, 1)))
+    write_json(path, dp.rank(data, seed=1).to_json())
     return path
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from damping.infer.law import Law
 from damping.ranking import rank_laws
-from damping.report.results import RecordResult, StudyResult
+from damping.report.results import Exhibit, RecordResult, StudyResult
 from damping_pipelines.study import read_inputs
 from damping_pipelines.study_output import pictures, study_files
 from damping_reed1970.tables import data_folder
@@ -26,7 +26,8 @@ def study() -> StudyResult:
     )
     ranking = rank_laws(one.data, 0, [Law(("viscous",)), Law(("velocity-squared",))])
     record = RecordResult("peaks", "Peaks", one.record, one.mode, one.data, ranking, (), None, None, ())
-    return StudyResult("A study", 1, 0.9, (record,), {}, {}, {"table": pd.DataFrame({"a": [1.0]})})
+    exhibit = Exhibit([], figures={"further": "<svg/>"}, drawings={"further": lambda: Figure(figsize=(1.0, 1.0))})
+    return StudyResult("A study", 1, 0.9, (record,), {}, {}, (exhibit,))
 
 
 def test_every_svg_has_its_png(study):

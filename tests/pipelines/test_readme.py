@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from damping import api
+from damping import extrapolation
 from damping.infer.law import Law
 
 ROOT = Path(__file__).parents[2]
@@ -34,17 +34,20 @@ def test_command_of_the_tour(line, damping, tmp_path, monkeypatch):
 
 
 @pytest.mark.sampling
-def test_python_in_five_lines(tmp_path, monkeypatch, capsys):
+def test_python_in_ten_lines(tmp_path, monkeypatch, capsys):
     (code,) = PYTHON
-    assert len([line for line in code.splitlines() if line]) == 5
+    assert len([line for line in code.splitlines() if line]) == 9
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     laws = (Law(("velocity-squared",)), Law(("viscous", "velocity-squared")))  # two predict in place of eight
-    monkeypatch.setattr(api, "load_candidates", lambda data: laws)
-    exec(compile(code, "README.md", "exec"), {})
+    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: laws)
+    names: dict = {}
+    exec(compile(code, "README.md", "exec"), names)
     out = capsys.readouterr().out
     assert "held_out_error" in out
     assert re.search(r"^1 +90\.0( +[0-9.]+){4}$", out, re.MULTILINE)
+    assert names["figure"].axes
+    assert "viscous" in names["posterior"].posterior
 
 
 def test_links_of_the_readme_lead_somewhere():

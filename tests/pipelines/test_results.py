@@ -8,13 +8,14 @@ import pandas as pd
 import pytest
 
 from damping.ranking import rank_laws
-from damping_pipelines.rank import rank_form
+from damping.report.forms import rank_form
 from damping_pipelines.settings import default_study, read_settings
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, read_inputs, sample_law
 from damping_reed1970.chapter_3.planar_fits import fit_table, planar_fits
-from damping_reed1970.reproduce import reproduce, studies
-from damping_reed1970.study import source_tables
+from damping_reed1970.exhibit import source_tables
+from damping_reed1970.reproduction import reproduce
+from damping_reed1970.studies import compute_studies
 
 #: Tables of ``Studies.tables`` by chapter.
 CHAPTERS = {
@@ -131,7 +132,7 @@ def test_reproduction_is_what_the_code_computes(summary):
 
 
 def test_studies_of_the_chapters(summary):
-    now = studies(summary["seed"])
+    now = compute_studies(summary["seed"])
     for name, table in now.tables().items():
         chapter = {name: n for n, names in CHAPTERS.items() for name in names}[name]
         old = pd.read_csv(RESULTS / f"chapter_{chapter}_{name}.csv")

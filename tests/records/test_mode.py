@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from damping import effects
 from damping.errors import InputError
 from damping.forces import CATALOGUE, parameter_names
-from damping.records.keys import EFFECT_NAMES, MAX_TOML_SIZE
+from damping.records.keys import MAX_TOML_SIZE
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
 
 MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
 FORCES = ", ".join(CATALOGUE)
-EFFECTS = ", ".join(EFFECT_NAMES)
+EFFECTS = ", ".join(effects.CATALOGUE)
 
 WHOLE = """\
 [mode]
@@ -45,6 +46,8 @@ limit = 0.01
 [effects.phase-lag]
 lag = -0.05
 [effects.planar-coupling]
+angle = 0.3
+frequency_ratio = 1.02
 """
 
 # content, and what the error says after the name of the file
@@ -126,7 +129,24 @@ REFUSED = {
         MODE + "[damping]\nslip = {stiffness = 1, limit = 0}\n",
         ", line 6, column limit: is 0; expected a number > 0",
     ),
-    "effect": (MODE + '[effects.slip]\na = 1\nb = "c"\n', ", line 7, column b: is text; expected a finite number"),
+    "effect": (MODE + '[effects.phase-lag]\nlag = "c"\n', ", line 6, column lag: is text; expected a finite number"),
+    "key of an effect": (
+        MODE + "[effects.stiffness-hardening]\ncoefficient = 1\nexponant = 2\n",
+        ", line 7, column exponant: unknown key in [effects.stiffness-hardening]; "
+        "expected exponent (nearest of coefficient, exponent)",
+    ),
+    "no key of an effect": (
+        MODE + "[effects.slip]\nstiffness = 1\n",
+        ", line 5: no limit in [effects.slip]; expected a number > 0",
+    ),
+    "zero width": (
+        MODE + "[effects.force-dropout]\ndepth = 0.5\nwidth = 0\n",
+        ", line 7, column width: is 0; expected a number > 0",
+    ),
+    "all of the force lost": (
+        MODE + "[effects.force-dropout]\ndepth = 1\nwidth = 0.1\n",
+        ", line 6, column depth: is 1; expected a number >= 0 and < 1",
+    ),
 }
 
 
@@ -182,19 +202,33 @@ def test_whole_file(scratch):
         "velocity-power": {"coefficient": 0.19, "exponent": 1.65},
         "slip": {"stiffness": 40.0, "limit": 0.01},
     }
-    assert mode.effects == {"phase-lag": {"lag": -0.05}, "planar-coupling": {}}
+    assert mode.effects == {
+        "phase-lag": {"lag": -0.05},
+        "planar-coupling": {"angle": 0.3, "frequency_ratio": 1.02},
+    }
     assert replace(read_mode(scratch(mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
 
 
 def test_defaults(scratch):
     path = scratch(("\ufeff" + MODE.replace('name = "first"\n', "")).replace("\n", "\r\n"), "a mode.toml")
-    assert read_mode(path) == Mode("a mode", 2.5, 3.0, source=str(path))
+    assert read_mode(path) == Mode(name="a mode", frequency=2.5, mass=3.0, source=str(path))
     assert str(Units()) == "one consistent system of units"
 
 
 POSITIVE = st.floats(min_value=1e-50, max_value=1e50)
-NUMBERS = POSITIVE | POSITIVE.map(lambda number: -number) | st.just(0.0)
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+
+
+def tables(effect):
+    """Any table that an effect may have; parameters that have a default may be absent."""
+    fits = {s.name: POSITIVE if s.below > 1.0 else st.floats(min_value=1e-50, max_value=0.99) for s in effect.shapes}
+    needed = {s.name for s in effect.shapes if s.default is None}
+    return st.fixed_dictionaries(
+        {name: fit for name, fit in fits.items() if name in needed},
+        optional={name: fit for name, fit in fits.items() if name not in needed},
+    )
+
+
 MODES = st.builds(
     Mode,
     name=TEXT.filter(lambda text: "\r" not in text and "\n" not in text),
@@ -207,7 +241,7 @@ MODES = st.builds(
         {},
         optional={name: st.fixed_dictionaries(dict.fromkeys(parameter_names(name), POSITIVE)) for name in CATALOGUE},
     ),
-    effects=st.fixed_dictionaries({}, optional=dict.fromkeys(EFFECT_NAMES, st.dictionaries(TEXT, NUMBERS, max_size=3))),
+    effects=st.fixed_dictionaries({}, optional={name: tables(effect) for name, effect in effects.CATALOGUE.items()}),
 )
 
 

@@ -9,8 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import InputError
+from damping.gap.rows import read_rows
+from damping.infer.observations import observe
+from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, phase_offset, resonance, resonances
+from damping.records.resonance import energy_per_cycle, number_levels, phase_offset, resonance, resonances
 
 M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz
@@ -20,7 +23,7 @@ def record(force, frequency, amplitude, phase=None, **others):
     columns = {"sweep": "A", "force": force, "frequency": frequency, "amplitude": amplitude, **others}
     if phase is not None:
         columns["phase"] = phase
-    return Record(pd.DataFrame(columns), "made")
+    return Record.trusted(pd.DataFrame(columns), "made")  # some repeat a row, which no file may
 
 
 def linear(frequency, force=1.5):
@@ -113,7 +116,7 @@ def test_order_direction_and_repeated_points_do_not_matter():
         assert (found.force, found.frequency, found.amplitude, found.phase_offset) == pytest.approx(
             (reference.force, reference.frequency, reference.amplitude, reference.phase_offset), rel=1e-9
         )
-    twice = Record(pd.concat([table, table], ignore_index=True), "")
+    twice = Record.trusted(pd.concat([table, table], ignore_index=True), "")
     assert resonance(twice, "A").amplitude == pytest.approx(reference.amplitude, rel=1e-9)
 
 
@@ -217,7 +220,7 @@ ROWS = st.lists(
 @given(rows=ROWS)
 def test_any_record_has_finite_resonances(rows):
     table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"])
-    found = resonances(Record(table, ""))
+    found = resonances(Record.trusted(table, ""))
     assert len(found) == table["sweep"].nunique()
     assert np.isfinite(found[["force", "frequency", "amplitude", "phase_offset"]].to_numpy()).all()
     assert (table["sweep"].to_numpy()[found["row"]] == found["sweep"]).all()
@@ -259,3 +262,19 @@ def test_against_time_integration(cubic):
     # viscous and quadratic damping, n = 1 and 2: no more than one damping ratio, here up to 0.05
     ratio = force / balance / (2 * M * w**2)
     assert abs(found.phase_offset - 0.04) < ratio
+
+
+def test_levels_are_forces_and_repeats_share_one():
+    assert number_levels(np.array([0.158, 0.471, 0.029, 0.148, 0.275, 0.483])).tolist() == [1, 3, 0, 1, 2, 3]
+    assert number_levels(np.array([5.0])).tolist() == [0]
+    # a chain of small steps does not become one level: each is compared with the first of its level
+    assert number_levels(np.array([1.0, 1.07, 1.14, 1.21])).tolist() == [0, 0, 1, 1]
+
+
+def test_ranking_and_diagnosis_number_levels_alike():
+    """10 and 10.7 are one level to both, 15 another."""
+    levels = {"a": 10.0, "b": 10.7, "c": 15.0}
+    rows = [(name, F, f, 1.0 / (1.0 + abs(f - 2.0))) for name, F in levels.items() for f in (1.9, 2.0, 2.1)]
+    record = Record(pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude"]), "made")
+    assert number_levels(observe(record).tested_force).tolist() == [0, 0, 1]
+    assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).level.tolist() == [0, 0, 1]

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 
 from damping.signals.modal import energy_loss
 from damping_reed1970.chapter_3 import PLANES, yaw_response
+from damping_reed1970.chapter_3.captions import chapter_3_figures
 from damping_reed1970.chapter_3.implications import branch_table, mean_table
 from damping_reed1970.chapter_3.planar_fits import energy_split, fit_table, phasors, planar_fits, yaw_table
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.chapter_3.words import chapter_3_figures
 from damping_reed1970.tables import load_errata
 
 pytestmark = pytest.mark.xdist_group("chapters")

@@ -10,7 +10,6 @@ from damping.predict.steady import resonant_amplitude, steady_state
 from damping_reed1970.chapter_4.amplitude_frequency import (
     damped_distance,
     horizontal_difference,
-    measured_difference,
     percent_error_undamped,
     undamped_distance,
     vertical_difference,
@@ -76,14 +75,6 @@ def test_vertical_difference_is_between_the_curves() -> None:
     omega = omega_n * np.sqrt(1 - damped_distance(force, A, F, M, omega_n))
     undamped = F / (M * (omega_n**2 - omega**2))
     np.testing.assert_allclose(vertical_difference(force, A, F, M, omega_n), undamped - A, rtol=1e-9)
-
-
-def test_measured_difference_of_points_on_the_curve() -> None:
-    force, A = CASES[2], np.array([0.5, 1.2])
-    omega = omega_n * np.sqrt(1 - damped_distance(force, A, F, M, omega_n))
-    expected = horizontal_difference(force, A, F, M, omega_n)
-    # a difference of numbers some hundred times larger
-    np.testing.assert_allclose(measured_difference(A, omega, F, M, omega_n), expected, rtol=1e-10)
 
 
 def test_no_curve_above_the_resonant_amplitude_or_under_the_static_one() -> None:

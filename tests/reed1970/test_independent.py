@@ -18,7 +18,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import beta as euler_beta
 
-from damping_reed1970.reproduce import reproduce
+from damping_reed1970.reproduction import reproduce
 from damping_reed1970.tables import data_folder
 
 FOLDER = data_folder() / "saturn-v"

@@ -14,7 +14,7 @@ from damping.forces.contract import Force
 from damping.infer.observations import Observations, observe
 from damping.records.reading import read_record
 from damping_reed1970.chapter_4 import table_4_iv, table_4_v
-from damping_reed1970.chapter_4.levels import Case, level_methods, masses, spread_against_alpha
+from damping_reed1970.chapter_4.levels import LevelCase, level_methods, masses
 from damping_reed1970.tables import data_folder, load_table
 
 Peaks = Callable[..., Observations]
@@ -114,14 +114,6 @@ def test_infinite_and_zero_alpha(peaks: Peaks) -> None:
     assert viscous.case("V, alpha free").alpha == 0.0
 
 
-def test_spread_against_alpha_is_least_at_the_true_one(peaks: Peaks) -> None:
-    data = levels(peaks, case_five(1.5, 2.5), np.geomspace(5.0, 50.0, 5))
-    alphas = np.array([0.0, 1.0, 2.0, 2.5, 3.0, 10.0])
-    found = spread_against_alpha(data, None, alphas)
-    assert alphas[found.argmin()] == 2.5
-    assert found.min() < 1e-9
-
-
 def test_what_is_held_decides_where_masses_differ() -> None:
     """Generalized masses of mode 2 differ by 13 per cent, so xi of no case stays; coefficients of three cases do."""
     record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-2.csv")
@@ -138,5 +130,5 @@ def test_one_level_says_nothing(peaks: Peaks) -> None:
 
 
 def test_case_with_infinite_alpha_is_the_second_force() -> None:
-    case = Case("V", ("viscous", "quadratic-displacement"), np.inf)
+    case = LevelCase("V", ("viscous", "quadratic-displacement"), np.inf)
     assert case.force(2.0).quadrature(1.5, 3.0) == make("quadratic-displacement", coefficient=2.0).quadrature(1.5, 3.0)

@@ -202,11 +202,12 @@ def test_an_unknown_name_lists_the_choices(call: object, named: str) -> None:
 
 
 def test_the_packaged_copy_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = tmp_path / "site" / "selection" / "records" / "report_tables.py"
+    house = tmp_path / "site" / "pipelines" / "damping_reed1970"
+    module = house / "tables.py"
     monkeypatch.setattr(report_tables, "__file__", str(module))
     with pytest.raises(InputError, match="not installed"):
         data_folder()
     shutil.copytree(FOLDER, tmp_path / "site" / "data" / "saturn-v")
     assert data_folder() == tmp_path / "site" / "data"
-    shutil.copytree(FOLDER, tmp_path / "site" / "selection" / "_data" / "saturn-v")
-    assert data_folder() == tmp_path / "site" / "selection" / "_data"
+    shutil.copytree(FOLDER, house / "_data" / "saturn-v")
+    assert data_folder() == house / "_data"

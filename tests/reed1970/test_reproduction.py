@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping_reed1970.reproduce import Reproduction, agreement, reproduce
+from damping_reed1970.reproduction import Reproduction, agreement, reproduce
 from damping_reed1970.tables import load_errata
 
 REFERENCE = pd.read_csv(Path(__file__).parents[1] / "reference" / "report_results.csv").set_index("id")

@@ -98,6 +98,26 @@ def test_selected_terms_follow_from_the_steps(
         assert len(form["subsets"]) == 511 or "--nonnegative" in more
 
 
+def test_the_best_of_many_terms_is_proved(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """2^30 - 1 subsets: two true terms far above the noise; and one line where the work would be too large."""
+    rng = np.random.default_rng(30)
+    x = rng.normal(size=(60, 30))
+    table, names = tmp_path / "wide.csv", [f"x{i}" for i in range(30)]
+    rows = np.column_stack([x, 2.0 * x[:, 3] + 3.0 * x[:, 20] + 0.1 * rng.normal(size=60)])
+    np.savetxt(table, rows, delimiter=",", header=",".join([*names, "y"]), comments="")
+    asked = (table, "--response", "y", "--terms", ", ".join(names), "--select", "best", "--nonnegative")
+    form = form_of(run, *asked)
+    assert {"x3", "x20"} <= set(form["subsets"][0]["terms"])
+    assert form["proof"]["subsets"] == 2**30 - 1
+    # 16 roundings times a condition number below 100, of a response 40 times the deviations, in n ln SSE
+    assert 0.0 <= form["subsets"][0]["bic"] - form["proof"]["bound"] < 1e-8
+    assert f"best of all 2^30 - 1 subsets, proved by {form['proof']['nodes']} fits" in run(*asked)[1]
+    monkeypatch.setattr("damping.regression.leaps.MOST_WORK", 2.0 * 30**2)
+    code, out, err = run(*asked)
+    assert (code, out, len(err.splitlines())) == (1, "", 1)
+    assert "2^30 - 1 subsets is not proved after 2 fits, the most that are made; give fewer terms" in err
+
+
 def test_percent_is_null_where_the_observation_is_zero(run: Run, tmp_path: Path) -> None:
     (tmp_path / "zero.csv").write_text("x,y\n1,0\n2,2\n3,3\n")
     form = form_of(run, tmp_path / "zero.csv", "--response", "y", "--terms", "x")

@@ -19,7 +19,8 @@ from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import fit_power_law
-from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping.report.page import Section, Table
+from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
 from damping_reed1970.tables import data_folder
 
 LAWS = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)), Law(("viscous",)), Law(("coulomb",)))
@@ -90,17 +91,7 @@ def sweep() -> RecordResult:
 
 @pytest.fixture(scope="session")
 def study(peaks: RecordResult, sweep: RecordResult) -> StudyResult:
-    """Both records, with further tables known by name and not."""
-    reproduction = pd.DataFrame(
-        {
-            "id": ["eq4313", "tab2II.energy_factor[I]"],
-            "where": ["4.3.13", "Table 2.II"],
-            "printed": ["1.859", "3.1416"],
-            "computed": [1.6515, 3.14159],
-            "computed_after_correction": [np.nan, np.nan],
-            "erratum": ["E43-1", ""],
-        }
-    )
+    """Both records, with a further table."""
     return StudyResult(
         title="A study",
         seed=1970,
@@ -108,7 +99,7 @@ def study(peaks: RecordResult, sweep: RecordResult) -> StudyResult:
         records=(peaks, sweep),
         inputs={"config-2-mode-1.csv": "0" * 64},
         versions={"numpy": np.__version__},
-        tables={"reproduction": reproduction, "something_else": pd.DataFrame({"a": [1.5, np.nan], "b": ["x", ""]})},
+        exhibits=(Exhibit([], tables={"further": pd.DataFrame({"a": [1.5, np.nan], "b": ["x", ""]})}),),
     )
 
 
@@ -128,11 +119,13 @@ def hostile(study: StudyResult) -> StudyResult:
         mode=replace(peaks.mode, name=HOSTILE, units=units),
         data=replace(peaks.data, sweeps=(HOSTILE, "B", "C")),
     )
+    table = pd.DataFrame({HOSTILE: [HOSTILE]})
+    section = Section("further", HOSTILE, [Table(table, HOSTILE, key=HOSTILE)])
     return replace(
         study,
         title=HOSTILE,
         records=(changed,),
         inputs={HOSTILE: HOSTILE},
         versions={HOSTILE: HOSTILE},
-        tables={HOSTILE: pd.DataFrame({HOSTILE: [HOSTILE]})},
+        exhibits=(Exhibit([section], tables={HOSTILE: table}),),
     )

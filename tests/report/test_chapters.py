@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.report.page import Block, FigureBlock, Fold, List, Part, Table, Text
-from damping.report.results import ChapterResults, StudyResult
+from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
+from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
 from damping.report.words import number
 from damping_reed1970.chapter_2.masses import lumped_masses
@@ -19,11 +19,12 @@ from damping_reed1970.chapter_2.page import AMPLITUDES, energies_at
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import spreads
 from damping_reed1970.chapter_5.page import regression_rows
-from damping_reed1970.common import agreement_text, chapter_of, in_symbols, of_chapter
-from damping_reed1970.errata import counts, evidence
-from damping_reed1970.records import historic_gaps
-from damping_reed1970.reproduce import Studies
-from damping_reed1970.sections import chapter_parts
+from damping_reed1970.common import ReportPart, agreement_text, chapter_of, of_chapter
+from damping_reed1970.errata import evidence, in_symbols
+from damping_reed1970.exhibit import exhibit, report_parts
+from damping_reed1970.gaps import diagnose_gaps
+from damping_reed1970.reproduction import count_agreements
+from damping_reed1970.studies import ReportResults, Studies
 from damping_reed1970.tables import load_errata
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
@@ -33,22 +34,22 @@ pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture(scope="module")
-def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame]) -> ChapterResults:
-    return ChapterResults(short_studies, chapter_3, tables_of_source, historic_gaps())
+def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame]) -> ReportResults:
+    return ReportResults(short_studies, chapter_3, tables_of_source, diagnose_gaps())
 
 
 @pytest.fixture(scope="module")
-def parts(results: ChapterResults) -> list[Part]:
-    return chapter_parts(results, {"reproduction": "<svg/>"})
+def parts(results: ReportResults) -> list[ReportPart]:
+    return report_parts(results)
 
 
 @pytest.fixture(scope="module")
-def rendered(study: StudyResult, results: ChapterResults, parts: list[Part]) -> Rendered:
+def rendered(study: StudyResult, results: ReportResults, parts: list[ReportPart]) -> Rendered:
     """The page with the chapters, which are drawn once."""
     bare = replace(study.records[0], posteriors=(), bands=None, design=None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("damping.report.study.chapter_parts", lambda chapters, svgs: parts)
-        return render(replace(study, records=(bare,), tables=results.tables, chapters=results))
+        patch.setattr("damping_reed1970.exhibit.report_parts", lambda results: parts)
+        return render(replace(study, records=(bare,), exhibits=(exhibit(results),)))
 
 
 def inside(blocks: Iterable[Block]) -> Iterable[Block]:
@@ -59,37 +60,40 @@ def inside(blocks: Iterable[Block]) -> Iterable[Block]:
             yield from inside(block.blocks)
 
 
-def said(part: Part) -> str:
+def said(part: ReportPart) -> str:
     """Every sentence of a part."""
     texts = [block.text for block in part.section.blocks if isinstance(block, Text)]
     return " ".join([*texts, *(item for b in part.section.blocks if isinstance(b, List) for item in b.items)])
 
 
-def find(parts: list[Part], name: str) -> Part:
+def find(parts: list[ReportPart], name: str) -> ReportPart:
     return next(part for part in parts if part.section.id == name)
 
 
-def test_sections_are_the_chapters(parts: list[Part]) -> None:
+def test_sections_are_the_chapters(parts: list[ReportPart]) -> None:
     expected = [*(f"chapter-{n}" for n in range(2, 7)), "gaps", "reproduction", "errata"]
     assert [part.section.id for part in parts] == expected
 
 
-def test_every_figure_of_the_report_is_shown_once(parts: list[Part]) -> None:
+def test_every_figure_of_the_report_is_shown_once(parts: list[ReportPart]) -> None:
     captions = [b.caption for part in parts for b in inside(part.section.blocks) if isinstance(b, FigureBlock)]
     numbered = [re.match(r"Figs?\. ([\d., and]+?) (?:redrawn|counterpart):", caption) for caption in captions]
     shown = [n for found in numbered if found for n in re.findall(r"\d\.\d+", found[1])]
     assert sorted(shown) == sorted(FIGURES)
     files = [name for part in parts for name in part.figures]
-    assert len(files) == len(set(files)) == len(captions) - 1  # the picture of the reproduction is the study's own
-    assert all(svg.startswith("<svg") and "<desc" in svg for part in parts for svg in part.figures.values())
+    assert len(files) == len(set(files)) == len(captions)
+    assert all(
+        svg.startswith("<svg") and "<desc" in svg
+        for part in parts
+        for svg in (one.svg for one in part.figures.values())
+    )
 
 
-def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: ChapterResults) -> None:
+def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: ReportResults) -> None:
     anchors = re.findall(r'<section id="([^"]+)"', rendered.html)
     assert anchors.index("chapter-2") > anchors.index("config-2-mode-1") if "config-2-mode-1" in anchors else True
     chapters = [f"chapter-{n}" for n in range(2, 7)]
     assert anchors[-10:] == [*chapters, "gaps", "reproduction", "errata", "cautions", "method"]
-    assert "source" not in anchors  # the chapters show what that section would
     assert all(f'href="#{anchor}"' in rendered.html for anchor in anchors)
     named = set(re.findall(r'<span class="file">([^<]+)\.csv</span>', rendered.html))
     assert named <= set(rendered.tables)
@@ -101,14 +105,14 @@ def test_the_page_holds_everything_and_stays_small(rendered: Rendered, results: 
     assert long == []
 
 
-def test_every_table_of_the_chapters_is_a_file(parts: list[Part], results: ChapterResults) -> None:
+def test_every_table_of_the_chapters_is_a_file(parts: list[ReportPart], results: ReportResults) -> None:
     files = {name for part in parts for name in part.tables}
     for name in results.studies.tables():
         assert any(file.endswith(f"_{name}") for file in files), name
     assert {f"chapter_3_{name}" for name in results.chapter_3.tables} <= files
 
 
-def test_sentences_say_the_numbers(parts: list[Part], results: ChapterResults) -> None:
+def test_sentences_say_the_numbers(parts: list[ReportPart], results: ReportResults) -> None:
     tables = results.tables
     laws = tables["power_laws"].set_index(["mode", "form", "inputs"])
     whole = tables["section_4_3_example"].set_index("quantity").loc["error of linear, over all laws"]
@@ -136,7 +140,7 @@ def test_sentences_say_the_numbers(parts: list[Part], results: ChapterResults) -
             assert sentence in text, f"{name}: {sentence}"
 
 
-def test_energies_of_the_slip_joint(results: ChapterResults) -> None:
+def test_energies_of_the_slip_joint(results: ReportResults) -> None:
     at = energies_at(results.studies.slip.energies)
     A = np.array(AMPLITUDES)
     # K - K1 = 3/4, A1 = 1: exact 4 (K - K1)(A - 1) and printed (K - K1)(A^2 - 1) (erratum E243); read off a table of
@@ -157,7 +161,7 @@ def test_lumped_masses_have_their_closed_form() -> None:
     np.testing.assert_allclose(joints, found["C"], rtol=1e-11, atol=1e-12)
 
 
-def test_spreads_are_those_of_the_levels(results: ChapterResults) -> None:
+def test_spreads_are_those_of_the_levels(results: ReportResults) -> None:
     variations = results.studies.tables()["level_variations"]
     wide = spreads(variations).set_index("case")
     assert len(wide) == variations["case"].nunique()
@@ -165,7 +169,7 @@ def test_spreads_are_those_of_the_levels(results: ChapterResults) -> None:
     assert wide.loc["III", "mode 1, damping factor ξ"] == xi["III"]
 
 
-def test_regressions_side_by_side(results: ChapterResults) -> None:
+def test_regressions_side_by_side(results: ReportResults) -> None:
     rows = regression_rows(results.tables["regressions"])
     reported = rows[rows["fit"].isin(["E1", "E2", "E3", "E4"])]
     # printed to three or four digits from the recovered inputs (errata E5III-1 to E5IV-2): half a unit of the last one
@@ -173,9 +177,9 @@ def test_regressions_side_by_side(results: ChapterResults) -> None:
     assert len(rows) == results.tables["regressions"].groupby(["fit", "term"]).ngroups
 
 
-def test_counts_of_the_reproduction(results: ChapterResults) -> None:
+def test_counts_of_the_reproduction(results: ReportResults) -> None:
     rows = results.tables["reproduction"]
-    table = counts(rows).set_index("chapter")
+    table = count_agreements(rows).set_index("chapter")
     assert table.loc["all", "printed numbers"] == len(rows) == 479
     assert table.loc["all", "with erratum"] == (rows["erratum"] != "").sum()
     kinds = ["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
@@ -185,7 +189,7 @@ def test_counts_of_the_reproduction(results: ChapterResults) -> None:
     assert text.startswith(f"Of the {table.loc['chapter IV', 'printed numbers']} numbers")
 
 
-def test_errata_come_with_their_proof_and_their_numbers(parts: list[Part], results: ChapterResults) -> None:
+def test_errata_come_with_their_proof_and_their_numbers(parts: list[ReportPart], results: ReportResults) -> None:
     errata = load_errata()
     shown = [b.frame for b in inside(find(parts, "errata").section.blocks) if isinstance(b, Table)]
     assert [len(frame) for frame in shown] == [int((errata["severity"] == s).sum()) for s in "ABC"]
@@ -213,7 +217,7 @@ def test_proofs_in_symbols(plain: str, expected: str) -> None:
     assert in_symbols(plain) == expected
 
 
-def test_gaps_name_the_second_plane_and_the_missing_damping(results: ChapterResults, parts: list[Part]) -> None:
+def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[ReportPart]) -> None:
     """The second plane lies where the report's own fit has it (11.48 to 11.51 rad/s, section 3.1)."""
     found = find(parts, "gaps")
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))

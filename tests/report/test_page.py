@@ -19,8 +19,8 @@ import pytest
 from damping.plots.style import to_svg
 from damping.report.figures import record_figures
 from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, page, written
-from damping.report.results import StudyResult
-from damping.report.study import Part, Rendered, render
+from damping.report.results import Exhibit, StudyResult
+from damping.report.study import Rendered, render
 from damping.report.words import force_text, number, signed
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -173,7 +173,7 @@ def test_hostile_text_is_text(hostile: StudyResult) -> None:
 @pytest.fixture(scope="module")
 def bare(study: StudyResult) -> StudyResult:
     """One record with no posterior and no further table: quick to render."""
-    return replace(study, records=(replace(study.records[0], posteriors=(), bands=None, design=None),), tables={})
+    return replace(study, records=(replace(study.records[0], posteriors=(), bands=None, design=None),), exhibits=())
 
 
 def test_rendering_is_deterministic(bare: StudyResult, study: StudyResult, rendered: Rendered) -> None:
@@ -217,11 +217,10 @@ def test_every_candidate_and_every_caution_is_on_the_page(study: StudyResult, re
             assert all(caution in text for caution in candidate.cautions)
 
 
-def test_further_parts_stand_before_the_cautions(bare: StudyResult) -> None:
-    part = Part(
-        Section("more", "More & more", [Text("here")]), {"extra": "<svg/>"}, {"extra": pd.DataFrame({"a": [1]})}
-    )
-    out = render(bare, [part])
+def test_exhibits_stand_before_the_cautions(bare: StudyResult) -> None:
+    more = Section("more", "More & more", [Text("here")])
+    exhibit = Exhibit([more], figures={"extra": "<svg/>"}, tables={"extra": pd.DataFrame({"a": [1]})})
+    out = render(replace(bare, exhibits=(exhibit,)))
     assert out.html.index("More &amp; more</h2>") < out.html.index('id="cautions"')
     assert "extra" in out.tables
     assert "extra" in out.figures

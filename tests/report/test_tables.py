@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from damping.infer.law import EXPONENT_RANGE, SCATTER_LOG_SD, SCATTER_MEDIAN
+from damping.forces.powers import EXPONENT
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.records.mode import Units
 from damping.report.figures import leading, record_figures, shown_laws
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
@@ -120,7 +121,7 @@ def test_priors_have_their_closed_forms(peaks: RecordResult) -> None:
     scatter = np.log(np.quantile(drawn["scatter"], [0.05, 0.5, 0.95]) / SCATTER_MEDIAN)
     np.testing.assert_allclose(scatter, SCATTER_LOG_SD * z, rtol=0.0, atol=SCATTER_LOG_SD * tolerance)
     power = next(c for c in peaks.ranking.candidates if c.name == "velocity-power")
-    low, high = EXPONENT_RANGE
+    low, high = EXPONENT.fitted_range
     exponent = np.quantile(prior_draws(power.coordinates)["velocity-power exponent"], [0.25, 0.75])
     # standard error of a quartile of a uniform: sqrt(3/16/n) of its range; five of them
     uniform = 5.0 * np.sqrt(3.0 / 16.0 / PRIOR_DRAWS) * (high - low)
@@ -152,7 +153,7 @@ def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: Reco
 def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: RecordResult) -> None:
     bare = replace(peaks, posteriors=(), bands=None, design=None, power_laws=())
     assert leading(bare) is None
-    out = render(replace(study, records=(bare,), tables={}))
+    out = render(replace(study, records=(bare,), exhibits=()))
     assert set(out.figures) == {"config-2-mode-1-ranking", "config-2-mode-1-fits"}
     assert "Design loads</h2>" not in out.html
 

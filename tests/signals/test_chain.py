@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from damping.errors import AnalysisError
-from damping.signals.chain import Step, condition
+from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping.signals.modal import PrincipalPlanes, energy_loss, plane_motion
 from damping_reed1970.chapter_3.study import conditioned_table, saturn_steps
@@ -65,7 +65,7 @@ def raw() -> pd.DataFrame:
     return pd.DataFrame({"f": HERTZ, "F": F, "a": acceleration, "lag": lag, "note": list("abcdefghi")})
 
 
-def by_name(steps: tuple[Step, ...]) -> dict[str, Step]:
+def by_name(steps: tuple[ConditioningStep, ...]) -> dict[str, ConditioningStep]:
     return {step.name: step for step in steps}
 
 

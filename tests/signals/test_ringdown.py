@@ -28,7 +28,6 @@ from damping.forces import (
     Viscous,
 )
 from damping.infer.observations import observe
-from damping.predict.integration import joints_of, law
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.record import Record
@@ -40,7 +39,7 @@ K, HERTZ = M * omega_n**2, omega_n / (2 * np.pi)
 
 def free_decay(force: Force, A: float, periods: int, samples: int = 24) -> tuple[np.ndarray, np.ndarray]:
     """Displacement after release from rest at A: exact pieces between turning points, joints slipped on the way up."""
-    g, joints = law(force), joints_of(force)
+    g, joints = force.g, force.joints
     period = 2 * math.pi / omega_n
     t = np.arange(0, periods * samples) * period / samples
     q = np.zeros_like(t)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damping_validation.generator.structure import Rows, Structure, plain_rows
+from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
 OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
 VISCOUS = 2 * XI * MASS * OMEGA
@@ -20,7 +20,7 @@ def mode() -> Structure:
 
 
 @pytest.fixture
-def rows() -> Rows:
+def rows() -> TrueRows:
     offsets = np.linspace(-6 * XI, 6 * XI, 13)
     sweep = np.repeat(np.arange(len(FORCES)), offsets.size)
     return plain_rows(sweep, np.repeat(FORCES, offsets.size), np.tile(OMEGA * (1 + offsets), len(FORCES)))

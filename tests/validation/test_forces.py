@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damping_validation.generator.refit import averages
-from damping_validation.generator.structure import Joint, Law, Structure
+from damping_validation.generator.structure import Structure, TrueJoint, TrueLaw
 
 A = np.array([0.3, 1.0, 2.5])
 
@@ -27,20 +27,20 @@ STIFFNESSES = {"cubic": 3 / 4 * A**2, "odd-square": 8 / (3 * np.pi) * A, "quinti
 SAMPLED = 5e-3
 
 
-def average(*laws: Law, joints: tuple[Joint, ...] = ()) -> np.ndarray:
+def average(*laws: TrueLaw, joints: tuple[TrueJoint, ...] = ()) -> np.ndarray:
     return sum(averages(Structure(1.0, 1.0, 1.0, laws, joints), A).values())
 
 
 @pytest.mark.parametrize("kind", LOSSES)
 def test_damping_forces_lose_what_table_2_II_says(kind):
-    found = average(Law(kind, 2.0))
+    found = average(TrueLaw(kind, 2.0))
     np.testing.assert_allclose(np.pi * A**2 * found.imag, 2.0 * LOSSES[kind], rtol=SAMPLED, atol=0)
     np.testing.assert_allclose(found.real, 0.0, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", STIFFNESSES)
 def test_elastic_forces_stiffen_and_lose_nothing(kind):
-    found = average(Law(kind, 2.0))
+    found = average(TrueLaw(kind, 2.0))
     np.testing.assert_allclose(found.real, 2.0 * STIFFNESSES[kind], rtol=SAMPLED, atol=1e-12)
     np.testing.assert_allclose(found.imag, 0.0, rtol=0, atol=1e-12)
 
@@ -50,10 +50,10 @@ def test_a_clearance_stiffens_as_a_dead_zone():
     gap = 0.5
     r = np.minimum(gap / A, 1.0)
     expected = 3.0 * (1 - 2 / np.pi * (np.arcsin(r) + r * np.sqrt(1 - r**2)))
-    np.testing.assert_allclose(average(Law("clearance", 3.0, gap)).real, expected, rtol=SAMPLED, atol=1e-12)
+    np.testing.assert_allclose(average(TrueLaw("clearance", 3.0, gap)).real, expected, rtol=SAMPLED, atol=1e-12)
 
 
-def loop(joint: Joint, amplitude: float, n: int = 2000) -> tuple[np.ndarray, np.ndarray]:
+def loop(joint: TrueJoint, amplitude: float, n: int = 2000) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and the joint's full force over the second cycle of a sine."""
     q = amplitude * np.sin(2 * np.pi * np.arange(2 * n + 1) / n)
     z, forces = joint.start(np.zeros(1)), []
@@ -66,7 +66,7 @@ def loop(joint: Joint, amplitude: float, n: int = 2000) -> tuple[np.ndarray, np.
 def test_a_jenkins_joint_loses_four_limits_times_the_slip():
     """W = 4 k L (A - L) for A > L, none below."""
     for amplitude in A:
-        q, force = loop(Joint("jenkins", 3.0, (0.5,), (1.0,)), float(amplitude))
+        q, force = loop(TrueJoint("jenkins", 3.0, (0.5,), (1.0,)), float(amplitude))
         lost = np.sum(force * np.gradient(q))
         expected = 4 * 3.0 * 0.5 * max(amplitude - 0.5, 0.0)
         # a loop of 2000 points closes to about (2 pi/2000)^2 of its corners, the energy to a few of them
@@ -75,7 +75,7 @@ def test_a_jenkins_joint_loses_four_limits_times_the_slip():
 
 @pytest.mark.parametrize("limits", [(0.5,), (0.1, 0.4, 2.0)])
 def test_averages_of_joints_are_those_of_their_loops(limits):
-    joint = Joint("jenkins", 3.0, limits, tuple([1 / len(limits)] * len(limits)))
+    joint = TrueJoint("jenkins", 3.0, limits, tuple([1 / len(limits)] * len(limits)))
     found = average(joints=(joint,))
     for amplitude, value in zip(A, found, strict=True):
         q, force = loop(joint, float(amplitude))
@@ -86,7 +86,7 @@ def test_averages_of_joints_are_those_of_their_loops(limits):
 
 @pytest.mark.parametrize("kind", ["jenkins", "bouc-wen"])
 def test_a_joint_moves_alike_in_one_step_or_two(kind):
-    joint = Joint(kind, 1.0, (0.7,), (1.0,))
+    joint = TrueJoint(kind, 1.0, (0.7,), (1.0,))
     rng = np.random.default_rng(5)
     z, dq = rng.uniform(-0.7, 0.7, (1, 50)), rng.normal(size=50)
     twice = joint.move(joint.move(z, 0.3 * dq), 0.7 * dq)
@@ -96,7 +96,7 @@ def test_a_joint_moves_alike_in_one_step_or_two(kind):
 
 def test_a_bouc_wen_joint_follows_its_differential_equation():
     """dz/dq = 1 - (1 + sign(z dq)) |z| / (2 L): n = 1 and beta = gamma; 1 when relieved, 1 - |z|/L when stretched."""
-    joint, z, dq = Joint("bouc-wen", 1.0, (0.7,), (1.0,)), 0.4, -1e-4
+    joint, z, dq = TrueJoint("bouc-wen", 1.0, (0.7,), (1.0,)), 0.4, -1e-4
     exact = joint.move(np.array([[z]]), np.array([10_000 * dq]))[0, 0]
     for _ in range(10_000):
         z += dq * (1 - (1 + np.sign(z * dq)) * abs(z) / (2 * 0.7))

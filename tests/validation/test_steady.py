@@ -7,32 +7,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damping_validation.generator.motion import STEPS, Motion, State
+from damping_validation.generator.motion import STEPS, TrueMotion, TrueState
 from damping_validation.generator.steady import guesses, steady, steady_state, true_record
-from damping_validation.generator.structure import Joint, Law, Rows, Side, Structure, plain_rows
+from damping_validation.generator.structure import Side, Structure, TrueJoint, TrueLaw, TrueRows, plain_rows
 
 from .conftest import A_TOP, MASS, OMEGA, VISCOUS, XI
 
 K = MASS * OMEGA**2
 UNIT = 2 * XI * K  # stiffness that moves the resonance by XI
 DISSIPATIVE = {
-    "displacement": Law("displacement", 0.5 * VISCOUS * OMEGA),
-    "velocity-squared": Law("velocity-squared", 0.5 * VISCOUS / (OMEGA * A_TOP)),
-    "displacement-velocity": Law("displacement-velocity", 0.5 * VISCOUS / A_TOP),
-    "quadratic-displacement": Law("quadratic-displacement", 2 * VISCOUS / A_TOP**2),
-    "coulomb": Law("coulomb", 0.3),
+    "displacement": TrueLaw("displacement", 0.5 * VISCOUS * OMEGA),
+    "velocity-squared": TrueLaw("velocity-squared", 0.5 * VISCOUS / (OMEGA * A_TOP)),
+    "displacement-velocity": TrueLaw("displacement-velocity", 0.5 * VISCOUS / A_TOP),
+    "quadratic-displacement": TrueLaw("quadratic-displacement", 2 * VISCOUS / A_TOP**2),
+    "coulomb": TrueLaw("coulomb", 0.3),
 }
 ELASTIC = {
-    "cubic": Law("cubic", 1.0 * UNIT / A_TOP**2),
-    "softening": Law("cubic", -0.5 * UNIT / A_TOP**2),
-    "odd-square": Law("odd-square", UNIT / A_TOP),
-    "quintic": Law("quintic", UNIT / A_TOP**4),
-    "clearance": Law("clearance", UNIT, 0.3 * A_TOP),
+    "cubic": TrueLaw("cubic", 1.0 * UNIT / A_TOP**2),
+    "softening": TrueLaw("cubic", -0.5 * UNIT / A_TOP**2),
+    "odd-square": TrueLaw("odd-square", UNIT / A_TOP),
+    "quintic": TrueLaw("quintic", UNIT / A_TOP**4),
+    "clearance": TrueLaw("clearance", UNIT, 0.3 * A_TOP),
 }
 JOINTS = {
-    "slip": Joint("jenkins", UNIT, (0.3 * A_TOP,), (1.0,)),
-    "iwan": Joint("jenkins", UNIT, tuple(np.linspace(0.05, 1, 6) * A_TOP), (1 / 6,) * 6),
-    "bouc-wen": Joint("bouc-wen", UNIT, (0.3 * A_TOP,), (1.0,)),
+    "slip": TrueJoint("jenkins", UNIT, (0.3 * A_TOP,), (1.0,)),
+    "iwan": TrueJoint("jenkins", UNIT, tuple(np.linspace(0.05, 1, 6) * A_TOP), (1 / 6,) * 6),
+    "bouc-wen": TrueJoint("bouc-wen", UNIT, (0.3 * A_TOP,), (1.0,)),
 }
 EXTRAS = {
     **{name: {"laws": (law,)} for name, law in {**DISSIPATIVE, **ELASTIC}.items()},
@@ -40,7 +40,7 @@ EXTRAS = {
 }
 
 
-def phasor(structure: Structure, rows: Rows) -> np.ndarray:
+def phasor(structure: Structure, rows: TrueRows) -> np.ndarray:
     return steady(structure, rows, guesses(structure, rows))
 
 
@@ -81,8 +81,8 @@ def test_coulomb_friction_moves_as_den_hartog_found(ratio):
     expected = np.sqrt(V**2 - (U * friction) ** 2)
     peaks = []
     for steps in (STEPS, 2 * STEPS):
-        structure = Structure(1.0, 1.0, 0.0, (Law("coulomb", friction),))
-        motion = Motion(structure, plain_rows(np.zeros(1, int), np.ones(1), np.array([ratio])), steps)
+        structure = Structure(1.0, 1.0, 0.0, (TrueLaw("coulomb", friction),))
+        motion = TrueMotion(structure, plain_rows(np.zeros(1, int), np.ones(1), np.array([ratio])), steps)
         samples = np.empty((steps, 1))
         motion.cycle(steady_state(motion, [np.array([V - 0.2j])]), samples)
         peaks.append(float(np.max(np.abs(samples))))
@@ -96,7 +96,7 @@ def test_coulomb_friction_moves_as_den_hartog_found(ratio):
 def test_a_cubic_spring_follows_its_backbone_to_the_third_harmonic(mode, rows, way):
     """|k (1 + 3/4 e A^2 + 3/128 e^2 A^4) - M w^2 + i c w| A = F with e = k3/k: Duffing's third harmonic is e A^3/32."""
     e = way * 0.5 * XI / A_TOP**2
-    structure = replace(mode, laws=(Law("cubic", e * K),))
+    structure = replace(mode, laws=(TrueLaw("cubic", e * K),))
     X = phasor(structure, rows)
     A = np.abs(X)
     Z = K * (1 + 3 / 4 * e * A**2 + 3 / 128 * e**2 * A**4) - MASS * rows.omega**2 + 1j * VISCOUS * rows.omega
@@ -108,7 +108,7 @@ def test_a_cubic_spring_follows_its_backbone_to_the_third_harmonic(mode, rows, w
 def test_the_work_of_the_drive_is_what_is_lost_in_a_cycle(mode, rows, name):
     """The integral of F sin(wt) q' over a cycle equals that of (c q' + f) q', and elastic forces do no work."""
     structure = replace(mode, **EXTRAS[name])
-    motion = Motion(structure, rows)
+    motion = TrueMotion(structure, rows)
     state = steady_state(motion, guesses(structure, rows))
     put, lost, kept = _work(motion, state)
     # sampled at 256 points: (2 pi/256)^2 ~ 6e-4 where a force has corners, a few times that where it jumps
@@ -119,7 +119,7 @@ def test_the_work_of_the_drive_is_what_is_lost_in_a_cycle(mode, rows, name):
         assert np.all(kept > -1e-3 * put)
 
 
-def _work(motion: Motion, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _work(motion: TrueMotion, state: TrueState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Work of drive, of viscous damping and of the other forces over a cycle, row by row."""
     structure, rows = motion.structure, motion.rows
     put, lost, kept = np.zeros((3, rows.omega.size))
@@ -141,8 +141,8 @@ def test_shooting_finds_what_a_long_dwell_from_rest_reaches(name):
     rows = plain_rows(np.zeros(5, int), np.full(5, 4.0), OMEGA * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
     structure = Structure(MASS, OMEGA, 20 * VISCOUS, **EXTRAS[name])
     structure = replace(structure, laws=tuple(replace(law, coefficient=4 * law.coefficient) for law in structure.laws))
-    motion, q = Motion(structure, rows), np.zeros((1, 1, 5))
-    rest = State(q, q, tuple(joint.start(q[0]) for joint in structure.joints))
+    motion, q = TrueMotion(structure, rows), np.zeros((1, 1, 5))
+    rest = TrueState(q, q, tuple(joint.start(q[0]) for joint in structure.joints))
     dwelt, _ = motion.first_harmonic(motion.dwelt(rest, 13))
     # the transient, and what follows Newton's last step of at most 1e-6
     np.testing.assert_allclose(phasor(structure, rows), dwelt, rtol=5e-6, atol=0)
@@ -151,7 +151,7 @@ def test_shooting_finds_what_a_long_dwell_from_rest_reaches(name):
 @pytest.mark.parametrize("bend", ["hardening", "softening"])
 def test_sweeps_stay_on_their_branch_for_as_long_as_it_exists(mode, bend):
     """Where two states are stable, the sweep that runs the way the resonance bends has the larger amplitude."""
-    law = Law("cubic", (1 if bend == "hardening" else -1) * 6 * UNIT / A_TOP**2)
+    law = TrueLaw("cubic", (1 if bend == "hardening" else -1) * 6 * UNIT / A_TOP**2)
     structure = replace(mode, laws=(law,))
     omega = OMEGA * (1 + np.linspace(-8 * XI, 8 * XI, 33))
     one = np.zeros(33, int)

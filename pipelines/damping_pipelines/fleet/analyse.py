@@ -11,21 +11,22 @@ from typing import TypeVar
 import numpy as np
 
 from damping.errors import DampingError, InputError
-from damping.extrapolation import LEAST_WEIGHT, members_of, sample_members
+from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
 from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan, load_candidates, plan_loads
-from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.plan import Plan
+from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, evidence, laplace, remembered
 from damping.infer.observations import Observations, observe
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
+from damping.records.audit import Audit, audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.gap_page import gap_page
 from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
-from damping_pipelines.fleet.inputs import MULTIPLES, Result, Task, printable
+from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask, printable
 from damping_pipelines.fleet.record_page import FleetRecord, failed_page, record_page
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
@@ -35,7 +36,7 @@ _GRID = 40
 Found = TypeVar("Found")
 
 
-def analyse(task: Task) -> Result:
+def analyse(task: FleetTask) -> FleetResult:
     """Rank, extrapolate and, where there is a model, diagnose; a stage that cannot be done gives its reason.
 
     Equal tasks give equal results, wherever and in whatever company they run.
@@ -44,26 +45,28 @@ def analyse(task: Task) -> Result:
         return failed(task, task.problem)
     try:
         record, mode = _read(task)
+        found = audit(record, mode)
+        found.require(task.settings.despite)
         data = observe(record)
     except DampingError as error:
         return failed(task, printable(str(error)))
-    return _Analysis(task, record, mode, data).result()
+    return _Analysis(task, record, mode, data, found).result()
 
 
-def failed(task: Task, reason: str) -> Result:
+def failed(task: FleetTask, reason: str) -> FleetResult:
     """The row and the page of a record that failed."""
     row = row_of(task) | {"reason": reason}
     settings = task.settings
     page = failed_page(task.name, reason, settings.method, task.seed, settings.versions, _inputs(task))
-    return Result(row, {row["report"]: page})
+    return FleetResult(row, {row["report"]: page})
 
 
-def _inputs(task: Task) -> dict[str, str]:
+def _inputs(task: FleetTask) -> dict[str, str]:
     names = ("data.csv", "model.toml") if task.is_model else (f"{task.name}.csv", f"{task.name}.toml")
     return dict(zip(names, task.digests, strict=True))
 
 
-def _read(task: Task) -> tuple[Record, Mode]:
+def _read(task: FleetTask) -> tuple[Record, Mode]:
     """Record and mode; messages name the files as the user knows them."""
     names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), _inputs(task), strict=True))
     with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
@@ -86,12 +89,12 @@ def _read(task: Task) -> tuple[Record, Mode]:
 class _Analysis:
     """The stages of one record; each is tried whatever became of the others."""
 
-    def __init__(self, task: Task, record: Record, mode: Mode, data: Observations) -> None:
-        self.task, self.record, self.mode, self.data = task, record, mode, data
+    def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations, found: Audit) -> None:
+        self.task, self.record, self.mode, self.data, self.audit = task, record, mode, data, found
         self.estimate: Estimate = remembered(laplace if task.settings.fast else evidence)
         self.reasons: list[str] = []
 
-    def result(self) -> Result:
+    def result(self) -> FleetResult:
         """Everything, as a row and pages."""
         task = self.task
         row = row_of(task) | {
@@ -101,6 +104,7 @@ class _Analysis:
             "rows": len(self.record),
             "levels": len(self.data.sweeps),
             "largest_tested_force": self.data.tested_force.max(),
+            "audit": "; ".join(printable(str(finding)) for finding in self.audit.findings),
         }
         pages: dict[str, str] = {}
         ranking = self._tried("rank", self._rank)
@@ -118,7 +122,7 @@ class _Analysis:
         row["status"] = "failed" if not done else "partial" if self.reasons else "done"
         row["reason"] = "; ".join(self.reasons)
         pages[row["report"]] = record_page(self._page(ranking, loads, diagnosis))
-        return Result(row, pages)
+        return FleetResult(row, pages)
 
     def _tried(self, stage: str, work: Callable[[], Found]) -> Found | None:
         try:
@@ -129,9 +133,7 @@ class _Analysis:
 
     def _rank(self) -> Ranking:
         fast = self.task.settings.fast
-        return rank_laws(
-            self.data, self.task.seed, candidate_laws(self.data), estimate=self.estimate, hold_out=not fast
-        )
+        return rank_laws(self.data, self.task.seed, candidate_laws(), estimate=self.estimate, hold_out=not fast)
 
     def _gap(self) -> Diagnosis:
         return diagnose(self.record, self.mode)
@@ -141,15 +143,20 @@ class _Analysis:
         data = near_resonance(self.record)
         largest = data.tested_force.max()
         forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
-        plan = plan_loads(data, load_candidates(data), seed, mass=self.mode.mass, estimate=self.estimate)
-        members = members_of(plan, LEAST_WEIGHT) if settings.fast else sample_members(plan, forces, seed)
-        repeatability = self.mode.repeatability.amplitude or 0.0
-        design = predict(members, forces, data, settings.level, seed, plan, repeatability)
+        predicted = extrapolate_loads(
+            data,
+            forces,
+            settings.level,
+            seed,
+            mode=self.mode,
+            estimate=self.estimate,
+            sampler=draw_evidence if settings.fast else sample_chains,
+        )
         bands = None
         if not settings.fast:
             grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
-            bands = predict(members, grid, data, settings.level, seed, plan, repeatability)
-        return _Predicted(plan, design, bands)
+            bands = predicted.predict_at(grid)
+        return _Predicted(predicted.plan, predicted.loads, bands)
 
     def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
         task = self.task
@@ -164,6 +171,7 @@ class _Analysis:
             bands=loads.bands if loads else None,
             diagnosis=diagnosis,
             gap_report=f"{Path(report_stem(task)).name}-gap.html",
+            findings=tuple(map(str, self.audit.findings)),
             reasons=tuple(self.reasons),
             own_forces=not task.settings.forces,
             seed=task.seed,

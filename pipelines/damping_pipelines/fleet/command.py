@@ -12,18 +12,28 @@ from pathlib import Path
 from distributed import Client
 
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation import check_loads
 from damping_pipelines.fleet.dataset import DataSet
-from damping_pipelines.fleet.inputs import MULTIPLES, Case, Result, Settings, Task, find_cases, tasks_of
+from damping_pipelines.fleet.inputs import (
+    MULTIPLES,
+    FleetCase,
+    FleetResult,
+    FleetSettings,
+    FleetTask,
+    find_cases,
+    tasks_of,
+)
 from damping_pipelines.fleet.page import COLUMNS, fleet_page
 from damping_pipelines.fleet.runners import DIED, INTERNAL, PATIENCE, check_address, connected, distributed, serial
 from damping_pipelines.manifest import sole_writer
-from damping_pipelines.rank import check_forces
 from damping_pipelines.store import write_text
 from damping_pipelines.study import versions
 from damping_pipelines.terminal import Advance, console, progress
 
-#: Rows of a batch at most, and seconds after which one is written however few it has: what a lost power costs.
-BATCH, PERIOD = 32, 5.0
+#: Rows of a batch at most.
+BATCH = 32
+#: Seconds after which a batch is written however few rows it has: what a lost power costs.
+PERIOD = 5.0
 
 
 def fleet(
@@ -39,6 +49,7 @@ def fleet(
     dashboard: str | None = None,
     replace: bool = False,
     max_size: int,
+    despite: tuple[str, ...] = (),
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
@@ -53,22 +64,22 @@ def fleet(
         InputError: bad usage or input, or results in ``out`` that would be lost.
         AnalysisError: every record failed, or the workers are gone.
     """
-    check_forces(list(forces), level)
+    check_loads(forces or MULTIPLES, level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     check_address(dashboard)
-    settings = Settings(seed, fast, level, tuple(sorted(forces)), versions(), max_size)
+    settings = FleetSettings(seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite)
     cases = find_cases(records)
     with sole_writer(out):
         _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
 
 
 def _fleet(
-    cases: list[Case],
+    cases: list[FleetCase],
     out: Path,
-    settings: Settings,
+    settings: FleetSettings,
     scheduler: str | None,
     workers: int | None,
     dashboard: str | None,
@@ -103,10 +114,10 @@ class _Book:
     out: Path
     there: set[str]
     wanted: set[str] = field(default_factory=set)
-    results: list[Result] = field(default_factory=list)
+    results: list[FleetResult] = field(default_factory=list)
     written: float = field(default_factory=time.monotonic)
 
-    def new(self, tasks: Iterable[Task], done: Advance) -> Iterator[Task]:
+    def new(self, tasks: Iterable[FleetTask], done: Advance) -> Iterator[FleetTask]:
         """Tasks whose results are not there."""
         known = 0
         for task in tasks:
@@ -121,7 +132,7 @@ class _Book:
         if known:
             done("done in an earlier run", known)
 
-    def keep(self, results: Iterator[Result], done: Callable[[str], None]) -> None:
+    def keep(self, results: Iterator[FleetResult], done: Callable[[str], None]) -> None:
         """Write results in batches as they come; what has come is written even when the run is interrupted."""
         try:
             for result in results:
@@ -165,7 +176,7 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
     done(said, 0)
 
 
-def _same_versions(client: Client, settings: Settings) -> None:
+def _same_versions(client: Client, settings: FleetSettings) -> None:
     """Workers of a scheduler that was there before must compute with what this process has.
 
     Raises:
@@ -180,7 +191,7 @@ def _same_versions(client: Client, settings: Settings) -> None:
                 )
 
 
-def _refuse_loss(kept: DataSet, tasks: Iterable[Task]) -> None:
+def _refuse_loss(kept: DataSet, tasks: Iterable[FleetTask]) -> None:
     """InputError where rows are there that this run does not want, though nothing says that their record changed."""
     names, contents, keys = set(), set(), set()
     for task in tasks:
@@ -209,7 +220,7 @@ def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
     kept.keep(wanted)
 
 
-def _finish(out: Path, kept: DataSet, settings: Settings) -> None:
+def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
     """The page of the fleet, and what to say at the end."""
     table = kept.read(COLUMNS)
     asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"

@@ -22,15 +22,14 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
 from damping.plots.style import identifier
 from damping.ranking import Ranking
-from damping_pipelines.fleet.inputs import Task
-from damping_pipelines.gap import gap_form
-from damping_pipelines.rank import loads_form, plan_form, rank_form
+from damping.report.forms import gap_form, loads_form, rank_form
+from damping_pipelines.fleet.inputs import FleetTask
 from damping_pipelines.store import plain, to_json, write_bytes
 
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
 SCHEMA = pa.schema(
     [
-        *((name, pa.string()) for name in ("key", "name", "status", "reason", "method", "mode", "report")),
+        *((name, pa.string()) for name in ("key", "name", "status", "reason", "audit", "method", "mode", "report")),
         *((name, pa.string()) for name in ("units_force", "units_length", "record_sha256", "model_sha256", "version")),
         *((name, pa.int64()) for name in ("seed", "rows", "levels")),
         ("largest_tested_force", pa.float64()),
@@ -52,7 +51,7 @@ SCHEMA = pa.schema(
 )
 
 
-def row_of(task: Task) -> dict[str, Any]:
+def row_of(task: FleetTask) -> dict[str, Any]:
     """A row with what is known before any work; every other column is empty."""
     record, model = task.digests
     return dict.fromkeys(SCHEMA.names) | {
@@ -69,7 +68,7 @@ def row_of(task: Task) -> dict[str, Any]:
     }
 
 
-def report_stem(task: Task) -> str:
+def report_stem(task: FleetTask) -> str:
     """Path of a record's page under the output folder, without its ending; safe whatever the name holds."""
     return f"reports/{identifier(task.name)[:60]}-{task.key[:12]}"
 
@@ -102,7 +101,7 @@ def loads_columns(loads: Loads, plan: Plan) -> dict[str, Any]:
         "linear_overprediction_low": loads.overprediction_low[i],
         "linear_overprediction_high": loads.overprediction_high[i],
         "cautions": list(loads.cautions[i]),
-        "loads_form": to_json({**loads_form(loads), **plan_form(plan)}),
+        "loads_form": to_json(loads_form(loads, plan)),
     }
 
 

@@ -17,13 +17,13 @@ MULTIPLES = (1.5, 2.0)
 
 
 @dataclass(frozen=True)
-class Settings:
+class FleetSettings:
     """What a run is asked to do; every field but ``max_size`` takes part in the key of a result.
 
     Attributes:
         seed: of the run. fast: Laplace approximation in place of chains. level: content of the bands.
         forces: design forces; empty for ``MULTIPLES`` of each record's own. versions: of what computes.
-        max_size: largest input file, bytes.
+        max_size: largest input file, bytes. despite: checks of the audit whose refusal is passed over.
     """
 
     seed: int
@@ -32,6 +32,7 @@ class Settings:
     forces: tuple[float, ...]
     versions: dict[str, str]
     max_size: int
+    despite: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:
@@ -46,7 +47,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Case:
+class FleetCase:
     """A record with its mode or model.
 
     Attributes:
@@ -61,7 +62,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Task:
+class FleetTask:
     """A record to analyse. Files go with it, so that workers need no folder in common.
 
     Attributes:
@@ -75,7 +76,7 @@ class Task:
     record_text: bytes | None
     model_text: bytes | None
     is_model: bool
-    settings: Settings
+    settings: FleetSettings
     problem: str = ""
 
     @property
@@ -85,14 +86,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Result:
+class FleetResult:
     """What comes of a task: a row, and pages (HTML) by their path under the output folder."""
 
     row: dict[str, Any]
     pages: dict[str, str]
 
 
-def find_cases(folder: Path) -> list[Case]:
+def find_cases(folder: Path) -> list[FleetCase]:
     """Records ``NAME.csv`` with ``NAME.toml``, and ``NAME/data.csv`` with ``NAME/model.toml``, by name.
 
     A record without its TOML is listed too, and fails for that reason.
@@ -106,9 +107,9 @@ def find_cases(folder: Path) -> list[Case]:
     for entry in os.scandir(folder):
         path = Path(entry.path)
         if entry.is_dir() and ((path / "data.csv").exists() or (path / "model.toml").exists()):
-            cases.append(Case(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
+            cases.append(FleetCase(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
         elif entry.name.endswith(".csv") and entry.is_file():
-            cases.append(Case(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
+            cases.append(FleetCase(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
     if not cases:
         raise InputError(
             "holds no record", file=folder, expected="NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
@@ -126,7 +127,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
+def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:
     """Tasks one by one: the files of a record are read when its turn comes."""
     for case in cases:
         record, first = _content(case.record, settings.max_size)
@@ -137,7 +138,9 @@ def tasks_of(cases: list[Case], settings: Settings) -> Iterator[Task]:
             one = part if isinstance(part, bytes) else repr(part).encode()
             digest.update(len(one).to_bytes(8, "big") + one)
         key = digest.hexdigest()
-        yield Task(case.name, key, seed_of(settings.seed, key), record, model, case.is_model, settings, first or second)
+        yield FleetTask(
+            case.name, key, seed_of(settings.seed, key), record, model, case.is_model, settings, first or second
+        )
 
 
 def seed_of(seed: int, key: str) -> int:

@@ -79,7 +79,9 @@ COLUMNS = (
     *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions"),
 )
 #: Rows of a table of the page; the data set holds the rest.
-MOST_ROWS, MOST_LISTED = 200, 1000
+MOST_ROWS = 200
+#: Records of a list of the page.
+MOST_LISTED = 1000
 #: Robust standard deviations from the median of the fleet from which on a record is an outlier.
 OUTLYING = 3.5
 _OVER = "linear_overprediction_percent"

@@ -16,7 +16,7 @@ from damping.plots.style import identifier, to_svg
 from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.report import tables
+from damping.report import forms
 from damping.report.gap_page import doubts, following, place, reach, verdict
 from damping.report.page import (
     Block,
@@ -41,7 +41,7 @@ class FleetRecord:
 
     Attributes:
         method: how posteriors were had. bands: over a grid of forces, None where they were not wanted.
-        gap_report: address of the diagnosis' own page. reasons: of stages that failed.
+        gap_report: address of the diagnosis' own page. findings: of the audit. reasons: of stages that failed.
         own_forces: whether design forces are multiples of the record's own largest force.
     """
 
@@ -55,6 +55,7 @@ class FleetRecord:
     bands: Loads | None
     diagnosis: Diagnosis | None
     gap_report: str
+    findings: tuple[str, ...]
     reasons: tuple[str, ...]
     own_forces: bool
     seed: int
@@ -72,6 +73,8 @@ def record_page(one: FleetRecord) -> str:
     if one.diagnosis:
         sections.append(Section("gap", "The gap to the simulation", _gap(one.diagnosis, one.gap_report)))
     sections.append(Section("basis", "What this rests on", _basis(one)))
+    if one.findings:
+        sections.insert(0, Section("audit", "Is the record what it seems?", [List(one.findings)]))
     return page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
 
 
@@ -190,10 +193,10 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
     data, units = one.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = design_loads(
-        tables.loads_table(bands),
-        tables.loads_by_model_table(bands),
+        forms.loads_table(bands),
+        forms.loads_by_model_table(bands),
         tested,
-        tables.loads_table(design),
+        forms.loads_table(design),
         bands.level,
         units.force,
         units.length,

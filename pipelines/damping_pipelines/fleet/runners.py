@@ -10,13 +10,14 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from typing import Any
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, wait
 
 from damping.errors import AnalysisError, InputError
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.inputs import Result, Task, printable
+from damping_pipelines.fleet.inputs import FleetResult, FleetTask, printable
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
 PER_THREAD = 2
@@ -32,15 +33,16 @@ CONNECT = 10.0
 _ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-#: How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
-DIED, INTERNAL = "workers died", "internal error"
+# How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
+DIED = "workers died"
+INTERNAL = "internal error"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
-Work = Callable[[Task], Result]
+Work = Callable[[FleetTask], FleetResult]
 
 
-def serial(tasks: Iterable[Task]) -> Iterator[Result]:
+def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
     """One after the other, in this process."""
     return map(analyse, tasks)
 
@@ -104,7 +106,7 @@ def _client(address: str) -> Client:
         ) from error
 
 
-def distributed(client: Client, tasks: Iterable[Task], work: Work = analyse) -> Iterator[Result]:
+def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse) -> Iterator[FleetResult]:
     """Results as they come, ``PER_THREAD`` tasks for each thread under way.
 
     A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
@@ -113,7 +115,7 @@ def distributed(client: Client, tasks: Iterable[Task], work: Work = analyse) -> 
     Raises:
         AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
     """
-    suspects: list[Task] = []
+    suspects: list[FleetTask] = []
     for task, outcome in _outcomes(client, tasks, work, "record"):
         if isinstance(outcome, KilledWorker):
             suspects.append(task)
@@ -124,9 +126,9 @@ def distributed(client: Client, tasks: Iterable[Task], work: Work = analyse) -> 
             yield _result(task, outcome)
 
 
-def _result(task: Task, outcome: Result | BaseException) -> Result:
+def _result(task: FleetTask, outcome: FleetResult | BaseException) -> FleetResult:
     """What a task gave; an error that is none of the record's own becomes its reason, too."""
-    if isinstance(outcome, Result):
+    if isinstance(outcome, FleetResult):
         return outcome
     if isinstance(outcome, KilledWorker):
         return failed(task, f"{DIED} under it again and again (out of memory, or a crash in native code)")
@@ -135,11 +137,11 @@ def _result(task: Task, outcome: Result | BaseException) -> Result:
 
 
 def _outcomes(
-    client: Client, tasks: Iterable[Task], work: Work, kind: str
-) -> Iterator[tuple[Task, Result | BaseException]]:
+    client: Client, tasks: Iterable[FleetTask], work: Work, kind: str
+) -> Iterator[tuple[FleetTask, FleetResult | BaseException]]:
     """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
     waiting = iter(tasks)
-    running: dict[Future, Task] = {}
+    running: dict[Future[Any], FleetTask] = {}
     crew = _Crew(client)
     while True:
         for task in itertools.islice(waiting, max(0, PER_THREAD * crew.threads() - len(running))):
@@ -155,11 +157,12 @@ def _outcomes(
             future.release()
 
 
-def _outcome(future: Future) -> Result | BaseException:
+def _outcome(future: Future[Any]) -> FleetResult | BaseException:
     """What a finished future holds."""
     try:
         error = future.exception()
-        return future.result() if error is None else error
+        result: FleetResult | BaseException = future.result() if error is None else error
+        return result
     except KilledWorker as error:  # its worker died before the result was fetched, and others after it
         return error
     except CancelledError as error:

@@ -1,14 +1,8 @@
-"""Chapter II: energy factors of the damping cases (Tables 2.II, 4.III, 5.I).
-
-Hysteresis loops: force against displacement over one steady cycle (Figs 2.4 and 2.5).
-
-Slip damping and its velocity-squared equivalent (section 2.4), as printed and exact.
+"""Chapter II: energy factors (Table 2.II), hysteresis loops, slip and its velocity-squared equivalent (section 2.4).
 
 The report integrates the slip loop of Fig. 2.5 to A^2 (K - K1) - A1^2 (K - K1) (Eq 2.4.3). The parallelogram has the
 area 4 (K - K1) A1 (A - A1); the printed energy is (A + A1)/(4 A1) times that, equal only at A = 3 A1 (erratum E243).
 The bars over A and K in Eq 2.4.4 stand for A and K (erratum E244).
-
-Section 2.4: hysteresis loops of every force (Figs. 2.4, 2.5), and slip against its velocity-squared equivalent.
 """
 
 from __future__ import annotations
@@ -130,10 +124,14 @@ def _shape_percent(slip: Slip, A: FloatArray, points: int) -> FloatArray:
 
 #: Energy loss of every loop drawn, over the largest energy of the spring, K A^2/2.
 LOSS = 1.5
-#: Slip joint of Fig. 2.4c: K1 = K/4, and the motion twice as far as it sticks.
-SLIP_STIFFNESS, SLIP_LIMIT = 0.75, 0.5
-#: Amplitude in units of A1 at which the equivalence is fixed, and how far it is then followed.
-REFERENCE, FARTHEST = 2.0, 6.0
+#: Stiffness that slip loses, of K = 1: K1 = K/4 as in Fig. 2.4c.
+SLIP_STIFFNESS = 0.75
+#: Amplitude at which slip starts, of a motion of 1: twice as far as it sticks, as in Fig. 2.4c.
+SLIP_LIMIT = 0.5
+#: Amplitude in units of A1 at which the equivalence is fixed: where the printed energy is still near the exact one.
+REFERENCE = 2.0
+#: Amplitude in units of A1 up to which the equivalence is followed: three times that.
+FARTHEST = 6.0
 #: Exponents that no case of Table 2.I has, to draw the power laws with.
 EXPONENTS = {"velocity-power": 0.5, "displacement-velocity-power": 1.5}
 

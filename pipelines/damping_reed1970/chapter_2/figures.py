@@ -10,7 +10,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.plots.style import INK, LINEAR, MUTED, WIDTH, law_style, styled
-from damping_reed1970.chapter_2 import EquivalenceError, Loop
+from damping.report.words import joined
+from damping_reed1970.chapter_2 import (
+    REFERENCE,
+    EquivalenceError,
+    HysteresisLoops,
+    Loop,
+    SlipEquivalent,
+    equal_amplitudes,
+)
+from damping_reed1970.common import ChapterFigure
 
 #: Of the 1441 points of a small loop, every so many are drawn: all corners at multiples of 30 degrees stay.
 EVERY = 12
@@ -115,3 +124,33 @@ def slip_energy(energies: pd.DataFrame) -> Figure:
     axes.set_ylabel("energy per cycle / K A₁²")
     axes.legend(loc="upper left")
     return figure
+
+
+def chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[ChapterFigure]:
+    """Every figure of the chapter with its words."""
+    return [
+        ChapterFigure(
+            "hysteresis-loops", "2.4", "Hysteresis loops of every damping force",
+            "Force against displacement over one cycle, about a spring of unit stiffness; all but the slip joint lose "
+            "the same energy per cycle.",
+            lambda: hysteresis_loops(found.loops),
+        ),
+        ChapterFigure(
+            "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
+            f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
+            "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
+            f"The printed energy is right at {_equal(slip.energies, 'printed')} times that amplitude only, a fixed "
+            f"coefficient at {_equal(slip.energies, 'corrected_equivalent')} times.",
+            lambda: slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
+        ),
+        ChapterFigure(
+            "slip-energy", "", "Energy per cycle of a slip joint against amplitude",
+            "The exact energy grows like the amplitude, the printed one like its square, velocity-squared damping "
+            "like its cube.",
+            lambda: slip_energy(slip.energies),
+        ),
+    ]  # fmt: skip
+
+
+def _equal(energies: pd.DataFrame, column: str) -> str:
+    return joined(f"{A:.2f}" for A in equal_amplitudes(energies, column))

@@ -1,6 +1,4 @@
-"""Lumped masses to normal modes (section 2.2) and modal damping from the dampers of sub-systems (section 2.5).
-
-Sections 2.2 and 2.5: the report's example of four lumped masses, with numbers and dampers in its joints.
+"""Lumped masses to normal modes (section 2.2), and modal damping from the dampers of sub-systems (section 2.5).
 
 The report writes the matrices out for four masses driven at the fourth and gives no numbers. Here the masses are equal
 and the springs between them too, both ends free like the vehicle, so that the modes are known in closed form:
@@ -27,17 +25,12 @@ class NormalModes:
     Attributes:
         omega: natural frequencies, rad/s, (modes,); zero for rigid-body modes.
         shapes: mode shapes phi, (nodes, modes), each 1 at the reference node.
-        masses: generalized masses phi^T m phi, (modes,); stiffnesses: omega^2 times these (Eq 2.2.2).
+        masses: generalized masses phi^T m phi, (modes,); omega^2 times these are the stiffnesses (Eq 2.2.2).
     """
 
     omega: FloatArray
     shapes: FloatArray
     masses: FloatArray
-
-    @property
-    def stiffnesses(self) -> FloatArray:
-        """K_j = omega_j^2 M_j, (modes,)."""
-        return self.omega**2 * self.masses
 
 
 @dataclass(frozen=True)
@@ -79,23 +72,6 @@ def normal_modes(mass: FloatArray, stiffness: FloatArray, reference: int) -> Nor
 def modal_force(modes: NormalModes, node: int, force: float) -> FloatArray:
     """F_e,j = phi_rj F of a load at node r (Eq 2.2.3), (modes,)."""
     return modes.shapes[node] * force
-
-
-def damping_matrix(dampers: Sequence[Damper], nodes: int) -> FloatArray:
-    """[c] of viscous dampers, (nodes, nodes)."""
-    c = np.zeros((nodes, nodes))
-    for damper in dampers:
-        direction = _direction(damper, nodes)
-        c += damper.coefficient * np.outer(direction, direction)
-    return c
-
-
-def modal_damping(modes: NormalModes, damping: FloatArray) -> FloatArray:
-    """phi^T c phi, (modes, modes): the diagonal holds the modal coefficients C_j, the rest couples the modes.
-
-    For light damping of well separated modes the coupling may be dropped (section 2.5).
-    """
-    return modes.shapes.T @ damping @ modes.shapes
 
 
 def subsystem_damping(modes: NormalModes, dampers: Sequence[Damper]) -> dict[str, FloatArray]:

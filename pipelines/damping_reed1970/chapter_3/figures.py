@@ -1,9 +1,4 @@
-"""Parts of the figures of chapter III: axes over frequency, bands, printed and computed points.
-
-Chapter III of the source report: its figures redrawn from our computation, and what conditioning removes.
-
-The mode in two planes fitted to the test of Configuration I, and the damping factors with all their roots.
-"""
+"""Chapter III: conditioning of the test of Configuration I, its mode in two planes, damping factors with all roots."""
 
 from __future__ import annotations
 
@@ -19,8 +14,10 @@ from damping.plots.posteriors import corner
 from damping.plots.style import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, styled
 
 OMEGA = "frequency ω (rad/s)"
-PITCH, YAW = "#0072b2", "#d55e00"
-DASH, DOT = (0, (5, 2)), (0, (1.2, 1.6))
+PITCH = "#0072b2"
+YAW = "#d55e00"
+DASH = (0, (5, 2))
+DOT = (0, (1.2, 1.6))
 #: Median, low and high end of a curve over frequency.
 Curve = tuple[FloatArray, FloatArray, FloatArray]
 

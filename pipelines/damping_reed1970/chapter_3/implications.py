@@ -3,7 +3,7 @@
 The energy lost, as a function of xi, rises to a maximum and falls again, so an energy below the maximum is lost at two
 values of xi and one above it at none. "Trial and error" finds one of them.
 
-What the planar fits imply for the report's assumptions, in numbers: one question a row.
+The fits of both planes imply more: each assumption of the report is a question with its answer in numbers, a row each.
 """
 
 from __future__ import annotations

@@ -27,10 +27,17 @@ from damping_reed1970.chapter_3 import ComplexArray, PlanarOscillator, pitch_res
 
 Noise = Literal["constant", "proportional"]
 
-#: Parameters that are always there, and those that are 0 unless they are asked for.
-PARAMETERS, EXTRAS = ("omega_p", "omega_y", "theta", "M", "C"), ("R", "lag")
+#: Parameters that are always there.
+PARAMETERS = ("omega_p", "omega_y", "theta", "M", "C")
+#: Parameters that are 0 unless they are asked for.
+EXTRAS = ("R", "lag")
 _LOGARITHMIC = ("M", "C")  # the minimiser sees their logarithms, so that they stay positive
-_GRID_STEPS, _GRID_THETA, _GRID_XI = 6, (0.2, 0.6, 1.0), (0.002, 0.006, 0.02)
+#: Frequencies of the grid of starts, for each plane: across the swept band.
+_GRID_STEPS = 6
+#: Angles of the grid, rad: no end of the range, where the response knows one plane only.
+_GRID_THETA = (0.2, 0.6, 1.0)
+#: Damping factors of the grid: of launch vehicles, by factors of 3.
+_GRID_XI = (0.002, 0.006, 0.02)
 _REFINED = 5  # starts that are followed down: the best of the grid
 _SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at which errors have a digit
 

@@ -1,14 +1,12 @@
-"""Least-squares fits of the planar-coupled oscillator to the test of Configuration I, which the report left out.
+"""The planar-coupled oscillator on the test of Configuration I: least-squares fits and posteriors, side by side.
 
 Two pictures of one test: the modal motion of Table 3.III (``A2``), from which the report had removed rigid-body
 rotation and adjacent modes, and the tail motion over the mode factor (``tail``), from which nothing is removed.
 
-Posteriors of the planar-coupled oscillator on the test of Configuration I, and what they say of each other.
-
-The modal motion (A2), and the tail motion with what is in phase with the force left free, are sampled by emcee; the
-others are weighted draws of importance sampling. The tail alone, with nothing removed and nothing in phase left free,
-has no posterior here: it falls into parts (two planes; one plane and the other anywhere) between which chains pass too
-seldom for the criteria of convergence. Its least-squares fit stands in the table of fits.
+The posteriors of the modal motion, and of the tail motion with what is in phase with the force left free, are sampled
+by emcee; the others are weighted draws of importance sampling. The tail alone, with nothing removed and nothing in
+phase left free, has no posterior here: it falls into parts (two planes; one plane and the other anywhere) between which
+chains pass too seldom for the criteria of convergence. Its least-squares fit stands in the table of fits.
 """
 
 from __future__ import annotations
@@ -158,11 +156,16 @@ LEVEL = 0.9
 SECOND_PLANE = (11.48, 11.51)
 
 _SETTINGS = Settings(block=600)  # chains are looked at when they are likely to be long enough
-_GRID, _BAND_DRAWS, _PRIOR_DRAWS = 177, 400, 8000
+#: Frequencies of a band: 16 between two measured ones.
+_GRID = 177
+#: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
+_BAND_DRAWS = 400
+#: Draws of a prior, for its density.
+_PRIOR_DRAWS = 8000
 
 
 @dataclass(frozen=True)
-class Band:
+class PlanarBand:
     """Over ``omega``: median, low and high end of amplitude (in) and phase (rad) of the fitted motion, each (n,)."""
 
     omega: FloatArray
@@ -257,7 +260,7 @@ def second_plane_probability(known: Known) -> float:
     return float(np.mean((omega_y >= SECOND_PLANE[0]) & (omega_y <= SECOND_PLANE[1])))
 
 
-def band(known: Known) -> Band:
+def band(known: Known) -> PlanarBand:
     """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
 
     What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
@@ -270,7 +273,7 @@ def band(known: Known) -> Band:
     phase = np.mod(-np.angle(response) + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
     low, median, high = np.quantile(np.abs(response), _tails(), axis=0)
     phase_low, phase_median, phase_high = np.quantile(phase, _tails(), axis=0)
-    return Band(omega, (median, low, high), (phase_median, phase_low, phase_high))
+    return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 
 def prior_draws(known: Known, seed: int = 0) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ import pandas as pd
 from damping.arrays import FloatArray, Floats
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
-from damping.signals.chain import Step, condition
+from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping.signals.modal import input_energy, nearest_root, plane_motion
 from damping_reed1970.chapter_3 import PLANES
@@ -25,9 +25,9 @@ from damping_reed1970.chapter_3.implications import (
 )
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
-    Band,
     Fits,
     Known,
+    PlanarBand,
     band,
     energy_split,
     evidence_table,
@@ -64,7 +64,7 @@ class Chapter3:
         bands: of the sampled posteriors by data. draws, prior: of the posterior of A2 and its prior, by parameter.
     """
 
-    steps: tuple[Step, ...]
+    steps: tuple[ConditioningStep, ...]
     tables: Mapping[str, pd.DataFrame]
     measured: pd.DataFrame
     corrected: pd.DataFrame
@@ -72,7 +72,7 @@ class Chapter3:
     curves: pd.DataFrame
     fits: Fits
     posteriors: Mapping[tuple[str, str], Known]
-    bands: Mapping[str, Band]
+    bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]
 
@@ -112,7 +112,7 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
     )
 
 
-def saturn_steps() -> tuple[Step, ...]:
+def saturn_steps() -> tuple[ConditioningStep, ...]:
     """The chain on the raw table of Configuration I, as ``damping condition`` runs it."""
     place = data_folder() / "saturn-v"
     description = Description.model_validate(read_toml(place / "condition.toml").values)
@@ -122,7 +122,7 @@ def saturn_steps() -> tuple[Step, ...]:
     return condition(raw, description)
 
 
-def conditioned_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+def conditioned_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """Tables 3.I and 3.III by point: ``NAME_printed`` (corrected where an erratum is known) and ``NAME``, computed.
 
     Displacements of the tip in pitch and yaw, tail yaw, total correction C_t2, modal phase and amplitude.
@@ -150,14 +150,14 @@ def conditioned_table(steps: tuple[Step, ...]) -> pd.DataFrame:
     )
 
 
-def removed_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+def removed_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """In-phase motion that each step removed, modal inches by point (positive: with the force)."""
     parts = [step.removed for step in steps if step.name in ("rigid body", "adjacent modes")]
     first = steps[0].before
     return pd.concat([first[["point", "omega"]], *parts], axis=1)
 
 
-def measured_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+def measured_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """What the figures of the chapter show, by point.
 
     ``point, omega``; ``tail`` (in), ``tail_phase`` (rad), ``A_2_printed, phi_2_printed`` and computed ``A_2, phi_2``;
@@ -198,7 +198,7 @@ def corrected_rows() -> pd.DataFrame:
     return pd.DataFrame({"point": rows["point"], "omega": omega, "energy": energy, "pitch": pitch, "yaw": yaw})
 
 
-def effect_table(steps: tuple[Step, ...]) -> pd.DataFrame:
+def effect_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """Amplitude and phase after each step from the mode factor to the last removal, rows of a step together."""
     shown = [step for step in steps if step.name in ("mode factor", "rigid body", "adjacent modes")]
     return pd.concat([s.after[["omega", "amplitude", "phase"]].assign(step=s.name) for s in shown], ignore_index=True)

@@ -18,10 +18,24 @@ from damping_reed1970.tables import Version, columns, load_table
 
 #: Sweep C, first mode, as section 4.2 computes with it: M, omega_n, F_e (Table 4.I), A_m (Table 4.II).
 SWEEP_C = {"M": 50.783, "omega_n": RAD_S_PER_HZ * 1.66401, "F_e": 28.98, "A_m": 1.567}
-#: Exponents and mean frequencies that section 4.3 computes with.
-P_1, P_2, P_1_FORM_2, P_2_FORM_2, OMEGA_1, OMEGA_2 = 1.859, 1.342, 0.865, 0.342, 10.47, 17.09
-#: Force of the extrapolation example, lb, and the printed amplitudes there, in.
-F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED = 90.0, 4.84, 2.90
+#: Exponent that section 4.3 computes with, first mode (Eq. 4.3.13).
+P_1 = 1.859
+#: The same of the second mode (Eq. 4.3.15).
+P_2 = 1.342
+#: Exponent of the form with displacement, first mode: p - 1, as printed (Eq. 4.3.21).
+P_1_FORM_2 = 0.865
+#: The same of the second mode (Eq. 4.3.22).
+P_2_FORM_2 = 0.342
+#: Mean frequency of the first mode, rad/s, as section 4.3 rounds it.
+OMEGA_1 = 10.47
+#: The same of the second mode.
+OMEGA_2 = 17.09
+#: Force of the extrapolation example of section 4.3, lb.
+F_EXAMPLE = 90.0
+#: Amplitude printed there for linear damping, in.
+A_LINEAR_PRINTED = 4.84
+#: Amplitude printed there for the power law, in.
+A_POWER_PRINTED = 2.90
 
 
 def equation_4_1_5(F_e: FloatArray, M: FloatArray, omega_n: FloatArray, xi_1: FloatArray) -> FloatArray:

@@ -4,8 +4,6 @@ At an amplitude A the undamped curve lies at the distance u = F/(M omega_n^2 A) 
 one at sqrt(u^2 - G^2) (Eq 4.2.4). The horizontal difference of the two is delta, their vertical difference at the
 damped curve's frequency epsilon. Sides: -1 below resonance, +1 above. For pure damping (no in-phase part). NaN where
 the curve has no point of that amplitude: above the resonant one, and below resonance under the static one.
-
-Section 4.2: amplitude, phase and the differences delta and epsilon of the damping cases (Figs. 4.3 to 4.9).
 """
 
 from __future__ import annotations
@@ -55,11 +53,6 @@ def horizontal_difference(
 ) -> FloatArray:
     """Delta = u - |1 - eta^2| of the damped curve at the amplitude A (Figs 4.3, 4.7)."""
     return undamped_distance(A, F, M, omega_n) - damped_distance(force, A, F, M, omega_n, side)
-
-
-def measured_difference(A: Floats, omega: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
-    """delta_e = F/(M omega_n^2 A) - |1 - eta^2| of data points (A, omega) (Eq 4.2.8)."""
-    return undamped_distance(A, F, M, omega_n) - np.abs(1.0 - (omega / omega_n) ** 2)
 
 
 def vertical_difference(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: Side = -1) -> FloatArray:

@@ -24,7 +24,7 @@ LEVEL = 0.90
 
 
 @dataclass(frozen=True)
-class Model:
+class CoefficientModel:
     """C_1 = C_01 + C_11 A^power; ``factor`` C_11 is the coefficient of ``force`` beside viscous damping."""
 
     name: str
@@ -35,8 +35,8 @@ class Model:
     units: tuple[str, str]
 
 
-IV = Model("C_01 + C_11 A", "I + IV", 1, "displacement-velocity", 0.75 * pi, ("lb s/in", "lb s/in^2"))
-V = Model("C_01 + C_11 A^2", "I + V", 2, "quadratic-displacement", 4.0, ("lb s/in", "lb s/in^3"))
+IV = CoefficientModel("C_01 + C_11 A", "I + IV", 1, "displacement-velocity", 0.75 * pi, ("lb s/in", "lb s/in^2"))
+V = CoefficientModel("C_01 + C_11 A^2", "I + V", 2, "quadratic-displacement", 4.0, ("lb s/in", "lb s/in^3"))
 MODELS = (IV, V)
 
 #: Printed C_01 and C_11 by model and mode (4.1.10), printed force coefficients (4.1.14, 4.1.15, 4.2.11), erratum.
@@ -69,12 +69,12 @@ def coefficients_against_amplitude(mode: int, version: Version) -> tuple[FloatAr
     return A, F_e / (omega_n * A)
 
 
-def fit_model(model: Model, A: FloatArray, C_1: FloatArray) -> Fit:
+def fit_model(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fit:
     """Least squares of C_1 on 1 and A^power."""
     return fit(design_of_arrays(np.column_stack([np.ones_like(A), A**model.power]), C_1, ["C_01", "C_11"], "C_1"))
 
 
-def report_method(model: Model, A: FloatArray, C_1: FloatArray) -> FloatArray:
+def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> FloatArray:
     """C_01 and C_11 as the report has them: mean of the slopes of the segments, line through the middle sweep."""
     x = A**model.power
     slope = float(np.mean(np.diff(C_1) / np.diff(x)))
@@ -82,7 +82,7 @@ def report_method(model: Model, A: FloatArray, C_1: FloatArray) -> FloatArray:
     return np.array([C_1[middle] - slope * x[middle], slope])
 
 
-def _rows(mode: int, inputs: str, model: Model, A: FloatArray, C_1: FloatArray) -> pd.DataFrame:
+def _rows(mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> pd.DataFrame:
     found, key = fit_model(model, A, C_1), (model.name, mode)
     half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * found.std_errors
     factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)

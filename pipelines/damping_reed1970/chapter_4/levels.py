@@ -39,7 +39,7 @@ _ALPHAS = np.geomspace(1e-3, 1e3, 121)
 
 
 @dataclass(frozen=True)
-class Case:
+class LevelCase:
     """A case: ``forces``, the second (if any) with ``alpha`` times the coefficient of the first; ``free`` alpha.
 
     An infinite alpha leaves the second force alone, with the coefficient as its own.
@@ -76,14 +76,14 @@ class LevelMethods:
     """
 
     held: str
-    cases: tuple[Case, ...]
+    cases: tuple[LevelCase, ...]
     coefficients: pd.DataFrame
     variations: pd.DataFrame
     predictions: pd.DataFrame
     picked: str
     cautions: tuple[str, ...]
 
-    def case(self, name: str) -> Case:
+    def case(self, name: str) -> LevelCase:
         """The case called ``name``."""
         return next(case for case in self.cases if case.name == name)
 
@@ -116,23 +116,16 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
     )
 
 
-def held_values(case: Case, data: Observations, scale: FloatArray) -> FloatArray:
+def held_values(case: LevelCase, data: Observations, scale: FloatArray) -> FloatArray:
     """F/(C(A_m, omega) scale) of each sweep, the quantity that should not vary (Eq. 4.2.7)."""
     return np.asarray(data.tested_force / case.force(1.0).quadrature(data.tested_amplitude, data.tested_omega) / scale)
 
 
-def spread(case: Case, data: Observations, scale: FloatArray) -> float:
+def spread(case: LevelCase, data: Observations, scale: FloatArray) -> float:
     """Standard deviation of ln(held value) over the levels; a free alpha takes a degree of freedom, NaN without any."""
     freedom = len(data.sweeps) - 1 - int(case.free)
     logarithm = np.log(held_values(case, data, scale))
     return float(np.sqrt(np.sum((logarithm - logarithm.mean()) ** 2) / freedom)) if freedom > 0 else np.nan
-
-
-def spread_against_alpha(data: Observations, mass: FloatArray | None, alphas: FloatArray) -> FloatArray:
-    """Spread, per cent, of case V for each alpha (as a fixed one), of the shape of ``alphas``."""
-    scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
-    cases = (Case("V", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas)
-    return np.array([100.0 * spread(case, data, scale) for case in cases])
 
 
 def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
@@ -143,13 +136,13 @@ def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
     return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
 
 
-def _cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[Case, ...]:
+def _cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:
     """All cases, those with a free alpha last."""
-    one = [Case(name, (force,)) for name, force in ONE_TERM.items()]
-    fixed = [Case(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
+    one = [LevelCase(name, (force,)) for name, force in ONE_TERM.items()]
+    fixed = [LevelCase(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
     free = [
         fit_alpha(
-            Case("V" if force == QUADRATIC else f"I + {name}", (ONE_TERM["I"], force), 1.0, free=True), data, scale
+            LevelCase("V" if force == QUADRATIC else f"I + {name}", (ONE_TERM["I"], force), 1.0, free=True), data, scale
         )
         for name, force in ONE_TERM.items()
         if name != "I"
@@ -157,7 +150,7 @@ def _cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tu
     return (*one, *fixed, *(replace(case, name=f"{case.name}, alpha free") for case in free))
 
 
-def fit_alpha(case: Case, data: Observations, scale: FloatArray) -> Case:
+def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCase:
     """The case with the alpha >= 0 that keeps its value best over the levels of ``data``.
 
     Where the best is at an end of the range looked at (a thousandth or a thousand times equal parts) one of the two
@@ -180,12 +173,12 @@ def fit_alpha(case: Case, data: Observations, scale: FloatArray) -> Case:
     return replace(case, alpha=float(np.exp(found.x)))
 
 
-def _coefficients(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     held = held_values(case, data, scale)
     return pd.DataFrame({"case": case.name, "alpha": case.alpha, "sweep": data.sweeps, "held": held})
 
 
-def _variations(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     """A row a base sweep."""
     held = held_values(case, data, scale)
     percent = 100.0 * (held[None, :] / held[:, None] - 1.0)
@@ -194,7 +187,7 @@ def _variations(case: Case, data: Observations, scale: FloatArray) -> pd.DataFra
     return pd.DataFrame({**head, "largest_percent": largest, "spread_percent": 100.0 * spread(case, data, scale)})
 
 
-def _predictions(case: Case, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     """A row a base and sweep other than the base; then each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
@@ -206,7 +199,7 @@ def _predictions(case: Case, data: Observations, scale: FloatArray) -> pd.DataFr
     return pd.concat([rows, _prediction_rows(case, ["others"] * n, others, data, np.arange(n))], ignore_index=True)
 
 
-def _from_others(case: Case, data: Observations, scale: FloatArray, sweep: int) -> float:
+def _from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: int) -> float:
     """Amplitude of one sweep from the geometric mean of the others' values (and their alpha)."""
     keep = np.arange(len(data.sweeps)) != sweep
     rest = data.keep_sweeps(keep)
@@ -218,12 +211,12 @@ def _from_others(case: Case, data: Observations, scale: FloatArray, sweep: int) 
     return float(_amplitude(case, np.array([held * scale[sweep]]), data, np.array([sweep]))[0])
 
 
-def _amplitude(case: Case, coefficient: FloatArray, data: Observations, sweep: np.ndarray) -> FloatArray:
+def _amplitude(case: LevelCase, coefficient: FloatArray, data: Observations, sweep: np.ndarray) -> FloatArray:
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
 
 
 def _prediction_rows(
-    case: Case, base: list[str], predicted: FloatArray, data: Observations, sweep: np.ndarray
+    case: LevelCase, base: list[str], predicted: FloatArray, data: Observations, sweep: np.ndarray
 ) -> pd.DataFrame:
     amplitude = data.tested_amplitude[sweep]
     return pd.DataFrame(

@@ -1,75 +1,58 @@
-"""Chapter IV in the report: coefficient against amplitude (4.1), response curves (4.2), power laws (4.3).
-
-Tables 4.IV and 4.V in the report: which case keeps its coefficient from level to level, with any sweep as base.
-"""
+"""Chapter IV in the report: coefficient against amplitude (4.1), response curves and levels (4.2), power laws (4.3)."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from damping.report.page import Block, Heading, List, Part, Table, Text
-from damping.report.results import ChapterResults
-from damping.report.words import between, joined, number, percent
-from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency
-from damping_reed1970.chapter_4.coefficients import IV, Model, V
-from damping_reed1970.chapter_4.power_laws import F_EXAMPLE
-from damping_reed1970.common import Figures, agreement_text, figure, folded, of_chapter, part, row, table
-from damping_reed1970.reproduce import Studies
-from damping_reed1970.source import KNOWN, known_table
+from damping.report.page import Table
+from damping.report.words import between, joined, number
+from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
+from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
+from damping_reed1970.chapter_4.coefficients import IV, CoefficientLines, CoefficientModel, V
+from damping_reed1970.chapter_4.levels import LevelMethods
+from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines
+from damping_reed1970.common import ChapterFigure, ReportPart, chapter_table, row
+from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
-LEVEL_TABLES = ("level_coefficients", "level_variations", "level_predictions")
-_TABLES = ("response_points", "response_widths", *LEVEL_TABLES, "chance_of_exponent")
-
-
-def chapter_4(results: ChapterResults, figures: Figures) -> Part:
-    """The part: three ways from the resonances of three levels to a force, printed and recomputed."""
-    every, tables = results.studies.tables(), results.tables
-    blocks: list[Block] = [
-        Text(
-            "Configuration II was swept at three force levels. Chapter IV draws a nonlinear damping force from the "
-            "three resonances in three ways: from the growth of the linear coefficient with amplitude (4.1), from the "
-            "shape of the response curve and the coefficient that stays the same from level to level (4.2), and from "
-            "the slope of log force against log amplitude (4.3)."
-        ),
-        Text(agreement_text(of_chapter(tables["reproduction"], 4))),
-        *_section_4_1(tables, figures),
-        *_section_4_2(every, results.studies.curves, figures),
-        *level_blocks(results.studies, figures),
-        *_section_4_3(every, tables, figures),
-    ]
-    return part(4, "Chapter IV: force from level to level", blocks, {name: every[name] for name in _TABLES})
-
-
-def _section_4_1(tables: Tables, figures: Figures) -> list[Block]:
-    lines = tables["linear_coefficients"]
-    return [
-        Heading("4.1: linear coefficient against amplitude"),
-        Text(
-            "The report draws a line through C₁ = F/(ω A) of the three sweeps by the mean slope of its two segments "
-            "and converts it to cases I and IV. Least squares on the corrected tables gives "
-            + joined(_line(lines, IV, mode) for mode in (1, 2))
-            + ". The intervals are wide because three points leave one degree of freedom."
-        ),
-        figure(figures, "linear-coefficient", 4),
-        Text(
-            f"With the square of amplitude, which is case V, {_line(lines, V, 1)}. The report's 0.5486 for both terms "
-            "(4.2.11) is half of that: a factor 2 is lost between ξ and C₁ (erratum E4-1)."
-        ),
-        Table(_corrected(lines), _LINES, headings=_SYMBOLS, key="linear_coefficients"),
-        folded(KNOWN["linear_coefficients"].title + ": everything", *known_table("linear_coefficients", lines)),
-    ]
-
-
-_LINES = (
-    "Coefficients from the corrected tables with standard error and 90 per cent t interval, and the forces they stand "
-    "for (lb, in, s)."
+#: What is kept from level to level, in words.
+HELD = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
+#: Studies of the chapter that are written whole.
+_TABLES = (
+    *("response_points", "response_widths", "level_coefficients", "level_variations", "level_predictions"),
+    "chance_of_exponent",
 )
-_SYMBOLS = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
+
+
+def chapter_4(results: ReportResults) -> ReportPart:
+    """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
+    found, every, named = results.studies, results.studies.tables(), results.tables
+    lines, variations = named["linear_coefficients"], every["level_variations"]
+    symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
+    shown = {name: chapter_table(4, name, every[name]) for name in _TABLES} | {
+        "lines": Table(_corrected(lines), "", headings=symbols, key="linear_coefficients"),
+        "spreads": chapter_table(4, "level_variations", spreads(variations)),
+        "by_base": chapter_table(4, "level_variations", _by_base(variations)),
+        "predictions": chapter_table(4, "level_predictions", _errors(every["level_predictions"])),
+    }
+    values = {
+        "lines": [_line(lines, IV, mode) for mode in (1, 2)],
+        "line_squared": _line(lines, V, 1),
+        **_response_values(every, found.curves),
+        **_level_values(found, variations),
+        **_power_values(named["power_laws"], every["chance_of_exponent"]),
+        **_example_values(named["section_4_3_example"]),
+    }
+    drawn = chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels)
+    tables = {name: every[name] for name in _TABLES}
+    chapter = Chapter(4, "Chapter IV: force from level to level", values, drawn, shown, tables, named)
+    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
 def _corrected(lines: pd.DataFrame) -> pd.DataFrame:
@@ -79,7 +62,7 @@ def _corrected(lines: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _line(lines: pd.DataFrame, model: Model, mode: int) -> str:
+def _line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> str:
     """The second coefficient of a model for a mode, with the force it stands for."""
     chosen = lines[(lines["model"] == model.name) & (lines["inputs"] == "corrected") & (lines["mode"] == mode)]
     constant, slope = chosen.iloc[0], chosen.iloc[1]
@@ -93,172 +76,60 @@ def _line(lines: pd.DataFrame, model: Model, mode: int) -> str:
     return f"{text} against {number(constant['printed'])} + {number(slope['printed'])} {power} printed"
 
 
-def _section_4_2(every: Tables, curves: AmplitudeFrequency, figures: Figures) -> list[Block]:
+def _response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any]:
+    """What section 4.2 says of the curves."""
     points, widths = every["response_points"], every["response_widths"]
     wide = widths[widths["amplitude_over_resonant"] == 0.5]["width_eta_squared"]
     hertz = curves.omega_n / (2.0 * np.pi)
-    spread = 0.5 * hertz * (wide.max() - wide.min())  # d(eta^2) = 2 d(eta) at resonance
-    delta, distance, half, edge = (points.iloc[i] for i in range(4))
-    heavy = widths[widths["amplitude_over_resonant"] == 0.9]["percent_error_undamped"]
-    return [
-        Heading("4.2: response curves"),
-        Text(
-            "The Ritz-averaged steady state of each case is drawn with the one coefficient that gives the measured "
-            f"resonance of sweep C, first mode. At A = {PRINTED['A']:g} inches the horizontal difference of case I "
-            f"comes out as {number(delta['computed'], 4)} (printed {number(delta['printed'], 4)}) and the distance of "
-            f"the undamped curve as {number(distance['computed'], 4)} (printed {number(distance['printed'], 4)}, "
-            f"erratum {distance['erratum']}). Neglecting damping is wrong by {number(half['computed'])} per cent at "
-            f"half the resonant amplitude (printed {number(half['printed'], 2)}), by {number(edge['computed'])} per "
-            f"cent at η² = {PRINTED['eta_squared']:g}, and by {between(heavy.min(), heavy.max())} per cent, depending "
-            "on the case, at nine tenths of it."
-        ),
-        *(
-            figure(figures, name, 4)
-            for name in (
-                "response-explained",
-                "response-curves",
-                "phase-curves",
-                "response-differences",
-                "undamped-error",
-            )
-        ),
-        Text(
-            f"At half the resonant amplitude the curves of all cases are {between(wide.min(), wide.max())} wide in η²: "
-            f"from the narrowest to the widest is {number(spread, 2)} Hz of {number(hertz)} Hz. So one curve hardly "
-            "chooses between them, as the report found, and it turns to the three levels."
-        ),
-        folded(
-            "Printed points of section 4.2, and widths of the curves",
-            table(4, "response_points", points, "Section 4.2: printed and computed, G at the curve's own frequency."),
-            table(
-                4,
-                "response_widths",
-                widths,
-                "Width in η² of each case at half and nine tenths of its resonant amplitude, and per cent error of the "
-                "undamped curve there.",
-            ),
-        ),
-    ]
+    return {
+        **dict(zip(("delta", "distance", "half", "edge"), (points.iloc[i] for i in range(4)), strict=True)),
+        "printed": PRINTED,
+        "heavy": widths[widths["amplitude_over_resonant"] == 0.9]["percent_error_undamped"],
+        "wide": wide,
+        "hertz": hertz,
+        "spread": 0.5 * hertz * (wide.max() - wide.min()),  # d(eta^2) = 2 d(eta) at resonance
+    }
 
 
-def _section_4_3(every: Tables, tables: Tables, figures: Figures) -> list[Block]:
-    return [
-        Heading("4.3: power laws, and what becomes of 67 per cent"),
-        Text(_powers(tables["power_laws"], every["chance_of_exponent"])),
-        figure(figures, "force-amplitude", 4),
-        Text(" ".join(_example(tables["section_4_3_example"]))),
-        *known_table("section_4_3_example", tables["section_4_3_example"]),
-        *known_table("power_laws", tables["power_laws"]),
-        folded(
-            "Could linear damping have given these exponents?",
-            table(
-                4,
-                "chance_of_exponent",
-                every["chance_of_exponent"],
-                "Probability that linear damping gives an exponent as large, by scatter of the amplitude from level to "
-                "level; needed_percent is the scatter at which it is 1 in 20.",
-            ),
-        ),
-    ]
+def _level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
+    """What the levels say, and what a reader should know of it."""
+    cautions = dict.fromkeys(caution for one in studies.levels.values() for caution in one.cautions)
+    return {
+        "least": _least(variations),
+        "variations": [f"level-variation-mode-{mode}-{held}" for mode, held in studies.levels],
+        "cautions": "; ".join(cautions).capitalize(),
+    }
 
 
-def _powers(laws: pd.DataFrame, chance: pd.DataFrame) -> str:
+def _power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
     """Exponents of both modes, and how likely linear damping is to give them."""
-    said = []
-    for mode in (1, 2):
-        one = row(laws, mode=mode, form="velocity-power", inputs="corrected")
-        said.append(
+    modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
+    return {
+        "powers": [
             f"p = {number(one['p'], 4)} for mode {mode} ({between(one['p_low'], one['p_high'])}, 90 per cent, 1 degree "
             f"of freedom; printed {one['p_printed']:g})"
-        )
-    second = row(laws, mode=2, form="displacement-velocity-power", inputs="corrected")
-    needed = joined(
-        f"{number(one['needed_percent'], 2)} per cent (mode {one['mode']})" for one in chance.to_dict("records")
-    )
-    return (
-        f"Least squares of log force on log amplitude gives {joined(said)}. The printed exponent of the first mode was "
-        "read off a plot and is the slope between no two of its points (erratum E43-1); the coefficient of the second "
-        f"form for mode 2, {second['alpha_printed']:g}, lacks a factor π/2 and becomes {number(second['alpha'])} "
-        "(erratum E43-4). Linear damping, p = 1, would give such exponents in 1 case of 20 if amplitudes scattered by "
-        f"{needed} from level to level."
-    )
+            for mode, one in modes.items()
+        ],
+        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
+        "needed": [
+            f"{number(one['needed_percent'], 2)} per cent (mode {one['mode']})" for one in chance.to_dict("records")
+        ],
+    }
 
 
-def _example(example: pd.DataFrame) -> list[str]:
+def _example_values(example: pd.DataFrame) -> dict[str, Any]:
     """The extrapolation to 90 lb, and what is left of the 67 per cent."""
-    ratio, printed, refitted, whole = (
-        row(example, quantity=name)
-        for name in (
-            "force over largest tested",
-            "error of linear, p = 1.859",
-            "error of linear, p refitted",
-            "error of linear, over all laws",
-        )
-    )
-    inside = [
-        name
-        for name, one in (("the refitted power law", refitted), ("all laws by weight", whole))
-        if one["low"] <= printed["printed"] <= one["high"]
-    ]
-    return [
-        f"Extrapolated to {F_EXAMPLE:g} lb, {number(ratio['recomputed'], 2)} times the largest tested force, the "
-        f"report finds linear damping {printed['printed']:g} per cent too large. Its own exponent through sweep C "
-        f"gives {percent(printed['recomputed'])} per cent; the refitted exponent {percent(refitted['recomputed'])} per "
-        f"cent ({between(refitted['low'], refitted['high'], digits=2)}); all laws "
-        f"by weight {percent(whole['recomputed'])} per cent ({between(whole['low'], whole['high'], digits=2)}, "
-        "predictive).",
-        f"So {printed['printed']:g} per cent lies "
-        + (f"inside the interval of {joined(inside)}" if inside else "outside both intervals")
-        + ", but it is one number out of a wide range, from one exponent with one degree of freedom; and the report's "
-        "“actual amplitudes” (6.3) are extrapolations, not measurements (erratum E43-5).",
-    ]
-
-
-#: What is kept from level to level, in words.
-HELD = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
-
-
-def level_blocks(studies: Studies, figures: Figures) -> list[Block]:
-    """Figures, the least variation of each case, and the whole tables folded."""
-    tables = studies.tables()
-    variations = tables["level_variations"]
-    drawings = [figure(figures, f"level-variation-mode-{mode}-{held}", 4) for mode, held in studies.levels]
-    return [
-        Heading("Tables 4.IV and 4.V: which coefficient stays the same"),
-        Text(
-            "The right case needs the same coefficient at every level. The report keeps the damping factor ξ = C/(2 M "
-            "ω), fixes it at one sweep and compares the others. Here every sweep is the base in turn, the coefficient "
-            "itself is kept as well (M changes from sweep to sweep, so the two are different questions), and "
-            "α of case V and of cases I with II, III or IV may be free. What varies least from level to level:"
-        ),
-        List(_least(variations)),
-        drawings[0],
-        table(
-            4,
-            "level_variations",
-            spreads(variations),
-            "Standard deviation over the levels of what is kept, per cent; with a free α one degree of freedom less. "
-            "Cases in order of the first column.",
-        ),
-        folded("The other modes and kept quantities", *drawings[1:]),
-        folded(
-            "Largest variation with each base, and amplitudes predicted from one sweep for the others",
-            table(
-                4,
-                "level_variations",
-                _by_base(variations),
-                "Largest variation, per cent of the base's value (Table 4.V).",
-            ),
-            table(4, "level_predictions", _errors(tables["level_predictions"]), _PREDICTED),
-        ),
-        Text("; ".join(dict.fromkeys(c for one in studies.levels.values() for c in one.cautions)).capitalize() + "."),
-    ]
-
-
-_PREDICTED = (
-    "Error of the amplitude predicted from the base for each other sweep, per cent (Table 4.IV); base “others” takes "
-    "coefficient and free α from all sweeps but the one predicted."
-)
+    quantities = {
+        "ratio": "force over largest tested",
+        "own": "error of linear, p = 1.859",
+        "refitted": "error of linear, p refitted",
+        "whole": "error of linear, over all laws",
+    }
+    found = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
+    laws = {"refitted": "the refitted power law", "whole": "all laws by weight"}
+    printed = found["own"]["printed"]
+    inside = [said for name, said in laws.items() if found[name]["low"] <= printed <= found[name]["high"]]
+    return {**found, "example_force": F_EXAMPLE, "inside": inside}
 
 
 def spreads(variations: pd.DataFrame) -> pd.DataFrame:
@@ -312,3 +183,72 @@ def _named(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _case(case: str) -> str:
     return str(case).replace("alpha", "α").replace("I + ", "I and ")
+
+
+def chapter_4_figures(
+    lines: Sequence[CoefficientLines],
+    curves: AmplitudeFrequency,
+    forces: Sequence[ForceAmplitudeLines],
+    levels: Mapping[tuple[int, str], LevelMethods],
+) -> list[ChapterFigure]:
+    """Every figure of the chapter with its words."""
+    explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())
+    variations = [
+        ChapterFigure(
+            f"level-variation-mode-{mode}-{held}", "", f"Mode {mode}: variation of the {said} from level to level",
+            f"For each damping case the largest variation of the {said} with each sweep as base (Table 4.V) and its "
+            "standard deviation over the sweeps; least is best.",
+            lambda one=one, said=said: figures.level_variation(one.variations, f"the {said}"),  # type: ignore[misc]  # bound now
+        )
+        for (mode, held), one in levels.items()
+        for said in ({"xi": "damping factor", "coefficient": "coefficient"}[held],)
+    ]  # fmt: skip
+    return [
+        ChapterFigure(
+            "linear-coefficient", "4.1, 4.2", "Linear coefficient against resonant amplitude",
+            "Three sweeps of each mode with the printed line and our two lines with 90 per cent intervals, from one "
+            "degree of freedom.",
+            lambda: figures.linear_coefficients(lines),
+        ),
+        ChapterFigure(
+            "response-explained", "4.3", "Damped and undamped response, δ and ε",
+            "Amplitude against frequency ratio squared with the horizontal and the vertical difference of the curves.",
+            lambda: figures.response_explained(explained),
+        ),
+        ChapterFigure(
+            "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
+            "First mode, sweep C: all cases pass through the one measured resonance. From the narrowest to the widest "
+            f"at half of its amplitude: {_by_width(curves.widths)}.",
+            lambda: figures.response_curves(curves),
+        ),
+        ChapterFigure(
+            "phase-curves", "4.6", "Phase against frequency ratio squared",
+            "Phase lag of the same cases.", lambda: figures.phase_curves(curves),
+        ),
+        ChapterFigure(
+            "response-differences", "4.7, 4.8", "Difference of damped and undamped curves",
+            "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at "
+            f"{PRINTED['A']:g} in.",
+            lambda: figures.differences(curves, (PRINTED["A"], PRINTED["delta"])),
+        ),
+        ChapterFigure(
+            "undamped-error", "4.9", "Error of neglecting damping",
+            "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed "
+            f"{PRINTED['percent_at_half']:g} per cent at one half.",
+            lambda: figures.undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
+        ),
+        ChapterFigure(
+            "force-amplitude", "4.10", "Resonant force against amplitude",
+            "Least squares line with its 90 per cent interval, the printed slope, linear damping, and the printed "
+            f"amplitudes at {F_EXAMPLE:g} lb.",
+            lambda: figures.force_amplitude(forces, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
+        ),
+        *variations,
+    ]  # fmt: skip
+
+
+def _by_width(widths: pd.DataFrame) -> str:
+    """Cases by the width of their curves at half the resonant amplitude, with that width over the first one's."""
+    half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
+    over = half["width_eta_squared"] / half["width_eta_squared"].iloc[0]
+    return joined(f"{case.removeprefix('case ')} ({x:.2f})" for case, x in zip(half["case"], over, strict=True))

@@ -41,7 +41,8 @@ Polynomial = dict[str, float]
 def polynomial(coefficients: Polynomial, A: FloatArray, omega: FloatArray) -> FloatArray:
     """E(A, omega) = sum_k a_k phi_k(A, omega) (Eq. 5.2.5)."""
     column = {"A": A, "omega": omega}.__getitem__
-    return np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0)
+    result: FloatArray = np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0)
+    return result
 
 
 def energy_design(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:

@@ -1,13 +1,9 @@
-"""Least squares of every subset of a few terms on many responses at once, for simulations of selection.
-
-The terms may be the same for all responses (columns of shape (n, k)) or their own (r, n, k). What
-`damping.regression.subsets` does for one response is done here for thousands, with no more than selection needs.
-
-Section 5.3: "a danger exists in including energy losses which do not exist", in numbers.
+"""Section 5.3: "a danger exists in including energy losses which do not exist", in numbers.
 
 Energies of a known law, 1.571 A^2 omega + 1.067 A^3 omega on the frequencies and amplitudes of Table 5.II, with
 relative noise are given to three ways of selection among five (5.3.2) or nine terms (5.3.6): which terms that are not
-there come out, how often, and what that does to the energy at twice the largest amplitude.
+there come out, how often, and what that does to the energy at twice the largest amplitude. What
+`damping.regression.subsets` does for one response is done here for thousands, with no more than selection needs.
 """
 
 from __future__ import annotations

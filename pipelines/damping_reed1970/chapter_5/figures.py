@@ -1,4 +1,4 @@
-"""Chapters V and VI: energy surface (Fig. 5.1), nine terms, false terms, circularity, the laws of section 6.1."""
+"""Chapter V: energy surface (Fig. 5.1), nine terms, false terms, circularity."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots.style import ALERT, AVERAGE, INK, LINEAR, MUTED, WIDTH, law_style, plain_log, plain_rows, styled
+from damping.plots.style import ALERT, AVERAGE, LINEAR, MUTED, WIDTH, law_style, plain_log, plain_rows, styled
+from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
+from damping_reed1970.chapter_5.false_terms import FalseTerms
+from damping_reed1970.chapter_5.nine_terms import NineTerms
 from damping_reed1970.chapter_5.regressions import EnergySurface
+from damping_reed1970.common import ChapterFigure
 
 _METHODS = {
     "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
@@ -181,36 +185,40 @@ def _kind(law: str) -> str:
     return squared if "velocity-squared" in forces else other
 
 
-@styled
-def force_laws(errors: pd.DataFrame) -> Figure:
-    """Draw the errors of resonant amplitude of every law of section 6.1: printed, recomputed and ours.
-
-    Args:
-        errors: ``configuration, mode, equation, version, quantity, percent_error``, rows of a law together.
-    """
-    amplitude = errors[errors["quantity"] == "resonant amplitude"]
-    laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
-    axes = figure.add_subplot()
-    plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
-    styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
-    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
-    axes.axvline(0.0, color=INK, linewidth=0.7)
-    for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
-        for row, (c, m, equation) in enumerate(laws):
-            mine = amplitude[
-                (amplitude["configuration"] == c) & (amplitude["mode"] == m) & (amplitude["equation"] == equation)
-                & (amplitude["version"] == version)
-            ]  # fmt: skip
-            label = version if row == 0 else None
-            axes.plot(
-                mine["percent_error"], [row + shift] * len(mine), marker, color=colour, markersize=4.5, label=label
-            )
-    axes.set_xlabel("error of resonant amplitude at the tested forces (per cent)")
-    figure.legend(loc="outside upper right", ncols=3)
-    return figure
-
-
 def _pretty(term: str) -> str:
     """A term with its powers raised: A²ω."""
     return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
+
+
+def chapter_5_figures(
+    surface: EnergySurface, nine: NineTerms, false: FalseTerms, circular: Circularity
+) -> list[ChapterFigure]:
+    """Every figure of the chapter with its words."""
+    return [
+        ChapterFigure(
+            "configuration-1-energy", "5.1", "Energy surface of Configuration I",
+            "Fifteen measured energies over frequency and amplitude with the best law of coefficients above 0 and "
+            "with all nine terms, whose energy is negative in the hatched regions.",
+            lambda: energy_surfaces(surface),
+        ),
+        ChapterFigure(
+            "nine-terms", "", "Error of energy against number of terms",
+            "Best subsets of each size, free and with all coefficients above 0, and backward elimination with its "
+            "number of negative coefficients.",
+            lambda: terms_against_error(
+                nine.by_size, nine.elimination, ["5.III recovered", "5.IV recovered"]
+            ),
+        ),
+        ChapterFigure(
+            "false-terms", "", "Energy losses that do not exist",
+            "Data of a known law of two terms with noise: share of runs in which a term is selected that is not "
+            "there, and error of the energy at twice the amplitude, for three ways of selection.",
+            lambda: false_terms(false.selection),
+        ),
+        ChapterFigure(
+            "circularity", "", "Which law comes out when the truth is known",
+            "Kinds of law selected from simulated tests of known structures, by the route of Table 5.IV and from "
+            "measured energy and amplitude, beside what the measured data give.",
+            lambda: circularity(circular.laws, ROUTES),
+        ),
+    ]  # fmt: skip

@@ -1,9 +1,8 @@
 """Every regression of chapter V from printed, corrected and recovered inputs, side by side (Eqs. 5.3.1 to 5.3.15).
 
-Energy per cycle over amplitude and frequency of Configuration I: counterpart of Fig. 5.1 (its data are not printed).
-
-The report's figure is fitted to fifteen points "with zero error". What a fit that close is worth shows between its
-points: the nine terms of Eq. 5.3.6 go below zero there, where a law of damping cannot.
+Fig. 5.1 has its counterpart in the energy of Configuration I (its own data are not printed). The report's figure is
+fitted to fifteen points "with zero error"; what a fit that close is worth shows between its points: the nine terms of
+Eq. 5.3.6 go below zero there, where a law of damping cannot.
 """
 
 from __future__ import annotations

@@ -2,38 +2,28 @@
 
 from __future__ import annotations
 
-import pandas as pd
+from pathlib import Path
+from typing import Any
 
-from damping.report.page import Block, Part, Table, Text
-from damping.report.results import ChapterResults
+import pandas as pd
+from matplotlib.figure import Figure
+
+from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, plain_rows, styled
+from damping.report.page import Table
 from damping.report.words import between, joined, number, percent
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import Figures, figure, folded, part
-from damping_reed1970.source import KNOWN, known_table
+from damping_reed1970.common import ChapterFigure, ReportPart
+from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.studies import ReportResults
 
 
-def chapter_6(results: ChapterResults, figures: Figures) -> Part:
-    """The part: the summary of section 6.1."""
-    laws = results.tables["section_6_1"]
-    blocks: list[Block] = [
-        Text(
-            "Section 6.1 sums up the damping forces that the report derives for both configurations. Each stands here "
-            "three times: as printed, by the report's own method from the corrected tables, and fitted by this study "
-            "with its 90 per cent credible interval."
-        ),
-        Text(" ".join(_tests(laws))),
-        figure(figures, "section-6-1", 6),
-        Table(law_rows(laws), _LAWS, key="section_6_1"),
-        folded(f"{KNOWN['section_6_1'].title}: every column", *known_table("section_6_1", laws)),
-        *known_table("section_6_1_errors", results.tables["section_6_1_errors"]),
-    ]
-    return part(6, "Chapter VI: the forces of section 6.1", blocks, {})
-
-
-_LAWS = (
-    "Each printed number beside its recomputation and beside our fit with its 90 per cent credible interval; then "
-    f"whether the law gives every tested resonant amplitude within {REPRODUCES:g} per cent, in that order."
-)
+def chapter_6(results: ReportResults) -> ReportPart:
+    """The page: the summary of section 6.1."""
+    laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
+    shown = {"laws": Table(law_rows(laws), "", key="section_6_1")}
+    title = "Chapter VI: the forces of section 6.1"
+    chapter = Chapter(6, title, _count_laws(laws), [force_laws_figure(errors)], shown, {}, results.tables)
+    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
 def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
@@ -59,34 +49,68 @@ def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _tests(laws: pd.DataFrame) -> list[str]:
+def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
     """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
     each = laws.drop_duplicates(["configuration", "mode", "equation"])
-    counts = [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS]
-    inside = int(laws["printed_in_interval"].sum())
-    said = [
-        f"Of {len(each)} laws {counts[0]} as printed, {counts[1]} recomputed and {counts[2]} of ours give every tested "
-        f"resonant amplitude within {REPRODUCES:g} per cent; {inside} of the {len(laws)} printed numbers lie inside "
-        "our intervals."
-    ]
     worst = each[~each["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
-    if len(worst):
-        failing = joined(
+    viscous = each[each["law"] == "viscous"]
+    levels = viscous[viscous["configuration"] == "II"]
+    return {
+        "laws": len(each),
+        "reproduced": [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS],
+        "limit": f"{REPRODUCES:g}",
+        "inside": int(laws["printed_in_interval"].sum()),
+        "numbers": len(laws),
+        "worst": joined(
             f"{one['equation']} (configuration {one['configuration']}, mode {one['mode']}: "
             f"{percent(one['printed_percent_resonance'])} per cent{_known(one['erratum'])})"
             for one in worst.to_dict("records")
-        )
-        said.append(f"Printed laws that do not, with their largest error: {failing}.")
-    viscous = each[each["law"] == "viscous"]
-    failing_too = int((~viscous["printed_reproduces"]).sum())
-    levels = viscous[viscous["configuration"] == "II"]
-    said.append(
-        f"{failing_too} of the {len(viscous)} printed laws of viscous damping alone are among them; of Configuration "
-        f"II, with three levels, {int(levels['ours_reproduces'].sum()) or 'none'} of {len(levels)} reproduces the "
-        "tests with a fitted coefficient either."
-    )
-    return said
+        ),
+        "viscous": len(viscous),
+        "viscous_failing": int((~viscous["printed_reproduces"]).sum()),
+        "viscous_levels": len(levels),
+        "viscous_ours": int(levels["ours_reproduces"].sum()),
+    }
 
 
 def _known(erratum: str) -> str:
     return f", erratum {erratum}" if erratum else ""
+
+
+def force_laws_figure(errors: pd.DataFrame) -> ChapterFigure:
+    """The figure of the chapter with its words."""
+    return ChapterFigure(
+        "section-6-1", "", "Errors of the laws of section 6.1",
+        "Per cent error of resonant amplitude at the tested forces of every law: printed, recomputed, ours.",
+        lambda: force_laws(errors),
+    )  # fmt: skip
+
+
+@styled
+def force_laws(errors: pd.DataFrame) -> Figure:
+    """Draw the errors of resonant amplitude of every law of section 6.1: printed, recomputed and ours.
+
+    Args:
+        errors: ``configuration, mode, equation, version, quantity, percent_error``, rows of a law together.
+    """
+    amplitude = errors[errors["quantity"] == "resonant amplitude"]
+    laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
+    axes = figure.add_subplot()
+    plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
+    styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
+    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
+    axes.axvline(0.0, color=INK, linewidth=0.7)
+    for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
+        for row, (c, m, equation) in enumerate(laws):
+            mine = amplitude[
+                (amplitude["configuration"] == c) & (amplitude["mode"] == m) & (amplitude["equation"] == equation)
+                & (amplitude["version"] == version)
+            ]  # fmt: skip
+            label = version if row == 0 else None
+            axes.plot(
+                mine["percent_error"], [row + shift] * len(mine), marker, color=colour, markersize=4.5, label=label
+            )
+    axes.set_xlabel("error of resonant amplitude at the tested forces (per cent)")
+    figure.legend(loc="outside upper right", ncols=3)
+    return figure

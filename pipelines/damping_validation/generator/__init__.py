@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from damping_validation.generator.forces import Effect
+from damping_validation.generator.forces import TrueEffect
 from damping_validation.generator.noise import Noise, columns, data_text, draw_noise, measured, model_text
 from damping_validation.generator.plan import Bench, Generator, draw_bench, log_uniform, without_base
 from damping_validation.generator.refit import (
@@ -26,7 +26,7 @@ from damping_validation.generator.refit import (
     LIBRARY,
     OUTSIDE,
     STRUCTURE,
-    Cells,
+    RecordCells,
     applied,
     draw_effect,
     gap,
@@ -37,7 +37,7 @@ from damping_validation.generator.refit import (
 from damping_validation.generator.steady import NoSteadyStateError, true_record
 from damping_validation.generator.structure import Array
 
-__all__ = ["Case", "Stratum", "draw_case", "strata"]
+__all__ = ["BlindCase", "Stratum", "draw_case", "strata"]
 
 
 #: Seeds differ so that nothing chosen while developing has seen a blind case.
@@ -75,32 +75,42 @@ def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
     return plan
 
 
-#: Gaps in sigma: of a single effect, and of each of a pair alone.
-SINGLE_GAPS, PAIR_GAPS = (0.3, 30.0), (1.0, 12.0)
+#: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
+SINGLE_GAPS = (0.3, 30.0)
+#: Gap of each of a pair alone, sigma.
+PAIR_GAPS = (1.0, 12.0)
 #: What a record of a pair leaves, in sigma, to either effect alone: less, and it does not show that there are two.
 LEAST_OF_EACH = 1.0
 
+#: Structures drawn until one gives a case of the kind that is wanted.
 _DRAWS = 400
-_TRIALS, _LOG_RANGE, _NEAR, _NOTHING = 14, 12.0, 0.05, 1e-9
+#: Sizes of an effect tried until its gap is the one that was drawn.
+_TRIALS = 14
+#: ln of the largest over the smallest size tried.
+_LOG_RANGE = 12.0
+#: ln of the gap over the one drawn at which a size is taken.
+_NEAR = 0.05
+#: Gap, sigma, that stands for none where its logarithm is taken.
+_NOTHING = 1e-9
 _MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnCase:
     """Everything of a case but its noise: bench, effects, noise-free record, its gap, and what each effect explains.
 
     ``without_each`` is, for a pair, what is left when that effect is taken away and all else refitted.
     """
 
     bench: Bench
-    effects: tuple[Effect, ...]
+    effects: tuple[TrueEffect, ...]
     noise: Noise
-    cells: Cells
+    cells: RecordCells
     gap: float
     without_each: tuple[float, ...]
 
 
-def draw(kind: str, field: bool, rng: Generator) -> Drawn:
+def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
     """Draw until a steady state exists and the effect can be made large enough."""
     for _ in range(_DRAWS):
         names = _names(kind, rng)
@@ -137,7 +147,9 @@ def _bench(kind: str, names: tuple[str, ...], field: bool, rng: Generator) -> Be
     return without_base(bench) if held & {name.removesuffix("-friction") for name in names} else bench
 
 
-def _sized(effect: Effect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator) -> Effect | None:
+def _sized(
+    effect: TrueEffect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator
+) -> TrueEffect | None:
     """The effect at a size whose gap is log-uniform in ``gaps``; None out of its reach.
 
     That gap is the effect's alone, by averages and without scatter from sweep to sweep; the label's is the true one.
@@ -168,12 +180,12 @@ def _sized(effect: Effect, bench: Bench, noise: Noise, gaps: tuple[float, float]
     return replace(effect, size=float(np.exp(place)))
 
 
-def _cells(record: tuple[Array, Array], noise: Noise) -> Cells:
+def _cells(record: tuple[Array, Array], noise: Noise) -> RecordCells:
     """The record with its standard deviations, which go with its own amplitude."""
-    return Cells(*record, noise.share * record[0], noise.phase if noise.has_phase else None)
+    return RecordCells(*record, noise.share * record[0], noise.phase if noise.has_phase else None)
 
 
-def _integrated(bench: Bench, effects: tuple[Effect, ...], noise: Noise) -> Drawn | None:
+def _integrated(bench: Bench, effects: tuple[TrueEffect, ...], noise: Noise) -> DrawnCase | None:
     """The noise-free record and its gap; None without a steady state, without a gap, or where one effect would do."""
     try:
         cells = _cells(true_record(*applied(effects, bench)), noise)
@@ -187,7 +199,7 @@ def _integrated(bench: Bench, effects: tuple[Effect, ...], noise: Noise) -> Draw
     size = gap(cells, bench)
     if effects and size < SINGLE_GAPS[0]:
         return None
-    return Drawn(bench, effects, noise, cells, size, each)
+    return DrawnCase(bench, effects, noise, cells, size, each)
 
 
 _WRONG_PARAMETER = {"natural-frequency": 0, "viscous-coefficient": 2}  # place among the deviations
@@ -195,7 +207,7 @@ _TELLING = 1.0  # sigma
 
 
 @dataclass(frozen=True)
-class Case:
+class BlindCase:
     """Texts of ``model.toml`` and ``data.csv``, and the label (plain data)."""
 
     model: str
@@ -203,7 +215,7 @@ class Case:
     label: Mapping[str, Any]
 
 
-def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case", nearest: bool = False) -> Case:
+def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case", nearest: bool = False) -> BlindCase:
     """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed.
 
     ``nearest`` has the label of a single effect with a gap of 1 sigma or more say which other effect of the library
@@ -226,7 +238,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
         "altered": _altered(drawn),
         "nearest": _nearest(drawn) if nearest and len(drawn.effects) == 1 and drawn.gap >= _TELLING else None,
     }
-    return Case(model_text(name, drawn.bench), data_text(table), label)
+    return BlindCase(model_text(name, drawn.bench), data_text(table), label)
 
 
 def family(kind: str) -> str:
@@ -236,7 +248,7 @@ def family(kind: str) -> str:
     return "outside" if kind in OUTSIDE else "single"
 
 
-def _effects(drawn: Drawn) -> dict[str, Any]:
+def _effects(drawn: DrawnCase) -> dict[str, Any]:
     return {
         "effects": [effect.name for effect in drawn.effects],
         "gap": drawn.gap,
@@ -245,7 +257,7 @@ def _effects(drawn: Drawn) -> dict[str, Any]:
     }
 
 
-def _circumstances(drawn: Drawn) -> dict[str, Any]:
+def _circumstances(drawn: DrawnCase) -> dict[str, Any]:
     bench = drawn.bench
     return {
         "deviation": list(bench.deviation),
@@ -260,7 +272,7 @@ def _circumstances(drawn: Drawn) -> dict[str, Any]:
     }
 
 
-def _altered(drawn: Drawn) -> dict[str, list[int]]:
+def _altered(drawn: DrawnCase) -> dict[str, list[int]]:
     """Rows whose noise-free amplitude or phase the effects move by more than one sigma (wrong parameters set right)."""
     if not drawn.effects:
         return {"amplitude": [], "phase": []}
@@ -269,7 +281,7 @@ def _altered(drawn: Drawn) -> dict[str, list[int]]:
     return {"amplitude": np.flatnonzero(change[:n]).tolist(), "phase": np.flatnonzero(change[n:]).tolist()}
 
 
-def _without(drawn: Drawn) -> Bench:
+def _without(drawn: DrawnCase) -> Bench:
     """The bench with its wrong parameters, if that is the effect, at their nominal values."""
     deviation = list(drawn.bench.deviation)
     for effect in drawn.effects:
@@ -278,6 +290,6 @@ def _without(drawn: Drawn) -> Bench:
     return replace(drawn.bench, deviation=(deviation[0], deviation[1], deviation[2]))
 
 
-def _nearest(drawn: Drawn) -> dict[str, Any]:
+def _nearest(drawn: DrawnCase) -> dict[str, Any]:
     name, left = nearest_imitation(drawn.cells, drawn.bench, tuple(effect.name for effect in drawn.effects))
     return {"effect": name, "left": left}

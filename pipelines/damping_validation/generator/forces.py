@@ -12,14 +12,14 @@ from typing import TypeAlias
 import numpy as np
 
 from damping_validation.generator.plan import Bench, Generator, force_unit, log_uniform
-from damping_validation.generator.structure import Joint, Law, Rows, Structure
+from damping_validation.generator.structure import Structure, TrueJoint, TrueLaw, TrueRows
 
 Shape: TypeAlias = tuple[float, ...]
-Truth: TypeAlias = tuple[Structure, Rows]
+Truth: TypeAlias = tuple[Structure, TrueRows]
 
 
 @dataclass(frozen=True)
-class Effect:
+class TrueEffect:
     """An effect by name; its size is dimensionless and positive, its shape (signs, places, widths) drawn once."""
 
     name: str
@@ -62,7 +62,7 @@ def both_signs(bench: Bench) -> tuple[Shape, ...]:
     return ((1.0,), (-1.0,))
 
 
-def with_laws(truth: Truth, *laws: Law) -> Truth:
+def with_laws(truth: Truth, *laws: TrueLaw) -> Truth:
     """The truth with forces added."""
     structure, rows = truth
     return replace(structure, laws=(*structure.laws, *laws)), rows
@@ -81,7 +81,7 @@ def _damping(law: str) -> Kind:
 
     def apply(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
         unit = force_unit(law, bench.nominal.viscous, bench.nominal.omega, bench.A)
-        return with_laws(truth, Law(law, size * unit))
+        return with_laws(truth, TrueLaw(law, size * unit))
 
     return Kind(no_shape, apply, _friction_most if law == "coulomb" else lambda bench: 6.0)
 
@@ -114,13 +114,13 @@ def _stiffness(way: float) -> Kind:
     def apply(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
         unit, A = way * size * stiffness_unit(bench), bench.A
         if shape[0] == 1:
-            return with_laws(truth, Law("odd-square", unit * 3 * np.pi / 8 / A))
+            return with_laws(truth, TrueLaw("odd-square", unit * 3 * np.pi / 8 / A))
         if shape[0] == 0:
-            return with_laws(truth, Law("cubic", unit * 4 / 3 / A**2))
+            return with_laws(truth, TrueLaw("cubic", unit * 4 / 3 / A**2))
         k = bench.nominal.mass * bench.nominal.omega**2
         quadratic = shape[1] * float(np.sqrt(abs(unit) * k)) / A
         offset = 10 / 9 * quadratic**2 / k  # the cubic spring to which the quadratic one softens
-        return with_laws(truth, Law("cubic", unit * 4 / 3 / A**2 + offset), Law("quadratic", quadratic))
+        return with_laws(truth, TrueLaw("cubic", unit * 4 / 3 / A**2 + offset), TrueLaw("quadratic", quadratic))
 
     return Kind(shape, apply, lambda bench: 5.0, lambda bench: ((0.0, 0.0),))
 
@@ -133,7 +133,7 @@ def slip_shape(rng: Generator, bench: Bench) -> Shape:
 def _slip(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A Jenkins joint; size 1 has the stiffness 2 xi k."""
     structure, rows = truth
-    joint = Joint("jenkins", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
+    joint = TrueJoint("jenkins", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 

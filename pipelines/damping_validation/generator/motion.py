@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.structure import JUMPS, Array, Complex, Rows, Structure, chosen_rows
+from damping_validation.generator.structure import JUMPS, Array, Complex, Structure, TrueRows, chosen_rows
 
 STEPS = 256
 _SMOOTHED = 1.5  # steps on either side of a change of sign
@@ -20,30 +20,30 @@ _TINY = 1e-300
 
 
 @dataclass(frozen=True)
-class State:
+class TrueState:
     """Displacements and velocities, shape (coordinates, copies, rows), and the stretches of the joints."""
 
     q: Array
     v: Array
     z: tuple[Array, ...]
 
-    def chosen(self, chosen: npt.NDArray[np.bool_]) -> State:
+    def chosen(self, chosen: npt.NDArray[np.bool_]) -> TrueState:
         """The state at the chosen rows alone."""
-        return State(self.q[..., chosen], self.v[..., chosen], tuple(z[..., chosen] for z in self.z))
+        return TrueState(self.q[..., chosen], self.v[..., chosen], tuple(z[..., chosen] for z in self.z))
 
-    def put(self, chosen: npt.NDArray[np.bool_], part: State) -> State:
+    def put(self, chosen: npt.NDArray[np.bool_], part: TrueState) -> TrueState:
         """This state with the chosen rows replaced."""
-        new = State(self.q.copy(), self.v.copy(), tuple(z.copy() for z in self.z))
+        new = TrueState(self.q.copy(), self.v.copy(), tuple(z.copy() for z in self.z))
         new.q[..., chosen], new.v[..., chosen] = part.q, part.v
         for target, source in zip(new.z, part.z, strict=True):
             target[..., chosen] = source
         return new
 
 
-class Motion:
+class TrueMotion:
     """The equations of motion of a structure at the rows of a test (arrays made once, used at every step)."""
 
-    def __init__(self, structure: Structure, rows: Rows, steps: int = STEPS) -> None:
+    def __init__(self, structure: Structure, rows: TrueRows, steps: int = STEPS) -> None:
         main, sides = structure.omega * rows.tuning, structure.sides
         omega = np.array([main, *(np.full(main.size, side.omega) for side in sides)])
         damping = np.array([structure.viscous / structure.mass, *(2 * side.zeta * side.omega for side in sides)])
@@ -58,9 +58,9 @@ class Motion:
         self._jumps = any(law.kind in JUMPS for law in structure.laws)
         self._linear = not (structure.laws or structure.joints)
 
-    def chosen(self, chosen: npt.NDArray[np.bool_]) -> Motion:
+    def chosen(self, chosen: npt.NDArray[np.bool_]) -> TrueMotion:
         """The same at the chosen rows alone."""
-        return Motion(self.structure, chosen_rows(self.rows, chosen), self.steps)
+        return TrueMotion(self.structure, chosen_rows(self.rows, chosen), self.steps)
 
     def acceleration(self, q: Array, v: Array, z: tuple[Array, ...], sine: float) -> Array:
         """Second derivatives of the coordinates when the force is at ``sine`` of its amplitude."""
@@ -81,7 +81,7 @@ class Motion:
         """The stretches of the joints after the main coordinate moved by ``dq``."""
         return tuple(joint.move(part, dq) for joint, part in zip(self.structure.joints, z, strict=True))
 
-    def step(self, state: State, sines: tuple[float, float, float]) -> State:
+    def step(self, state: TrueState, sines: tuple[float, float, float]) -> TrueState:
         """The state one step later; ``sines`` is the drive at its start, middle and end."""
         q, v, z, h = state.q, state.v, state.z, self._h
         k1 = self.acceleration(q, v, z, sines[0])
@@ -92,9 +92,9 @@ class Motion:
         q4, v4 = q + h * v3, v + h * k3
         k4 = self.acceleration(q4, v4, self.moved(z, q4[0] - q[0]), sines[2])
         end = q + (h / 6) * (v + 2 * (v2 + v3) + v4)
-        return State(end, v + (h / 6) * (k1 + 2 * (k2 + k3) + k4), self.moved(z, end[0] - q[0]))
+        return TrueState(end, v + (h / 6) * (k1 + 2 * (k2 + k3) + k4), self.moved(z, end[0] - q[0]))
 
-    def cycle(self, state: State, samples: Array | None = None) -> tuple[State, tuple[Array, ...]]:
+    def cycle(self, state: TrueState, samples: Array | None = None) -> tuple[TrueState, tuple[Array, ...]]:
         """The state one cycle later, and the stretches half a cycle before.
 
         ``samples`` (steps, rows) receives the displacement at the sensor, of the first copy.
@@ -109,13 +109,13 @@ class Motion:
             state = self.step(state, (sines[2 * n], sines[2 * n + 1], sines[2 * n + 2]))
         return state, half
 
-    def dwelt(self, state: State, cycles: int) -> State:
+    def dwelt(self, state: TrueState, cycles: int) -> TrueState:
         """The state ``cycles`` later."""
         for _ in range(cycles):
             state = self.cycle(state)[0]
         return state
 
-    def first_harmonic(self, state: State) -> tuple[Complex, State]:
+    def first_harmonic(self, state: TrueState) -> tuple[Complex, TrueState]:
         """Phasor A exp(-i phi) of the sensor's signal A sin(omega t - phi), projected over one cycle, and its end."""
         angle = 2 * np.pi * np.arange(self.steps) / self.steps
         samples = np.empty((self.steps, self._h.size))
@@ -124,7 +124,7 @@ class Motion:
         return (2 / self.steps) * ((np.sin(angle) + 1j * np.cos(angle)) @ shown), end
 
 
-def started(motion: Motion, guess: Complex) -> State:
+def started(motion: TrueMotion, guess: Complex) -> TrueState:
     """State at the start of a cycle for a guess of the main coordinate's phasor; other modes start from their own.
 
     q = A sin(theta - phi) is Im(X exp(i theta)) with X = A exp(-i phi), so q = Im X and v = omega Re X at theta = 0.
@@ -135,4 +135,4 @@ def started(motion: Motion, guess: Complex) -> State:
         impedance = motion.stiffness[n, 0] - omega**2 + 1j * motion.damping[n, 0, 0] * omega
         phasors.append(motion.load[n, 0] / impedance)
     X = np.array(phasors)[:, None, :]
-    return State(X.imag.copy(), omega * X.real, tuple(joint.start(X[0].imag) for joint in motion.structure.joints))
+    return TrueState(X.imag.copy(), omega * X.real, tuple(joint.start(X[0].imag) for joint in motion.structure.joints))

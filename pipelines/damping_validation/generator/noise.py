@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from damping_validation.generator.plan import Bench, Generator, log_uniform
-from damping_validation.generator.structure import Array, Rows
+from damping_validation.generator.structure import Array, TrueRows
 
 _UNEVEN = 0.35  # standard deviation of the logarithm of a row's standard deviation, in the field
 _WILD = (5.0, 15.0)  # standard deviations
@@ -54,7 +54,7 @@ def measured(rng: Generator, noise: Noise, A: Array, phi: Array) -> tuple[Array,
     return A * np.maximum(1 + noise.share * a, 0.05), phi + noise.phase * p, wild
 
 
-def columns(rows: Rows, noise: Noise, amplitude: Array, phase: Array) -> dict[str, list[str]]:
+def columns(rows: TrueRows, noise: Noise, amplitude: Array, phase: Array) -> dict[str, list[str]]:
     """The record's columns as text; a standard deviation is the rig's share of the amplitude it read."""
     table = {
         "sweep": [chr(ord("A") + number) for number in rows.sweep.tolist()],

@@ -24,7 +24,7 @@ from damping_validation.generator.forces import (
     with_laws,
 )
 from damping_validation.generator.plan import Bench, Generator, log_uniform
-from damping_validation.generator.structure import Joint, Law, Side
+from damping_validation.generator.structure import Side, TrueJoint, TrueLaw
 
 
 def _planar_shape(rng: Generator, bench: Bench) -> Shape:
@@ -123,13 +123,13 @@ def _iwan(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     limits = (np.arange(_PARTS) + 0.5) / _PARTS
     weights = limits ** shape[0] / np.sum(limits ** shape[0])
     reach = limits * shape[1] * bench.A
-    joint = Joint("jenkins", size * stiffness_unit(bench), tuple(reach.tolist()), tuple(weights.tolist()))
+    joint = TrueJoint("jenkins", size * stiffness_unit(bench), tuple(reach.tolist()), tuple(weights.tolist()))
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 
 def _bouc_wen(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
-    joint = Joint("bouc-wen", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
+    joint = TrueJoint("bouc-wen", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 
@@ -139,11 +139,11 @@ def _clearance_shape(rng: Generator, bench: Bench) -> Shape:
 
 
 def _clearance(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
-    return with_laws(truth, Law("clearance", size * stiffness_unit(bench), shape[0] * bench.A))
+    return with_laws(truth, TrueLaw("clearance", size * stiffness_unit(bench), shape[0] * bench.A))
 
 
 def _quintic(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
-    return with_laws(truth, Law("quintic", shape[0] * size * stiffness_unit(bench) * 8 / 5 / bench.A**4))
+    return with_laws(truth, TrueLaw("quintic", shape[0] * size * stiffness_unit(bench) * 8 / 5 / bench.A**4))
 
 
 def _saturation(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:

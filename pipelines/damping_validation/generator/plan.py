@@ -10,12 +10,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping_validation.generator.structure import Array, Law, Rows, Structure, plain_rows
+from damping_validation.generator.structure import Array, Structure, TrueLaw, TrueRows, plain_rows
 
 Generator: TypeAlias = np.random.Generator
 
 _LEVELS = (1, 2, 3, 4, 5, 6)
-_CLEAN, _FIELD = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1), (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)  # how often so many levels
+#: How often so many levels, in the laboratory.
+_CLEAN = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1)
+#: How often so many levels, in the field.
+_FIELD = (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:
@@ -23,7 +26,7 @@ def log_uniform(rng: Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def draw_rows(rng: Generator, field: bool, top: float, omega: float, xi: float, at_least: int) -> Rows:
+def draw_rows(rng: Generator, field: bool, top: float, omega: float, xi: float, at_least: int) -> TrueRows:
     """Rows at up to six levels, ``top`` the highest, over 5 to 9 half-power half-widths on either side of omega."""
     forces = _forces(rng, field, top, at_least)
     points = int(np.clip(np.clip(rng.normal(130, 35), 50, 220) / forces.size, 14, 44))
@@ -73,7 +76,7 @@ class Bench:
     tolerance: Deviation
     deviation: Deviation
     base: tuple[tuple[str, float], ...]
-    rows: Rows
+    rows: TrueRows
     scatter: tuple[float, float]
     scatter_declared: bool
     A: float
@@ -100,7 +103,7 @@ def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels:
     spread = (log_uniform(rng, 0.006, 0.016), min(xi * rng.uniform(0.03, 0.12), 1e-3)) if scatter else (0.0, 0.0)
     declared = scatter and bool(rng.random() < 0.75)
     base = _base_laws(rng, viscous, omega, A, float(np.min(rows.force)))
-    laws = tuple(Law(name, coefficient) for name, coefficient in base)
+    laws = tuple(TrueLaw(name, coefficient) for name, coefficient in base)
     nominal = Structure(mass, omega, viscous, laws)
     return Bench(nominal, tolerance, (f, m, c), base, _scattered(rng, rows, spread), spread, declared, A, xi)
 
@@ -131,7 +134,7 @@ def force_unit(kind: str, viscous: float, omega: float, A: float) -> float:
     return float(np.pi * viscous * A**2 * omega / loss)
 
 
-def _scattered(rng: Generator, rows: Rows, spread: tuple[float, float]) -> Rows:
+def _scattered(rng: Generator, rows: TrueRows, spread: tuple[float, float]) -> TrueRows:
     """Gain and natural frequency of each sweep drawn about their means."""
     count = int(rows.sweep.max()) + 1
     gain, tune = (1 + sd * rng.normal(size=count) for sd in spread)

@@ -22,7 +22,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import least_squares
 
-from damping_validation.generator.forces import FORCE_KINDS, Effect, Kind, Truth
+from damping_validation.generator.forces import FORCE_KINDS, Kind, TrueEffect, Truth
 from damping_validation.generator.paths import FOREIGN_KINDS, PATH_KINDS, RIG_KINDS
 from damping_validation.generator.plan import Bench, Generator
 from damping_validation.generator.structure import (
@@ -30,10 +30,10 @@ from damping_validation.generator.structure import (
     VELOCITY_POWER,
     Array,
     Complex,
-    Joint,
-    Law,
-    Rows,
     Structure,
+    TrueJoint,
+    TrueLaw,
+    TrueRows,
     recorded,
 )
 
@@ -53,7 +53,7 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
     return total
 
 
-def _law_average(law: Law, A: Array) -> Complex:
+def _law_average(law: TrueLaw, A: Array) -> Complex:
     """By sampling; once and for all amplitudes where the force is homogeneous in q and v."""
     if law.kind in DEGREE:
         shape: Complex = _unit_average(law.kind) * A.astype(complex) ** (DEGREE[law.kind] - 1)
@@ -63,10 +63,10 @@ def _law_average(law: Law, A: Array) -> Complex:
 
 @cache
 def _unit_average(kind: str) -> complex:
-    return complex(_sampled(Law(kind, 1.0), np.ones(1))[0])
+    return complex(_sampled(TrueLaw(kind, 1.0), np.ones(1))[0])
 
 
-def _sampled(law: Law, A: Array) -> Complex:
+def _sampled(law: TrueLaw, A: Array) -> Complex:
     q, v = A[:, None] * np.sin(_ANGLES), A[:, None] * np.cos(_ANGLES)
     return _projected(law.force(q, v, np.sign(v)), A)
 
@@ -76,7 +76,7 @@ def _projected(force: Array, A: Array) -> Complex:
     return average
 
 
-def _joint_average(joint: Joint, A: Array) -> Complex:
+def _joint_average(joint: TrueJoint, A: Array) -> Complex:
     """Jenkins parts in closed form, with cos(beta) = 1 - 2 L/A; else the second cycle of a sampled loop."""
     if joint.kind == "jenkins":
         share = np.minimum(np.array(joint.limits)[:, None] / A, 1.0)
@@ -93,7 +93,7 @@ def _joint_average(joint: Joint, A: Array) -> Complex:
     return _projected(path, A)
 
 
-def main_phasor(structure: Structure, rows: Rows, upper: bool) -> Complex:
+def main_phasor(structure: Structure, rows: TrueRows, upper: bool) -> Complex:
     """Phasor of the main coordinate at each row; of several steady states the one of largest or smallest amplitude."""
     w = rows.omega
     F = structure.share * rows.force * rows.drive
@@ -120,7 +120,7 @@ def main_phasor(structure: Structure, rows: Rows, upper: bool) -> Complex:
     return phasor
 
 
-def sensor_phasor(structure: Structure, rows: Rows, main: Complex) -> Complex:
+def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Complex:
     """What the sensor sees when the main coordinate moves with ``main``: other modes added, clipped where it clips."""
     X = structure.share * main
     for side in structure.sides:
@@ -136,7 +136,7 @@ def clipped_share(A: Array, clip: float) -> Array:
     return share
 
 
-def upper_branch(structure: Structure, rows: Rows) -> bool:
+def upper_branch(structure: Structure, rows: TrueRows) -> bool:
     """Which of several steady states the sweep follows: the upper one if it runs the way the resonance bends."""
     A = np.geomspace(1e-3, 1.0, 30) * np.max(rows.force) / (structure.viscous * structure.omega)
     stiffening = float(np.sum(averages(structure, A).get(0, np.zeros(A.size)).real))
@@ -159,7 +159,7 @@ INSTRUMENT = tuple(RIG_KINDS)
 STRUCTURE = ("slip", "stiffness-hardening", "stiffness-softening", *PATH_KINDS)
 
 
-def applied(effects: tuple[Effect, ...], bench: Bench) -> Truth:
+def applied(effects: tuple[TrueEffect, ...], bench: Bench) -> Truth:
     """True structure and rig with the effects present."""
     truth = bench.truth(), bench.rows
     for effect in effects:
@@ -167,9 +167,9 @@ def applied(effects: tuple[Effect, ...], bench: Bench) -> Truth:
     return truth
 
 
-def draw_effect(name: str, rng: Generator, bench: Bench) -> Effect:
+def draw_effect(name: str, rng: Generator, bench: Bench) -> TrueEffect:
     """The effect with a drawn shape and its largest size."""
-    return Effect(name, KINDS[name].most(bench), KINDS[name].shape(rng, bench))
+    return TrueEffect(name, KINDS[name].most(bench), KINDS[name].shape(rng, bench))
 
 
 WIDEST = 3.0  # tolerances
@@ -179,7 +179,7 @@ _FIRST = 0.05  # of the largest size: where the search for an imitation starts
 
 
 @dataclass(frozen=True)
-class Cells:
+class RecordCells:
     """A noise-free record and its standard deviations; ``phase_sd`` is None in a record without phase."""
 
     amplitude: Array
@@ -195,19 +195,19 @@ class Cells:
         return np.concatenate(parts)
 
 
-def guess(structure: Structure, rows: Rows, other: bool = False) -> Complex:
+def guess(structure: Structure, rows: TrueRows, other: bool = False) -> Complex:
     """Phasor of the main coordinate on the branch that the sweep follows, or on the other one."""
     if not (structure.laws or structure.joints):
         return main_phasor(structure, rows, False)
     return main_phasor(structure, rows, upper_branch(structure, rows) != other)
 
 
-def predicted(structure: Structure, rows: Rows) -> tuple[Array, Array]:
+def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
     """Amplitude and lag that the rig records, by first-harmonic averages."""
     return recorded(sensor_phasor(structure, rows, guess(structure, rows)), rows)
 
 
-def gap(cells: Cells, bench: Bench, effects: tuple[Effect, ...] = (), reshape: bool = False) -> float:
+def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), reshape: bool = False) -> float:
     """Root mean square, in sigma, left after the simulation (with ``effects`` of free size) was refitted.
 
     ``reshape`` frees the continuous entries of the effects' shapes too.
@@ -238,7 +238,7 @@ def gap(cells: Cells, bench: Bench, effects: tuple[Effect, ...] = (), reshape: b
     return float(np.sqrt(np.mean(left(fit.x) ** 2)))
 
 
-def _simulated(bench: Bench, effects: tuple[Effect, ...], x: Array, sweeps: int) -> tuple[Structure, Rows]:
+def _simulated(bench: Bench, effects: tuple[TrueEffect, ...], x: Array, sweeps: int) -> tuple[Structure, TrueRows]:
     """The simulation at the free values: deviations, gains and frequencies of sweeps, factors of sizes and shapes."""
     (f, m, c), rest = x[:3].tolist(), x[3:]
     rows = unscattered(bench.rows)
@@ -251,24 +251,24 @@ def _simulated(bench: Bench, effects: tuple[Effect, ...], x: Array, sweeps: int)
         shape = list(effect.shape)
         for entry in KINDS[effect.name].free if moves.size else ():
             shape[entry] *= next(factors)
-        changed.append(Effect(effect.name, effect.size * size, tuple(shape)))
+        changed.append(TrueEffect(effect.name, effect.size * size, tuple(shape)))
     return applied(tuple(changed), replace(bench, deviation=(f, m, c), rows=rows))
 
 
-def unscattered(rows: Rows) -> Rows:
+def unscattered(rows: TrueRows) -> TrueRows:
     """The rows with neither gain nor frequency scattered (nor changed by an effect)."""
     one = np.ones(rows.omega.size)
     return replace(rows, gain=one, tuning=one)
 
 
-def nearest_imitation(cells: Cells, bench: Bench, besides: tuple[str, ...]) -> tuple[str, float]:
+def nearest_imitation(cells: RecordCells, bench: Bench, besides: tuple[str, ...]) -> tuple[str, float]:
     """The effect of the library, but those named, that alone leaves least of this record, and what it leaves."""
     left = {name: _least(cells, bench, name) for name in LIBRARY if name not in besides}
     name = min(left, key=left.__getitem__)
     return name, left[name]
 
 
-def _least(cells: Cells, bench: Bench, name: str) -> float:
+def _least(cells: RecordCells, bench: Bench, name: str) -> float:
     kind = KINDS[name]
     size = _FIRST * kind.most(bench)
-    return min(gap(cells, bench, (Effect(name, size, shape),), reshape=True) for shape in kind.trials(bench))
+    return min(gap(cells, bench, (TrueEffect(name, size, shape),), reshape=True) for shape in kind.trials(bench))

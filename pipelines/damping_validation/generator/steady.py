@@ -12,16 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.motion import STEPS, Motion, State, started
+from damping_validation.generator.motion import STEPS, TrueMotion, TrueState, started
 from damping_validation.generator.refit import guess
-from damping_validation.generator.structure import Array, Complex, Rows, Structure, recorded
+from damping_validation.generator.structure import Array, Complex, Structure, TrueRows, recorded
 
 _MOST = 40  # corrections
 _CLOSE = 1e-6  # of the amplitude: last correction
 _PROBE = 1e-4  # of the amplitude: finite difference
 
 
-def shoot(motion: Motion, state: State) -> tuple[State, npt.NDArray[np.bool_]]:
+def shoot(motion: TrueMotion, state: TrueState) -> tuple[TrueState, npt.NDArray[np.bool_]]:
     """States (one copy) that a cycle reproduces, from ``state``, and at which rows a stable one was found."""
     state = _remembering(motion, state)
     todo = np.ones(motion.rows.omega.size, bool)
@@ -44,15 +44,15 @@ def _odd(last: tuple[Array, ...], half: tuple[Array, ...]) -> tuple[Array, ...]:
     return tuple((end - middle) / 2 for end, middle in zip(last, half, strict=True))
 
 
-def _remembering(motion: Motion, state: State) -> State:
+def _remembering(motion: TrueMotion, state: TrueState) -> TrueState:
     """One cycle driven by the guess, so that the joints remember a full loop; displacement and velocity stay."""
     if not motion.structure.joints:
         return state
     after, half = motion.cycle(state)
-    return State(state.q, state.v, motion.moved(_odd(after.z, half), (state.q - after.q)[0]))
+    return TrueState(state.q, state.v, motion.moved(_odd(after.z, half), (state.q - after.q)[0]))
 
 
-def _corrected(motion: Motion, state: State) -> tuple[State, Array, Array]:
+def _corrected(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Array]:
     """The state after one correction, the spectral radius of the map of a cycle, and the size of the correction.
 
     The coordinates do not act on each other, so each has its own 2 x 2 derivative, from two probes at once. The joints'
@@ -65,7 +65,7 @@ def _corrected(motion: Motion, state: State) -> tuple[State, Array, Array]:
     q[:, 1] += probe
     v[:, 2] += probe * omega
     z = motion.moved(tuple(np.repeat(part, 3, axis=1) for part in state.z), q[0] - state.q[0])
-    end, half = motion.cycle(State(q, v, z))
+    end, half = motion.cycle(TrueState(q, v, z))
     a, b = ((end.q[:, n] - end.q[:, 0]) / probe for n in (1, 2))
     c, d = ((end.v[:, n] - end.v[:, 0]) / (probe * omega) for n in (1, 2))
     miss_q, miss_v = end.q[:, 0] - q[:, 0], (end.v[:, 0] - v[:, 0]) / omega
@@ -74,7 +74,7 @@ def _corrected(motion: Motion, state: State) -> tuple[State, Array, Array]:
     step_v = (c * miss_q + (1 - a) * miss_v) / determinant
     new_q, new_v = state.q[:, 0] + step_q, state.v[:, 0] + step_v * omega
     odd = _odd(tuple(part[:, :1] for part in end.z), tuple(part[:, :1] for part in half))
-    corrected = State(new_q[:, None], new_v[:, None], motion.moved(odd, (new_q - end.q[:, 0])[:1]))
+    corrected = TrueState(new_q[:, None], new_v[:, None], motion.moved(odd, (new_q - end.q[:, 0])[:1]))
     return corrected, _spectral_radius(a, b, c, d), np.hypot(step_q[0], step_v[0]) / size[0]
 
 
@@ -97,7 +97,7 @@ class NoSteadyStateError(Exception):
     """No stable steady state was found at some row."""
 
 
-def steady(structure: Structure, rows: Rows, guesses: Sequence[Complex], steps: int = STEPS) -> Complex:
+def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], steps: int = STEPS) -> Complex:
     """Steady phasor of the displacement at the sensor, row by row, before gain, lag and leak (``structure.recorded``).
 
     ``guesses`` of the main coordinate's phasor are tried in turn where those before gave no stable state.
@@ -105,7 +105,7 @@ def steady(structure: Structure, rows: Rows, guesses: Sequence[Complex], steps: 
     Raises:
         NoSteadyStateError: no stable steady state near any guess, or a record that another cycle changes.
     """
-    motion = Motion(structure, rows, steps)
+    motion = TrueMotion(structure, rows, steps)
     state = steady_state(motion, guesses)
     first, state = motion.first_harmonic(state)
     second, _ = motion.first_harmonic(state)
@@ -114,7 +114,7 @@ def steady(structure: Structure, rows: Rows, guesses: Sequence[Complex], steps: 
     return first
 
 
-def steady_state(motion: Motion, guesses: Sequence[Complex]) -> State:
+def steady_state(motion: TrueMotion, guesses: Sequence[Complex]) -> TrueState:
     """State at the start of a steady cycle, on the branch that the sweep follows.
 
     Raises:
@@ -134,7 +134,7 @@ def steady_state(motion: Motion, guesses: Sequence[Complex]) -> State:
     return state
 
 
-def _followed(motion: Motion, state: State) -> State:
+def _followed(motion: TrueMotion, state: TrueState) -> TrueState:
     """The states with every branch continued in the direction of its sweep for as long as it is stable."""
     same = np.diff(motion.rows.sweep) == 0
     for _ in range(_LONGEST):
@@ -154,28 +154,28 @@ def _followed(motion: Motion, state: State) -> State:
     return state
 
 
-def _position(motion: Motion, state: State) -> Complex:
+def _position(motion: TrueMotion, state: TrueState) -> Complex:
     """The main coordinate's phasor, read from its displacement and velocity at the start of a cycle."""
     position: Complex = state.v[0, 0] / motion.rows.omega + 1j * state.q[0, 0]
     return position
 
 
-def doubling(structure: Structure, rows: Rows, guesses: Sequence[Complex], dwell: int) -> tuple[float, float]:
+def doubling(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], dwell: int) -> tuple[float, float]:
     """Largest relative change of the record when dwell goes from ``dwell`` to twice that, and when steps double."""
-    motion = Motion(structure, rows)
+    motion = TrueMotion(structure, rows)
     state = motion.dwelt(steady_state(motion, guesses), dwell)
     once, _ = motion.first_harmonic(state)
     twice, _ = motion.first_harmonic(motion.dwelt(state, dwell))
-    fine = Motion(structure, rows, 2 * STEPS)
+    fine = TrueMotion(structure, rows, 2 * STEPS)
     finer, _ = fine.first_harmonic(steady_state(fine, [_position(motion, state)]))
     return float(np.max(np.abs(twice - once) / np.abs(once))), float(np.max(np.abs(finer - once) / np.abs(once)))
 
 
-def guesses(structure: Structure, rows: Rows) -> tuple[Complex, Complex]:
+def guesses(structure: Structure, rows: TrueRows) -> tuple[Complex, Complex]:
     """Where the shooting starts: on the branch that the sweep follows, then on the other one."""
     return guess(structure, rows), guess(structure, rows, other=True)
 
 
-def true_record(structure: Structure, rows: Rows) -> tuple[Array, Array]:
+def true_record(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
     """Amplitude and lag, without noise. NoSteadyStateError where no stable steady state is found."""
     return recorded(steady(structure, rows, guesses(structure, rows)), rows)

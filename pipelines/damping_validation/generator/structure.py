@@ -30,7 +30,7 @@ Function = Callable[[Array, Array, Array, float], Array]
 
 
 @dataclass(frozen=True)
-class Law:
+class TrueLaw:
     """A force ``coefficient * function(q, v, sign, parameter)`` on the main coordinate; ``kind`` names the function."""
 
     kind: str
@@ -84,7 +84,7 @@ JUMPS = frozenset({"displacement", "coulomb"})
 
 
 @dataclass(frozen=True)
-class Joint:
+class TrueJoint:
     """Stiffness (force/length), limits of the parts' stretch (length) and their weights (sum 1)."""
 
     kind: str
@@ -143,14 +143,14 @@ class Structure:
     mass: float
     omega: float
     viscous: float
-    laws: tuple[Law, ...] = ()
-    joints: tuple[Joint, ...] = ()
+    laws: tuple[TrueLaw, ...] = ()
+    joints: tuple[TrueJoint, ...] = ()
     sides: tuple[Side, ...] = ()
     share: float = 1.0
 
 
 @dataclass(frozen=True)
-class Rows:
+class TrueRows:
     """What the test recorded and what it truly was, one entry a row, in the order tested.
 
     ``sweep`` numbers the sweeps, ``force`` is the recorded force, ``omega`` the drive in rad/s, ``up`` the direction of
@@ -171,19 +171,19 @@ class Rows:
     clip: float = np.inf
 
 
-def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> Rows:
+def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> TrueRows:
     """Rows of a faultless rig."""
     one, zero = np.ones(force.size), np.zeros(force.size)
-    return Rows(sweep, force, omega, up, one, one, one, zero, zero.astype(complex))
+    return TrueRows(sweep, force, omega, up, one, one, one, zero, zero.astype(complex))
 
 
-def chosen_rows(rows: Rows, chosen: npt.NDArray[np.bool_]) -> Rows:
+def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
     """The chosen rows alone."""
     arrays = ("sweep", "force", "omega", "drive", "tuning", "gain", "lag", "leak")
     return replace(rows, **{name: getattr(rows, name)[chosen] for name in arrays})
 
 
-def recorded(X: Complex, rows: Rows) -> tuple[Array, Array]:
+def recorded(X: Complex, rows: TrueRows) -> tuple[Array, Array]:
     """Amplitude and lag (rad, from -pi/2 to 3 pi/2) that the rig records of the displacement phasor A exp(-i phi)."""
     X = rows.gain * X * np.exp(-1j * rows.lag) + rows.leak
     lag = np.mod(-np.angle(X) + np.pi / 2, 2 * np.pi) - np.pi / 2

@@ -1,54 +1,156 @@
-"""Resonant amplitude beyond the test.
+"""Resonant amplitude beyond the test: the one chain from rows near resonance to bands at design forces.
 
-The laws of a plan sampled: posterior draws of each, ready to be averaged by weight.
+    rows near resonance -> which laws, with what weight -> draws of each -> prediction averaged by weight
+
+The draws are chains, or those of the estimate that weighed the laws (importance sampling, Laplace).
 
 Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from damping.errors import AnalysisError
+from damping.errors import AnalysisError, InputError
 from damping.extrapolation.draws import Member, amplitude_draws
-from damping.extrapolation.plan import Plan, Planned, plan_loads
-from damping.extrapolation.prediction import predict
+from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.what_if import NextLevel, choose_next_level, vary_priors
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
+from damping.infer.evidence import Estimate, evidence
+from damping.infer.law import Law
 from damping.infer.observations import Observations
+from damping.progress import Advance, Progress, silent
 from damping.ranking import Candidate
-from damping.ranking.weights import level_numbers
+from damping.records.mode import Mode
+from damping.records.resonance import number_levels
 
 #: Laws with less weight do not take part in the average.
 LEAST_WEIGHT = 0.01
-#: Steps after which a chain that has not converged is given up: minutes, where most laws take seconds.
-SETTINGS = Settings(budget=5000)
+#: Sizes of the chains, and the steps after which one that has not converged is given up.
+SETTINGS = Settings()
 #: Levels below a held-out one, at least.
 FEWEST_BELOW = 2
 #: Effective importance draws that may stand for a chain that does not converge: they give the end of a 90 % band to 7 %
 #: of the standard deviation, sqrt(0.05 * 0.95 / n) / 0.103.
 INSTEAD = 200
 
+#: Posterior of a law on the rows of a plan, known well enough at some forces; None: draws of its evidence stand for it.
+Sampler = Callable[[Planned, Observations, np.ndarray, int], Posterior | None]
 
-def sample_members(
-    plan: Plan, forces: np.ndarray, seed: int, done: Callable[[str], None] = lambda said: None
-) -> list[Member]:
-    """Sample every law with weight. Where a chain does not converge, importance draws stand in or the law is left out.
 
-    Both are said, to ``done`` and among the cautions of every prediction.
+def sample_chains(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
+    """Chains of a law in this process."""
+    return sample_candidate(law, data, forces, seed)
+
+
+def draw_evidence(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> None:
+    """No chains: the draws of the evidence that weighed the law."""
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """Predictions with what they rest on.
+
+    Attributes:
+        plan: laws and weights. members: the laws that take part, with draws. loads: predictions at the forces asked.
+        mode: of the structure, None where nothing of it is known. seed: of everything drawn.
+    """
+
+    plan: Plan
+    members: tuple[Member, ...]
+    loads: Loads
+    mode: Mode | None
+    seed: int
+
+    def predict_at(self, forces: np.ndarray) -> Loads:
+        """Predictions at other forces (forces,), of the same draws."""
+        return _predict(self.plan, self.members, forces, self.loads.level, self.seed, self.mode)
+
+    def vary_priors(self) -> pd.DataFrame:
+        """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
+        return vary_priors(
+            self.members, self.loads.force, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
+        )
+
+    def choose_next_level(self) -> NextLevel | None:
+        """The further level that would most shrink the band at the largest force asked for and allowed."""
+        design = min(float(self.loads.force.max()), self.plan.limit)
+        return choose_next_level(
+            self.members, design, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
+        )
+
+
+def extrapolate_loads(
+    data: Observations,
+    forces: Sequence[float] | np.ndarray,
+    level: float = 0.9,
+    seed: int = 0,
+    *,
+    mode: Mode | None = None,
+    laws: Sequence[Law] | None = None,
+    plan: Plan | None = None,
+    estimate: Estimate = evidence,
+    sampler: Sampler = sample_chains,
+    least_weight: float = LEAST_WEIGHT,
+    progress: Progress = silent,
+) -> Extrapolation:
+    """Predict resonant amplitudes at ``forces``; every prediction of the project comes from here.
+
+    Where a chain does not converge, importance draws stand in or the law is left out; both are said to ``progress`` and
+    among the cautions of every prediction.
 
     Args:
-        forces: where predictions are wanted: chains run until amplitudes there are known. done: called with each law.
+        data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
+        mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
+        laws: candidates, by default those of the record. plan: where it was made before. estimate: of marginal
+            likelihoods. sampler: of posteriors. least_weight: laws with no more take no part.
 
     Raises:
-        AnalysisError: no chain converged, and importance draws are too few.
+        InputError: a force or a level that is none, before any work.
+        AnalysisError: no candidate can carry the measured forces, or none could be sampled.
     """
+    asked = check_loads(forces, level)
+    if plan is None:
+        candidates = load_candidates(data) if laws is None else laws
+        with progress("weighing laws", len(candidates)) as done:
+            plan = plan_loads(data, candidates, seed, done, mode.mass if mode else None, estimate)
+    chosen = [law for law in plan.laws if law.weight > least_weight]
+    with progress("sampling", len(chosen)) as done:
+        members = _sampled(((law, sampler(law, plan.data, asked, seed)) for law in chosen), done)
+    return Extrapolation(plan, members, _predict(plan, members, asked, level, seed, mode), mode, seed)
+
+
+def check_loads(forces: Sequence[float] | np.ndarray, level: float) -> np.ndarray:
+    """The forces as an array (forces,).
+
+    Raises:
+        InputError: no force, one that is no positive finite number, or a level not strictly between 0 and 1.
+    """
+    if np.ndim(forces) != 1 or len(forces) == 0:
+        raise InputError("no list of forces", expected="one force amplitude > 0 or more")
+    for force in forces:
+        if not (_is_number(force) and math.isfinite(force) and force > 0.0):
+            raise InputError(f"force {force}", expected="a force amplitude > 0")
+    if not (_is_number(level) and 0.0 < level < 1.0):
+        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
+    return np.array(forces, dtype=float)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance) -> tuple[Member, ...]:
+    """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
-    for law in (law for law in plan.laws if law.weight > LEAST_WEIGHT):
-        member, said = _member(law, sample_candidate(law, plan.data, forces, seed, settings=SETTINGS))
+    for law, posterior in posteriors:
+        member, said = _member(law, posterior)
         if member:
             members.append(member)
         else:
@@ -56,18 +158,32 @@ def sample_members(
         done(said or law.name)
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(left_out))
-    return [replace(member, cautions=(*member.cautions, *left_out)) for member in members]
+    return tuple(replace(member, cautions=(*member.cautions, *left_out)) for member in members)
 
 
-def _member(law: Planned, posterior: Posterior) -> tuple[Member | None, str]:
+def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:
     """A law with its draws, and what is to be said of them; None where there are too few."""
-    if posterior.converged:
+    if posterior is not None and posterior.converged:
         return Member(law.name, law.weight, posterior.coordinates, posterior.draws), ""
+    instead = Member(law.name, law.weight, law.coordinates, law.evidence.draws)
+    if posterior is None:
+        return instead, ""
     said = f"{law.name}: the chain did not converge ({posterior.failure}), "
     if law.evidence.effective_draws < INSTEAD:
         return None, said + "left out"
     said += f"importance draws worth {law.evidence.effective_draws:.0f} are used"
-    return Member(law.name, law.weight, law.coordinates, law.evidence.draws, (said,)), said
+    return replace(instead, cautions=(said,)), said
+
+
+def _predict(
+    plan: Plan, members: Sequence[Member], forces: np.ndarray, level: float, seed: int, mode: Mode | None
+) -> Loads:
+    return predict(members, forces, plan.data, level, seed, plan, _repeatability(mode))
+
+
+def _repeatability(mode: Mode | None) -> float:
+    """Stated relative standard uncertainty of a level's amplitude; 0 where nothing is known."""
+    return (mode.repeatability.amplitude if mode else None) or 0.0
 
 
 def sample_candidate(
@@ -76,7 +192,6 @@ def sample_candidate(
     forces: np.ndarray,
     seed: int,
     checkpoint: Checkpoint | None = None,
-    settings: Settings | None = None,
 ) -> Posterior:
     """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
     assert law.coordinates is not None  # a law with a weight was fitted
@@ -87,51 +202,51 @@ def sample_candidate(
         draws = amplitude_draws(Member(name, 1.0, coordinates, x), forces, data)
         return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
 
-    return sample(coordinates, data, law.evidence, amplitudes, seed, settings, checkpoint)
+    return sample(coordinates, data, law.evidence, amplitudes, seed, SETTINGS, checkpoint)
 
 
-def members_of(plan: Plan, least: float = 0.0) -> list[Member]:
-    """Laws of a plan with a weight above ``least``, on the draws of importance sampling."""
-    laws = [law for law in plan.laws if law.weight > least]
-    return [Member(law.name, law.weight, law.coordinates, law.evidence.draws) for law in laws]
-
-
-def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mass: float | None = None) -> pd.DataFrame:
+def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mode: Mode | None = None) -> pd.DataFrame:
     """Predict every sweep of the higher levels from the k lowest ones, for every k >= ``FEWEST_BELOW``.
 
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
+    Draws are those of the evidence, so laws of any weight take part: they cost nothing.
 
     Returns:
         A row a number of levels and sweep predicted: ``levels, laws, sweep, ratio, force, measured, median, low, high,
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
-    levels = level_numbers(data.tested_force)
+    levels = number_levels(data.tested_force)
     rows = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
         lower = data.keep_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
-        plan = plan_loads(lower, seed=seed, mass=mass)
-        loads = predict(members_of(plan), data.tested_force[higher], lower, level, seed, plan)
-        measured = data.tested_amplitude[higher]
-        linear = lower.tested_amplitude[lower.top] * loads.ratio
-        rows.append(
-            pd.DataFrame(
-                {
-                    "levels": below,
-                    "laws": len(plan.laws),
-                    "exponents": ", ".join(f"{p:.2f}" for p in plan.trend.p),
-                    "sweep": [data.sweeps[i] for i in higher],
-                    "force": loads.force,
-                    "ratio": loads.ratio,
-                    "measured": measured,
-                    "median": loads.average.median,
-                    "low": loads.average.low,
-                    "high": loads.average.high,
-                    "inside": (loads.average.low <= measured) & (measured <= loads.average.high),
-                    "refused": np.isnan(loads.average.median),
-                    "linear_over_percent": 100.0 * (linear / measured - 1.0),
-                }
-            )
+        predicted = extrapolate_loads(
+            lower, data.tested_force[higher], level, seed, mode=mode, sampler=draw_evidence, least_weight=0.0
         )
+        rows.append(_compared(predicted, data, higher).assign(levels=below))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
+
+
+def _compared(predicted: Extrapolation, data: Observations, higher: np.ndarray) -> pd.DataFrame:
+    """Predictions beside the measured amplitudes of the sweeps ``higher``."""
+    loads, plan = predicted.loads, predicted.plan
+    measured = data.tested_amplitude[higher]
+    linear = plan.data.tested_amplitude[plan.data.top] * loads.ratio
+    return pd.DataFrame(
+        {
+            "levels": 0,
+            "laws": len(plan.laws),
+            "exponents": ", ".join(f"{p:.2f}" for p in plan.trend.p),
+            "sweep": [data.sweeps[i] for i in higher],
+            "force": loads.force,
+            "ratio": loads.ratio,
+            "measured": measured,
+            "median": loads.average.median,
+            "low": loads.average.low,
+            "high": loads.average.high,
+            "inside": (loads.average.low <= measured) & (measured <= loads.average.high),
+            "refused": np.isnan(loads.average.median),
+            "linear_over_percent": 100.0 * (linear / measured - 1.0),
+        }
+    )

@@ -93,7 +93,8 @@ def draw_spread(
     law = at_forces(mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
     noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
-    return Spread(law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns]))
+    noise = np.broadcast_to(noise[:, None], law.shape)
+    return Spread(law, at_forces(drawn) - law, noise, np.isfinite(of_law[:, columns]))
 
 
 def _levels(

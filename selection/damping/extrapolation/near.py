@@ -11,9 +11,8 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.observations import Observations, observe
-from damping.ranking.weights import level_numbers
 from damping.records.record import Record
-from damping.records.resonance import resonances
+from damping.records.resonance import number_levels, resonances
 
 #: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
 #: response does not.
@@ -48,7 +47,7 @@ def without_offset(record: Record) -> Record:
     offset = resonances(record).set_index("sweep")["phase_offset"]
     table = record.table.copy()
     table["phase"] = table["phase"] - table["sweep"].astype(str).map(offset)
-    return Record(table, record.source)
+    return Record.trusted(table, record.source)
 
 
 def at_resonance(data: Observations) -> Observations:
@@ -131,7 +130,7 @@ def trend(data: Observations, scatter: float) -> Trend:
     Args:
         scatter: relative scatter of one sweep's resonant amplitude.
     """
-    levels = level_numbers(data.tested_force)
+    levels = number_levels(data.tested_force)
     count = np.bincount(levels)
     log_F, log_A = (np.bincount(levels, np.log(v)) / count for v in (data.tested_force, data.tested_amplitude))
     step_F, step_A = np.diff(log_F), np.diff(log_A)

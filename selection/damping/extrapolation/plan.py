@@ -17,8 +17,9 @@ from damping.extrapolation.near import Trend, bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.ranking.candidates import candidate_laws
-from damping.ranking.weights import level_numbers, resonance_scatter
+from damping.ranking import prior_masses
+from damping.ranking.candidates import candidate_laws, fit_distinct
+from damping.records.resonance import number_levels
 
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
 ENOUGH_LEVELS, NEAREST = 3, 1.5
@@ -57,8 +58,8 @@ class Plan:
 
 
 def load_candidates(data: Observations) -> list[Law]:
-    """Candidates on what laws are judged on."""
-    return candidate_laws(data)
+    """The candidates that predict differently on the rows near resonance."""
+    return [fit.law for fit in fit_distinct(candidate_laws(), data)]
 
 
 def plan_loads(
@@ -88,14 +89,15 @@ def plan_loads(
         done(law.name)
     if not chosen:
         raise AnalysisError("no damping law could be fitted: " + "; ".join(reasons))
-    weights = softmax(np.array([own.log_z for _, own in chosen]))
+    prior = np.log(prior_masses([c.law for c, _ in chosen]))
+    weights = softmax(np.array([own.log_z for _, own in chosen]) + prior)
     planned = [Planned(c.law, float(w), c, own) for (c, own), w in zip(chosen, weights, strict=True)]
     best = max(planned, key=lambda p: p.weight)
-    few = level_numbers(data.tested_force).max() + 1 < ENOUGH_LEVELS
+    few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     return Plan(
         data=data,
         laws=tuple(sorted(planned, key=lambda p: -p.weight)),
-        trend=trend(data, float(np.median(resonance_scatter(best.coordinates, best.evidence.draws)))),
+        trend=trend(data, float(np.median(np.hypot(*best.coordinates.scatter(best.evidence.draws))))),
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         bistable=bistability(data, mass) if mass else "",
     )

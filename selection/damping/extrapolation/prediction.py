@@ -20,7 +20,7 @@ from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spread, pool
 from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
-from damping.ranking.weights import level_numbers
+from damping.records.resonance import number_levels
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
@@ -61,7 +61,7 @@ def _of_trend(force: float, plan: Plan) -> list[str]:
 def _of_test(force: float, data: Observations) -> list[str]:
     """What the tested levels cannot say."""
     said = []
-    levels = int(level_numbers(data.tested_force).max()) + 1
+    levels = int(number_levels(data.tested_force).max()) + 1
     if levels == 1:
         said.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
     elif levels < 5:

@@ -6,13 +6,14 @@ Damping forces: one contract (`contract.Force`), one short module a force, the c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import partial
 
 from damping.arrays import Floats
 from damping.errors import InputError
 from damping.forces.contract import Force, Sum
-from damping.forces.joints import Coulomb, CubicStiffness, Slip
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.polynomial import (
     Displacement,
     DisplacementVelocity,
@@ -20,7 +21,8 @@ from damping.forces.polynomial import (
     VelocitySquared,
     Viscous,
 )
-from damping.forces.powers import DisplacementVelocityPower, EnergyTerm, VelocityPower
+from damping.forces.powers import DisplacementVelocityPower, EnergyTerm, VelocityPower, term_powers
+from damping.forces.shapes import Shape
 
 #: The forces of Table 2.I, the two power laws of section 4.3, Coulomb friction and the slip joint of Fig. 2.4c.
 CATALOGUE: dict[str, type[Force]] = {
@@ -49,13 +51,67 @@ def force_class(name: str) -> type[Force]:
     raise InputError(f"unknown damping force {name!r}", expected=expected)
 
 
+def shapes_of(name: str) -> tuple[Shape, ...]:
+    """The parameters of a force, the one it is proportional to first.
+
+    Raises:
+        InputError: no such force.
+    """
+    return component(name).shapes
+
+
 def parameter_names(name: str) -> tuple[str, ...]:
     """Names of the parameters of a force, the one it is proportional to first.
 
     Raises:
         InputError: no such force.
     """
-    return tuple(field.name for field in fields(force_class(name)))  # type: ignore[arg-type]  # all are dataclasses
+    return tuple(shape.name for shape in shapes_of(name))
+
+
+@dataclass(frozen=True)
+class Component:
+    """A force whose parameters are open: what a law is a sum of.
+
+    Attributes:
+        name: of the force, or of the energy term. build: the force from its parameters, the leading one first.
+        example: the force with all parameters 1, for what does not depend on them.
+    """
+
+    name: str
+    build: Callable[..., Force]
+    example: Force
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """All parameters, the one it is proportional to first."""
+        return self.example.shapes
+
+    @property
+    def free_shapes(self) -> tuple[Shape, ...]:
+        """Those that are free in a law beside the leading one."""
+        return self.shapes[1:]
+
+
+def component(name: str) -> Component:
+    """The force called ``name``, or the energy term ``A^m*omega^n`` where no force is known for it.
+
+    Raises:
+        InputError: neither; the message names the nearest force, or lists all.
+    """
+    powers = None if name in CATALOGUE else term_powers(name)
+    if powers is not None:
+        term = EnergyTerm(1.0, *powers)
+        return Component(name, partial(EnergyTerm, amplitude_power=powers[0], frequency_power=powers[1]), term)
+    kind = force_class(name)
+    build: Callable[..., Force] = kind
+    return Component(name, build, build(**{shape.name: 1.0 for shape in kind.shapes}))  # type: ignore[attr-defined]
+
+
+def term_name(m: float, n: float) -> str:
+    """Name of the force whose energy per cycle is a A^m omega^n, or of the term where no force is known for it."""
+    fixed = (component(name) for name in CATALOGUE if not component(name).free_shapes)
+    return next((part.name for part in fixed if part.example.energy_exponents == (m, n)), EnergyTerm(1.0, m, n).name)
 
 
 def make(name: str, **parameters: Floats) -> Force:
@@ -88,6 +144,7 @@ def case_five(coefficient: Floats, alpha: Floats) -> Sum:
 
 __all__ = [
     "CATALOGUE",
+    "Component",
     "Coulomb",
     "CubicStiffness",
     "Displacement",
@@ -95,6 +152,7 @@ __all__ = [
     "DisplacementVelocityPower",
     "EnergyTerm",
     "Force",
+    "PowerStiffness",
     "QuadraticDisplacement",
     "Slip",
     "Sum",
@@ -102,7 +160,11 @@ __all__ = [
     "VelocitySquared",
     "Viscous",
     "case_five",
+    "component",
+    "force_class",
     "from_damping",
     "make",
     "parameter_names",
+    "shapes_of",
+    "term_name",
 ]

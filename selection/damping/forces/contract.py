@@ -13,20 +13,44 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
+from damping.errors import AnalysisError
+from damping.forces.shapes import Shape
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A spring of ``stiffness`` in series with a slider that holds up to ``stiffness`` times ``limit``."""
+
+    stiffness: Floats
+    limit: Floats
+
+    def stretch(self, start: float, travel: float) -> float:
+        """Stretch of the spring after a one-way ``travel`` from the stretch ``start``."""
+        return float(min(self.limit, max(-self.limit, start + travel)))
 
 
 class Force(ABC):
-    """A force g(q, q') described by its first-harmonic averages.
+    """A force g(q, q') described by its first-harmonic averages, with every fact that others need of it.
 
     Parameters are the fields of the (frozen dataclass) subclass: numbers or arrays that broadcast with ``A`` and
     ``omega``. The averages are proportional to the first field. ``A`` is the amplitude of the displacement and
     ``omega`` the frequency in rad/s, both positive; results have the broadcast shape of parameters, A and omega.
     """
+
+    #: Whether it is C q': what a simulation calls its damping where no more is known (3.1.28).
+    viscous: ClassVar[bool] = False
+    #: Whether it is a term of sums, too. A free exponent beside another force would imitate that one.
+    sums: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def shapes(self) -> tuple[Shape, ...]:
+        """What its parameters are, in the order of the fields."""
 
     @property
     @abstractmethod
@@ -52,8 +76,59 @@ class Force(ABC):
         """dC/d ln A in closed form; unit of force."""
 
     @abstractmethod
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """The force in time at the displacement ``q`` and the velocity ``sign`` times ``speed``, without its joints.
+
+        ``sign`` is 1 or -1, so that friction is known where the mass turns; numbers or arrays that broadcast.
+        """
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Springs with sliders that act beside `g` and remember where they stick; none without memory."""
+        return ()
+
+    @property
+    def hysteretic(self) -> bool:
+        """Whether it has memory."""
+        return bool(self.joints)
+
+    @property
+    def restores(self) -> bool:
+        """Whether it has a part in phase with displacement."""
+        return type(self).in_phase is not Force.in_phase
+
+    @property
+    def resonates(self) -> bool:
+        """Whether it can set a resonant amplitude by itself: C takes more than one value over amplitude."""
+        return True
+
+    @property
+    def linear(self) -> bool:
+        """Whether the averages are in proportion to amplitude."""
+        exponents = self.energy_exponents
+        return not self.restores and exponents is not None and bool(np.all(np.asarray(exponents[0]) == 2.0))
+
+    @property
+    def parts(self) -> tuple[Force, ...]:
+        """The forces that act together in it: itself."""
+        return (self,)
+
+    def scale(self, A: Floats, omega: Floats) -> Floats:
+        """The force that stands for its size at amplitude A, never zero: C there."""
+        return self.quadrature(A, omega)
+
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """The force itself at the angle ``theta`` of the steady cycle q = A sin(theta)."""
+        """The force at the angle ``theta`` of the steady cycle q = A sin(theta), in which a joint has settled.
+
+        A joint's spring is stretched by min(limit, A) where the motion turns, and slips at the limit.
+        """
+        q, cosine = A * np.sin(theta), np.cos(theta)
+        force = self.g(q, A * omega * np.abs(cosine), np.sign(cosine)) + zeros(theta, A, omega)
+        turned = np.where(cosine < 0.0, 1.0, -1.0)  # side of the last turning point: q = +A or -A
+        for joint in self.joints:
+            stretch = turned * np.minimum(joint.limit, A) + (q - turned * A)
+            force = force + joint.stiffness * np.clip(stretch, -joint.limit, joint.limit)
+        return force
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:
@@ -69,9 +144,30 @@ class Force(ABC):
         return zeros(A, omega)
 
 
+class AveragedForce(Force):
+    """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> NoReturn:
+        """There is none.
+
+        Raises:
+            AnalysisError: always.
+        """
+        raise AnalysisError(f"{self.label} has no law in the time domain: its energy per cycle alone is known")
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """C cos(theta)."""
+        return self.quadrature(A, omega) * np.cos(theta)
+
+
 def zeros(*arrays: Floats) -> FloatArray:
     """Zeros of the broadcast shape of ``arrays``."""
     return np.zeros(np.broadcast_shapes(*(np.shape(array) for array in arrays)))
+
+
+def absolute(x: Floats) -> Floats:
+    """|x|; of one number without numpy, whose own is slow in the equation of motion."""
+    return abs(x) if isinstance(x, float) else np.abs(x)
 
 
 def ones(*arrays: Floats) -> FloatArray:
@@ -87,6 +183,8 @@ class Sum(Force):
 
     #: What joins the names of the parts.
     JOINT: ClassVar[str] = " + "
+    #: A sum has no parameters of its own.
+    shapes: ClassVar[tuple[Shape, ...]] = ()
 
     @property
     def name(self) -> str:
@@ -110,6 +208,35 @@ class Sum(Force):
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dC/d ln A."""
         return sum((force.slope(A, omega) for force in self.forces), start=zeros(A, omega))
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """Sum of the parts' g."""
+        return sum(force.g(q, speed, sign) for force in self.forces)
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints of all parts."""
+        return tuple(joint for force in self.forces for joint in force.joints)
+
+    @property
+    def restores(self) -> bool:
+        """Whether some part does."""
+        return any(force.restores for force in self.forces)
+
+    @property
+    def resonates(self) -> bool:
+        """Whether some part does."""
+        return any(force.resonates for force in self.forces)
+
+    @property
+    def linear(self) -> bool:
+        """Whether all parts are."""
+        return all(force.linear for force in self.forces)
+
+    @property
+    def parts(self) -> tuple[Force, ...]:
+        """The parts of all parts."""
+        return tuple(part for force in self.forces for part in force.parts)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' cycles."""

@@ -16,8 +16,12 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import Floats
-from damping.forces.contract import Force, ones, zeros
+from damping.forces.contract import Force, Joint, absolute, ones, zeros
 from damping.forces.powers import velocity_power_energy
+from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
+
+#: Amplitude at which a joint starts to slip: nothing is seen of one that slips far below or above the tested motion.
+LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="slip limit", smooth=False)
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Coulomb(Force):
     label: ClassVar[str] = "Coulomb friction"
     formula: ClassVar[str] = "R sgn q'"
     energy_exponents: ClassVar[tuple[float, float]] = (1.0, 0.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE),)
+    resonates: ClassVar[bool] = False
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 4 R/pi at any amplitude and frequency."""
@@ -43,9 +49,9 @@ class Coulomb(Force):
         """dC/d ln A = 0."""
         return zeros(self.coefficient, A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """R sgn(cos(theta))."""
-        return self.coefficient * np.sign(np.cos(theta)) * ones(A, omega)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """R sgn q'."""
+        return sign * self.coefficient
 
 
 @dataclass(frozen=True)
@@ -64,11 +70,16 @@ class Slip(Force):
     name: ClassVar[str] = "slip"
     label: ClassVar[str] = "slip joint (bilinear)"
     formula: ClassVar[str] = "bilinear joint of stiffness K - K1 that slips at A1"
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 4 k A1 (A - A1)/(pi A) above A1, zero below."""
         slipping = np.maximum(A, self.limit)
         return (4.0 / pi) * self.stiffness * self.limit * (1.0 - self.limit / slipping) * ones(omega)
+
+    def scale(self, A: Floats, omega: Floats) -> Floats:
+        """The saturation 4 k A1/pi: C is zero while the joint sticks."""
+        return np.asarray(4.0 * self.stiffness * self.limit / pi)
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """dC/d ln A = 4 k A1^2/(pi A) above A1, zero below."""
@@ -84,13 +95,14 @@ class Slip(Force):
         """dS/d ln A = S - (4/pi) k A1 sin psi."""
         return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * np.sin(self._angle(A))
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """The joint sticks from each reversal until it has moved 2 A1, then slips with force -+ k A1."""
-        q = A * np.sin(theta)
-        reversal = np.where(np.cos(theta) < 0.0, 1.0, -1.0)  # side of the last reversal: q = +A or -A
-        travelled = np.abs(reversal * A - q)
-        joint = reversal * np.where(self.limit < A, self.limit - np.minimum(travelled, 2.0 * self.limit), reversal * q)
-        return self.stiffness * (joint - q) * ones(omega)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """-k q: the joint itself is added with its memory, less what it is while stuck."""
+        return -self.stiffness * q
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """One spring of stiffness k with a slider that holds up to k A1."""
+        return (Joint(self.stiffness, self.limit),)
 
     def _angle(self, A: Floats) -> Floats:
         """Psi, the part of a half cycle that the joint sticks: pi while it never slips."""
@@ -106,6 +118,7 @@ class CubicStiffness(Force):
     name: ClassVar[str] = "cubic-stiffness"
     label: ClassVar[str] = "cubic stiffness"
     formula: ClassVar[str] = "k3 q^3"
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH**3.0),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 0."""
@@ -123,9 +136,9 @@ class CubicStiffness(Force):
         """dS/d ln A = 3 S."""
         return 3.0 * self.in_phase(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """k3 (A sin(theta))^3."""
-        return self.coefficient * (A * np.sin(theta)) ** 3 * ones(omega)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """k3 q^3."""
+        return self.coefficient * q * q * q
 
 
 @dataclass(frozen=True)
@@ -141,6 +154,10 @@ class PowerStiffness(Force):
     name: ClassVar[str] = "power-stiffness"
     label: ClassVar[str] = "stiffness of a power"
     formula: ClassVar[str] = "k |q|^p sgn q"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE / LENGTH ** "exponent"),
+        Shape("exponent", above=0.0),
+    )
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 0."""
@@ -158,7 +175,6 @@ class PowerStiffness(Force):
         """dS/d ln A = p S."""
         return self.exponent * self.in_phase(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """k A^p |sin(theta)|^p sgn(sin(theta))."""
-        sine = np.sin(theta)
-        return self.coefficient * (A * np.abs(sine)) ** self.exponent * np.sign(sine) * ones(omega)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """k |q|^p sgn q."""
+        return self.coefficient * absolute(q) ** self.exponent * np.sign(q)

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from math import pi
 from typing import ClassVar
 
-import numpy as np
-
 from damping.arrays import Floats
-from damping.forces.contract import Force, ones
+from damping.forces.contract import Force, absolute, ones
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,12 @@ class Viscous(Force):
 
     coefficient: Floats
 
+    viscous: ClassVar[bool] = True
     name: ClassVar[str] = "viscous"
     label: ClassVar[str] = "viscous (case I)"
     formula: ClassVar[str] = "C1 q'"
     energy_exponents: ClassVar[tuple[float, float]] = (2.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = C1 A omega."""
@@ -40,9 +41,9 @@ class Viscous(Force):
         """dC/d ln A = C."""
         return self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C1 A omega cos(theta)."""
-        return self.coefficient * (A * omega * np.cos(theta))
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C1 q'."""
+        return sign * self.coefficient * speed
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class Displacement(Force):
     label: ClassVar[str] = "displacement (case II)"
     formula: ClassVar[str] = "C2 |q| sgn q'"
     energy_exponents: ClassVar[tuple[float, float]] = (2.0, 0.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE / LENGTH),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (2/pi) C2 A, at any frequency."""
@@ -64,9 +66,9 @@ class Displacement(Force):
         """dC/d ln A = C."""
         return self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C2 A |sin(theta)| sgn(cos(theta))."""
-        return self.coefficient * A * np.abs(np.sin(theta)) * np.sign(np.cos(theta)) * ones(omega)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C2 |q| sgn q'."""
+        return sign * self.coefficient * absolute(q)
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class VelocitySquared(Force):
     label: ClassVar[str] = "velocity squared (case III)"
     formula: ClassVar[str] = "C3 q'^2 sgn q'"
     energy_exponents: ClassVar[tuple[float, float]] = (3.0, 2.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME**2.0 / LENGTH**2.0),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (8/(3 pi)) C3 (A omega)^2."""
@@ -88,10 +91,9 @@ class VelocitySquared(Force):
         """dC/d ln A = 2 C."""
         return 2.0 * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C3 (A omega cos(theta))^2 sgn(cos(theta))."""
-        cosine = np.cos(theta)
-        return self.coefficient * ((A * omega) ** 2 * cosine * np.abs(cosine))
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C3 q'^2 sgn q'."""
+        return sign * self.coefficient * speed * speed
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class DisplacementVelocity(Force):
     label: ClassVar[str] = "displacement velocity (case IV)"
     formula: ClassVar[str] = "C4 |q| q'"
     energy_exponents: ClassVar[tuple[float, float]] = (3.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH**2.0),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (4/(3 pi)) C4 A^2 omega."""
@@ -116,9 +119,9 @@ class DisplacementVelocity(Force):
         """dC/d ln A = 2 C."""
         return 2.0 * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C4 A^2 omega |sin(theta)| cos(theta)."""
-        return self.coefficient * (A * A * omega * np.abs(np.sin(theta)) * np.cos(theta))
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C4 |q| q'."""
+        return sign * self.coefficient * absolute(q) * speed
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,7 @@ class QuadraticDisplacement(Force):
     label: ClassVar[str] = "quadratic displacement (second term of case V)"
     formula: ClassVar[str] = "C5 q^2 q'"
     energy_exponents: ClassVar[tuple[float, float]] = (4.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH**3.0),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = C5 A^3 omega/4."""
@@ -143,6 +147,6 @@ class QuadraticDisplacement(Force):
         """dC/d ln A = 3 C."""
         return 3.0 * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C5 A^3 omega sin(theta)^2 cos(theta)."""
-        return self.coefficient * (A * A * A * omega * np.sin(theta) ** 2 * np.cos(theta))
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C5 q^2 q'."""
+        return sign * self.coefficient * q * q * speed

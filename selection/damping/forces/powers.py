@@ -11,6 +11,7 @@ What follows from the averages of any force: energies, the damping term, equival
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
@@ -21,7 +22,11 @@ from scipy.special import gammaln
 
 from damping.arrays import Floats
 from damping.errors import AnalysisError
-from damping.forces.contract import Force
+from damping.forces.contract import AveragedForce, Force, absolute
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform, coefficient_in
+
+#: Power of velocity, from 0 (Coulomb-like, case II) to 3; Table 2.I spans 0 to 2.
+EXPONENT = Shape("exponent", above=0.0, prior=Uniform(0.0, 3.0), label="exponent of velocity")
 
 
 def gamma_ratio(x: Floats, y: Floats) -> Floats:
@@ -62,6 +67,8 @@ class VelocityPower(Force):
     name: ClassVar[str] = "velocity-power"
     label: ClassVar[str] = "velocity power (4.3.3)"
     formula: ClassVar[str] = "alpha |q'|^p sgn q'"
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * (TIME / LENGTH) ** "exponent"), EXPONENT)
+    sums: ClassVar[bool] = False
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats]:
@@ -76,10 +83,9 @@ class VelocityPower(Force):
         """dC/d ln A = p C."""
         return self.exponent * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """Alpha (A omega |cos(theta)|)^p sgn(cos(theta))."""
-        cosine = np.cos(theta)
-        return self.coefficient * (A * omega * np.abs(cosine)) ** self.exponent * np.sign(cosine)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """alpha |q'|^p sgn q'."""
+        return sign * self.coefficient * speed**self.exponent
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,8 @@ class DisplacementVelocityPower(Force):
     name: ClassVar[str] = "displacement-velocity-power"
     label: ClassVar[str] = "displacement times velocity power (4.3.4)"
     formula: ClassVar[str] = "alpha |q| |q'|^p sgn q'"
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE / LENGTH * (TIME / LENGTH) ** "exponent"), EXPONENT)
+    sums: ClassVar[bool] = False
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats]:
@@ -110,24 +118,31 @@ class DisplacementVelocityPower(Force):
         """dC/d ln A = (p + 1) C."""
         return (self.exponent + 1.0) * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """Alpha A |sin(theta)| (A omega |cos(theta)|)^p sgn(cos(theta))."""
-        cosine = np.cos(theta)
-        power = (A * omega * np.abs(cosine)) ** self.exponent
-        return self.coefficient * A * np.abs(np.sin(theta)) * power * np.sign(cosine)
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """alpha |q| |q'|^p sgn q'."""
+        return sign * self.coefficient * absolute(q) * speed**self.exponent
 
 
 @dataclass(frozen=True)
-class EnergyTerm(Force):
+class EnergyTerm(AveragedForce):
     """The force whose energy per cycle is a A^m omega^n: C = (a/pi) A^(m-1) omega^n (Eqs 5.1.1, 5.1.2).
 
-    For terms of a polynomial that no force of the catalogue gives. Only the average is known, so the cycle is the
-    equivalent viscous one, C cos(theta).
+    For terms of a polynomial that no force of the catalogue gives.
     """
 
     coefficient: Floats
     amplitude_power: float
     frequency_power: float
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """The coefficient; the powers are no parameters."""
+        return (coefficient_in(FORCE * LENGTH ** (1.0 - self.amplitude_power) * TIME**self.frequency_power),)
+
+    @property
+    def resonates(self) -> bool:
+        """Whether C grows with amplitude."""
+        return self.amplitude_power > 1.0
 
     @property
     def name(self) -> str:
@@ -158,9 +173,22 @@ class EnergyTerm(Force):
         """dC/d ln A = (m - 1) C."""
         return (self.amplitude_power - 1.0) * self.quadrature(A, omega)
 
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C cos(theta)."""
-        return self.quadrature(A, omega) * np.cos(theta)
+
+#: One factor of a term: a symbol and its power.
+_FACTOR = re.compile(r"(A|omega)(?:\^(-?\d+(?:\.\d+)?))?")
+
+
+def term_powers(name: str) -> tuple[float, float] | None:
+    """(m, n) of a term A^m*omega^n by its name, such as ``A^2*omega``; None where it is none."""
+    if name == "1":
+        return 0.0, 0.0
+    powers = {"A": 0.0, "omega": 0.0}
+    for text in name.split("*"):
+        factor = _FACTOR.fullmatch(text)
+        if factor is None:
+            return None
+        powers[factor[1]] += float(factor[2] or 1.0)
+    return powers["A"], powers["omega"]
 
 
 def _power(symbol: str, power: float) -> str:

@@ -33,7 +33,7 @@ _MISSING = ("", "nan", "NaN", "NA", "--")
 
 
 @dataclass(frozen=True)
-class Columns:
+class ColumnMap:
     """Mapped columns by role: numbers (n,), text for the role ``sweep``, and the units their headers name."""
 
     numbers: Mapping[str, FloatArray]
@@ -50,7 +50,7 @@ def read_columns(
     delimiter: str,
     skip: int,
     decimal: str = "point",
-) -> Columns:
+) -> ColumnMap:
     """The columns of a CSV file that have a role.
 
     Args:
@@ -89,7 +89,9 @@ def read_columns(
     if not numbers:
         raise InputError("no data rows", file=file, expected="at least one row below the header")
     units = {role: match[2] for role, place in places.items() if (match := _UNIT.match(names[place]))}
-    return Columns(numbers, None if labels is None else tuple(labels), units, {r: names[p] for r, p in places.items()})
+    return ColumnMap(
+        numbers, None if labels is None else tuple(labels), units, {r: names[p] for r, p in places.items()}
+    )
 
 
 class _Rows:

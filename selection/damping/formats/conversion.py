@@ -18,7 +18,11 @@ from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, Unit, unit
 from damping.formats.series import RESPONSES, SCALINGS, Found, Series, Stated, Summary
 
-_STATED, _FOUND, _FOLLOWS, _OF_ROLE = "stated", "found in the file", "follows", "of the role, or found in the file"
+# Where a value came from, as the summary of an import says it.
+_STATED = "stated"
+_FOUND = "found in the file"
+_FOLLOWS = "follows"
+_OF_ROLE = "of the role, or found in the file"
 
 
 @dataclass(frozen=True)

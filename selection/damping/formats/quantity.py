@@ -9,13 +9,16 @@ Records and modes from one consistent system of units to another: SI (N, m, kg) 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import pandas as pd
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2
-from damping.errors import AnalysisError, InputError
+from damping.effects import find_effect
+from damping.errors import InputError
+from damping.forces import shapes_of
+from damping.forces.shapes import Shape, completed
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.text import shortened
@@ -176,16 +179,6 @@ _COLUMNS = {
     "mass": (1, -1),
 }
 _WITHOUT_UNIT = ("sweep", "frequency", "phase", "phase_sd", "time", "damping_ratio")
-#: Powers of force and length of the coefficient of each damping force (Table 2.I), without its exponent.
-_COEFFICIENTS: dict[str, tuple[float, float]] = {
-    "viscous": (1, -1),
-    "displacement": (1, -1),
-    "velocity-squared": (1, -2),
-    "displacement-velocity": (1, -2),
-    "quadratic-displacement": (1, -3),
-    "coulomb": (1, 0),
-}
-_CUBIC = ("stiffness-hardening", "stiffness-softening")
 
 
 @dataclass(frozen=True)
@@ -238,31 +231,20 @@ def convert_loads(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
 
 
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
-    """The mode in the new system, its damping coefficients with it.
+    """The mode in the new system, the parameters of its damping forces and effects with it.
 
     Raises:
-        AnalysisError: an effect whose parameters have units that are not known.
+        InputError: a force or an effect that is not known.
     """
-    other = next((name for name in mode.effects if name not in _CUBIC), None)
-    if other is not None:
-        raise AnalysisError(f"{mode.source}: the units of effect {other!r} are not known, so it cannot be converted")
     force, length = SYSTEMS[to]
-    damping = {name: _damping(name, parameters, by) for name, parameters in mode.damping.items()}
-    effects = {
-        name: {key: value * by.of(1, -3) for key, value in parameters.items()}
-        for name, parameters in mode.effects.items()
-    }
-    return replace(
-        mode, mass=mode.mass * by.of(1, -1), units=Units(force, length, "s"), damping=damping, effects=effects
-    )
+    damping = {name: converted(table, shapes_of(name), by, name) for name, table in mode.damping.items()}
+    effects = {name: converted(table, find_effect(name).shapes, by, name) for name, table in mode.effects.items()}
+    units = Units(force, length, "s")
+    return replace(mode, mass=mode.mass * by.of(1, -1), units=units, damping=damping, effects=effects)
 
 
-def _damping(name: str, parameters: Mapping[str, float], by: Factors) -> dict[str, float]:
-    """Parameters of one force."""
-    if name == "slip":
-        return {"stiffness": parameters["stiffness"] * by.of(1, -1), "limit": parameters["limit"] * by.of(0, 1)}
-    powers = _COEFFICIENTS.get(name)
-    if powers is None:  # a power p of velocity, times displacement in the second law
-        p = parameters["exponent"]
-        powers = (1.0, -p if name == "velocity-power" else -1.0 - p)
-    return {**parameters, "coefficient": parameters["coefficient"] * by.of(*powers)}
+def converted(table: Mapping[str, float], shapes: Iterable[Shape], by: Factors, owner: str) -> dict[str, float]:
+    """Parameters of one force or effect; a unit may depend on another parameter, as that of alpha |q'|^p on p."""
+    values = completed(shapes, table, owner)
+    units = {shape.name: shape.unit.at(values) for shape in shapes}
+    return {key: value * by.of(units[key].force, units[key].length) for key, value in table.items()}

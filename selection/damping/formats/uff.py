@@ -17,7 +17,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.series import Found, Samples, Series, Summary
-from damping.formats.uff_blocks import Block, Header, blocks, header
+from damping.formats.uff_blocks import Header, UffBlock, blocks, header
 from damping.formats.uff_values import abscissa, binary_form, units, values
 from damping.formats.uff_write import PEAK
 from damping.records.text import shortened
@@ -37,7 +37,10 @@ _FUNCTIONS = {
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-_TIME, _FREQUENCY = 17, 18
+#: Data type of an abscissa that is time (field 1 of record 8 of data set 58).
+_TIME = 17
+#: Data type of an abscissa that is frequency.
+_FREQUENCY = 18
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
 
@@ -47,7 +50,7 @@ class _Set:
     """One data set 58 of a file: its number from 1, where it is, its header, the units code before it."""
 
     number: int
-    block: Block
+    block: UffBlock
     header: Header
     units_code: int
 

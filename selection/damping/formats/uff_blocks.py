@@ -25,7 +25,7 @@ _KIND = re.compile(rb"[ \t]{0,8}(\d{1,6})([bB]?)((?:[ \t]+-?\d{1,12})*)[ \t]*")
 
 
 @dataclass(frozen=True)
-class Block:
+class UffBlock:
     """One data set: its number ``kind``, whether ``binary``, the line it starts on, where its contents are.
 
     ``header`` are the eleven lines of a set 58; ``fields`` the integers after ``58b``; ``closed``: a closing line was
@@ -96,7 +96,7 @@ class _Lines:
         self.place = place
 
 
-def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[Block], int]) -> Iterator[Block]:
+def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[UffBlock], int]) -> Iterator[UffBlock]:
     """The data sets of a universal file in order; ``end_of_bytes`` tells where the values of a binary one end.
 
     Raises:
@@ -126,7 +126,7 @@ def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[Block], int]) 
     raise InputError(f"more than {MOST_SETS} data sets", file=file, expected="a file with fewer")
 
 
-def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> Block:
+def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> UffBlock:
     kind, number = int(match[1]), lines.number
     fields = tuple(int(field) for field in match[3].split())
     header: list[bytes] = []
@@ -144,10 +144,10 @@ def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> Block:
     end = _END.search(lines.data, lines.place)
     place = len(lines.data) if end is None else end.start()
     binary = kind == 58 and bool(match[2])
-    return Block(kind, binary, number, fields, tuple(header), lines.place, place, end is not None)
+    return UffBlock(kind, binary, number, fields, tuple(header), lines.place, place, end is not None)
 
 
-def header(block: Block, file: str | Path) -> Header:
+def header(block: UffBlock, file: str | Path) -> Header:
     """The header fields of a data set 58.
 
     Raises:

@@ -18,7 +18,7 @@ from damping.errors import InputError
 from damping.formats.named import cartesian
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
-from damping.formats.uff_blocks import Axis, Block, Header
+from damping.formats.uff_blocks import Axis, Header, UffBlock
 from damping.records.keys import LARGEST, SMALLEST
 
 #: Length and force of the units codes of data set 164 that need no factors.
@@ -82,7 +82,7 @@ _LONGEST = 40  # characters of a number
 _PADDING = 5  # zeros that may fill the last line beyond the points
 
 
-def values(data: bytes, block: Block, header: Header, file: str | Path) -> tuple[FloatArray, Samples]:
+def values(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
     Raises:
@@ -101,7 +101,7 @@ def values(data: bytes, block: Block, header: Header, file: str | Path) -> tuple
     return x, _ordinate(columns[:, width - parts :])
 
 
-def binary_form(data: bytes, block: Block, header: Header, file: str | Path) -> tuple[np.dtype[np.void], int]:
+def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[np.dtype[np.void], int]:
     """How one point of a binary set is stored, and where the values end.
 
     As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
@@ -128,7 +128,7 @@ def binary_form(data: bytes, block: Block, header: Header, file: str | Path) -> 
     )
 
 
-def _even(header: Header, block: Block, file: str | Path) -> FloatArray:
+def _even(header: Header, block: UffBlock, file: str | Path) -> FloatArray:
     if not (abs(header.first) <= LARGEST and (header.points == 1 or SMALLEST <= header.step <= LARGEST)):
         raise InputError(
             f"abscissa from {header.first:g} with increment {header.step:g}",
@@ -156,7 +156,7 @@ def _widths(header: Header) -> tuple[int, ...]:
     return (13, 20, 13, 20) if header.ordinate == 4 else (13, 20, 20)
 
 
-def _from_text(data: bytes, block: Block, needed: int, widths: tuple[int, ...], file: str | Path) -> FloatArray:
+def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...], file: str | Path) -> FloatArray:
     """The first ``needed`` numbers of the body."""
     if needed > (block.end - block.start) // 2 + 1:  # a number and a blank each
         raise _few(needed, None, block, file)
@@ -181,7 +181,7 @@ def _from_text(data: bytes, block: Block, needed: int, widths: tuple[int, ...], 
     return numbers
 
 
-def _few(needed: int, count: int | None, block: Block, file: str | Path) -> InputError:
+def _few(needed: int, count: int | None, block: UffBlock, file: str | Path) -> InputError:
     has = "" if count is None else f" where the header needs {needed}"
     message = f"{'fewer' if count is None else count} values{has}" + ("" if block.closed else " (the file is cut off)")
     return InputError(message, file=file, line=block.line + 12, expected=f"{needed} values, as the header says")
@@ -230,7 +230,7 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-def _byte_order(block: Block, file: str | Path) -> str:
+def _byte_order(block: UffBlock, file: str | Path) -> str:
     """``<`` or ``>``: fields 1 (byte order) and 2 (floating-point format) of the first line."""
     order, form = (*block.fields, 0, 0)[:2]
     if form not in (0, 2):

@@ -16,7 +16,10 @@ from damping.records.record import Record
 
 #: Fourth ID line of a set whose amplitudes are those of the sine.
 PEAK = "peak amplitudes"
-_FREQUENCY, _DISPLACEMENT, _FORCE = 18, 8, 13
+#: Data types of data set 58: abscissa, numerator and denominator.
+_FREQUENCY = 18
+_DISPLACEMENT = 8
+_FORCE = 13
 _END = b"    -1\n"
 
 

@@ -14,7 +14,10 @@ from typing import Any
 
 import numpy as np
 
-_MOST_NAMES, _DEEPEST = 200, 6
+#: Arrays of a file that are listed: a bound for files that hold thousands.
+_MOST_NAMES = 200
+#: Groups within groups that are looked into: a bound for files that nest without end.
+_DEEPEST = 6
 _FILTERS = {"gzip", "lzf", None}
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.gap.effects.contract import Effect
+from damping.effects.contract import Effect
 from damping.gap.fit import Fit
 from damping.gap.model import Part, within_tolerance
 from damping.infer.chains import Chains, Settings, Start, Target, run
@@ -56,21 +56,21 @@ def corrected_mode(one: Fit, effects: Mapping[str, Effect]) -> Mode:
     place of the nominal ones, everything else goes to ``effects``.
     """
     mode = one.model.problem.simulation.mode
-    refit = refitted_values(one)
-    damping = {name: _scaled(table, refit.get(name, 0.0)) for name, table in mode.damping.items()}
-    frequency = mode.frequency * (1.0 + refit.get("frequency", 0.0))
+    relative = refitted_values(one)
+    added: dict[str, Mapping[str, float]] = {}
     others: dict[str, Mapping[str, Any]] = dict(mode.effects)
     for name, values in effect_values(one).items():
-        if name == "natural-frequency":
-            frequency = mode.frequency * (1.0 + values["relative"])
-        elif name == "viscous-coefficient":
-            damping["viscous"] = _scaled(mode.damping["viscous"], values["relative"])
-        elif effects[name].force:
-            force = effects[name].force
-            damping[force] = _together(damping.get(force, {}), values)
+        effect = effects[name]
+        if effect.corrects:
+            relative[effect.corrects] = values["relative"]
+        elif effect.damping:
+            added[effect.damping] = values
         else:
             others[name] = values
-    mass = mode.mass * (1.0 + refit.get("mass", 0.0))
+    damping = {name: _scaled(table, relative.get(name, 0.0)) for name, table in mode.damping.items()}
+    damping |= {name: _together(damping.get(name, {}), values) for name, values in added.items()}
+    frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
+    mass = mode.mass * (1.0 + relative.get("mass", 0.0))
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
 
 

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from damping.effects import CATALOGUE
+from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.effects import CATALOGUE
-from damping.gap.effects.contract import Effect
 from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
 from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
 from damping.gap.rows import spread

@@ -26,11 +26,11 @@ from scipy.interpolate import BSpline
 from scipy.stats import chi2, norm
 
 from damping.arrays import FloatArray
-from damping.gap.effects.contract import Effect
+from damping.effects.contract import Effect
+from damping.effects.terms import ComplexArray
 from damping.gap.fit import Fit
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows
-from damping.gap.terms import ComplexArray
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
 ALARM = 0.003

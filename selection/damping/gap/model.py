@@ -21,11 +21,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.effects import with_effects
+from damping.effects.contract import Form, Scales
+from damping.effects.terms import ComplexArray, Prediction, Terms, predict
 from damping.forces import make, parameter_names
-from damping.gap.effects import with_effects
-from damping.gap.effects.contract import Form, Scales
 from damping.gap.rows import Rows, wrapped
-from damping.gap.terms import ComplexArray, Prediction, Terms, predict
 from damping.records.mode import Mode
 
 #: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
@@ -204,7 +204,7 @@ class Model:
         for part in self.parts:
             terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
             start += part.size
-        return with_effects(terms, simulation.mode)
+        return with_effects(terms, simulation.mode.effects)
 
     def residuals(self, y: FloatArray) -> Residuals:
         """Residuals at variables y (batch, size + 2 sweeps)."""

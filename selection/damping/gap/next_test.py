@@ -13,11 +13,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
+from damping.effects.terms import ComplexArray, Terms, complex_stiffness
 from damping.gap.fit import Fit
 from damping.gap.model import STEP, Problem, residuals
 from damping.gap.rows import Rows
 from damping.gap.steady import Motion, steady
-from damping.gap.terms import ComplexArray, Terms, complex_stiffness
 
 #: Rows of a sweep that does not repeat a measured one.
 _ROWS = 40
@@ -204,7 +204,8 @@ def _odds(leading: Fit, rival: Fit, design: Design) -> float:
 def _sweep_columns(rows: Rows, values: FloatArray, scatter: float) -> FloatArray:
     """Changes of the residuals by each sweep's deviation, (sweeps, m)."""
     one_hot = np.arange(len(rows.sweeps))[:, np.newaxis] == np.tile(rows.sweep, len(values) // len(rows))
-    return one_hot * values * scatter
+    result: FloatArray = one_hot * values * scatter
+    return result
 
 
 def _terms(one: Fit) -> Terms:

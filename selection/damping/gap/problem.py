@@ -11,14 +11,13 @@ from math import log, pi
 import numpy as np
 
 from damping.arrays import POUND_FORCE_N, RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.effects.contract import Scales
+from damping.effects.terms import predict
 from damping.errors import AnalysisError
-from damping.forces import from_damping
-from damping.gap.effects import check_effects
-from damping.gap.effects.contract import Scales
+from damping.forces import Viscous, from_damping
 from damping.gap.fit import Fit, Unknowns, unknowns
 from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
 from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
-from damping.gap.terms import predict
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -66,12 +65,7 @@ class Setting:
 
 
 def setting(record: Record, mode: Mode) -> Setting:
-    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
-
-    Raises:
-        InputError: the mode has an effect that is not known.
-    """
-    check_effects(mode)
+    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess."""
     rows = stated_noise(read_rows(record, mode), record)
     problem = Problem(rows, Simulation(mode), scales(rows, mode))
     return Setting(problem, _scatter(mode, rows), *is_stated(record))
@@ -88,7 +82,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         A_high=A_high,
         omega_n=mode.omega_n,
         M=mode.mass,
-        viscous=mode.damping.get("viscous", {}).get("coefficient", 0.0),
+        viscous=mode.damping.get(Viscous.name, {}).get("coefficient", 0.0),
         bandwidth=0.5 * (simulated or measured) / stiffness,
         reach=float(np.abs(rows.omega / mode.omega_n - 1.0).max()),
         frequency=mode.tolerance.frequency,

@@ -6,18 +6,15 @@ Noise of every row: as stated, else from how roughly the residuals of a referenc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import pi
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
-from damping.gap.terms import Drive
+from damping.effects.terms import Drive
 from damping.records.mode import Mode
 from damping.records.record import Record
-
-#: Sweeps whose forces at resonance differ by less than this are repeats of one level.
-SAME_LEVEL = 0.05
+from damping.records.resonance import number_levels, resonances
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         row=order,
         sweep=sweep[order],
         sweeps=sweeps,
-        level=force_levels(F, A, sweep),
+        level=number_levels(resonances(record)["force"].to_numpy()),
         F=F[order],
         omega=omega[order],
         u=np.log(A[order]),
@@ -104,20 +101,6 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         has_phase=record.has_phase,
         at_resonance=at_resonance,
     )
-
-
-def force_levels(F: FloatArray, A: FloatArray, sweep: IntArray) -> IntArray:
-    """Level of each sweep, (sweeps,), by the force at its largest amplitude per force, lowest first."""
-    forces = []
-    for number in range(int(sweep.max()) + 1):
-        own = np.flatnonzero(sweep == number)
-        forces.append(F[own[np.argmax(A[own] / F[own])]])
-    order = np.argsort(forces)
-    level, numbers = 0, np.zeros(len(forces), dtype=np.int64)
-    for previous, number in pairwise(order):
-        level += int(forces[number] > forces[previous] * (1.0 + SAME_LEVEL))
-        numbers[number] = level
-    return numbers
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

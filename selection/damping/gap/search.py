@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
-from damping.gap.effects import CONTRADICTORY
-from damping.gap.effects.contract import Effect, Form
+from damping.effects.contract import Effect, Form
 from damping.gap.fit import Fit, Unknowns, fit, settled
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
 
@@ -227,7 +226,7 @@ class Search:
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
             for name in self.forms:
                 key = base.key | {name}
-                if name in base.effects or key in self.found or any(pair <= key for pair in CONTRADICTORY):
+                if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))

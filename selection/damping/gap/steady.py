@@ -10,11 +10,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from damping.arrays import FloatArray, IntArray
-from damping.gap.effects import with_effects
+from damping.effects import with_effects
+from damping.effects.terms import Drive, Prediction, Terms, predict
 from damping.gap.fit import Fit
 from damping.gap.model import FOLD, Model, Simulation, deviated
 from damping.gap.rows import Rows
-from damping.gap.terms import Drive, Prediction, Terms, predict
 from damping.predict.branches import Branches, brackets, by_row, finely, followed
 from damping.predict.steady import SteadyState, bracketed_newton
 from damping.records.mode import Mode
@@ -75,7 +75,7 @@ def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "dow
         InputError: an effect that is not known, or its table is not.
     """
     simulation = Simulation(mode)
-    terms = with_effects(simulation.terms(np.zeros((1, len(simulation.names)))), mode)
+    terms = with_effects(simulation.terms(np.zeros((1, len(simulation.names)))), mode.effects)
     fine, between = finely(np.asarray(omega, dtype=float))
     return followed(states(terms, F, fine), between, direction)
 

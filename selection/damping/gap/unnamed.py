@@ -17,13 +17,13 @@ from itertools import pairwise
 import numpy as np
 
 from damping.arrays import Floats
+from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.terms import Terms
 from damping.forces.contract import Sum
 from damping.forces.joints import PowerStiffness, Slip
-from damping.gap.effects.contract import Effect, Form, Scales, Shape
 from damping.gap.fit import Fit, Unknowns
 from damping.gap.model import Problem
 from damping.gap.search import Hypothesis, Search
-from damping.gap.terms import Terms
 
 #: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
 _LIMITS = np.geomspace(0.005, 4.0, 14)
@@ -68,8 +68,8 @@ def _joints(scales: Scales) -> tuple[Form, ...]:
 
     An exponential distribution (kappa = 1) is the backbone 1 - exp(-q/a) of Bouc and Wen; a uniform one that of Iwan.
     """
-    limit = Shape.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
-    kappa = Shape(centre=1.0, width=0.4, starts=(0.0,))
+    limit = Variable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
+    kappa = Variable(centre=1.0, width=0.4, starts=(0.0,))
 
     def change(terms: Terms, stiffness: Floats, limit: Floats, kappa: Floats) -> Terms:
         beyond = [np.exp(-(end**kappa)) for end in _ENDS]
@@ -84,7 +84,7 @@ def _joints(scales: Scales) -> tuple[Form, ...]:
 
 def _springs(scales: Scales) -> tuple[Form, ...]:
     """Strength: the restoring force at the largest amplitude over that amplitude. Shape: the power."""
-    power = Shape(centre=5.0, width=0.3, starts=(0.0,))
+    power = Variable(centre=5.0, width=0.3, starts=(0.0,))
 
     def side(sign: float) -> Form:
         def change(terms: Terms, stiffness: Floats, power: Floats) -> Terms:
@@ -106,7 +106,7 @@ def _drift(scales: Scales, time: Floats, sign: float) -> Form:
 
 def _saturation(relative: Floats) -> Form:
     """Strength: what the reading lacks at the largest amplitude, in ln. Shape: the power of amplitude it goes with."""
-    power = Shape(centre=2.0, width=0.5, starts=(0.0, 1.5))
+    power = Variable(centre=2.0, width=0.5, starts=(0.0, 1.5))
 
     def change(terms: Terms, lacking: Floats, power: Floats) -> Terms:
         return replace(terms, gain=terms.gain - lacking * relative**power)

@@ -32,14 +32,15 @@ class Settings:
 
     Attributes:
         ensembles, walkers: independent ensembles and walkers in each. block: steps between looks at convergence.
-        budget: most steps of an ensemble. effective_size, lengths, r_hat: the criteria (at least, at least, at most).
+        budget: most steps of an ensemble: minutes, where most laws take seconds.
+        effective_size, lengths, r_hat: the criteria (at least, at least, at most).
         kept: draws kept of each ensemble.
     """
 
     ensembles: int = 4
     walkers: int = 32
     block: int = 250
-    budget: int = 12_000
+    budget: int = 5_000
     effective_size: float = 1000.0
     lengths: float = 50.0
     r_hat: float = 1.01

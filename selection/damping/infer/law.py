@@ -7,8 +7,7 @@ prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
   force measured there; log-normal about 1.
 - ``share`` of each force in that total: uniform over the simplex (stick-breaking), so no force is favoured and
   coefficients are >= 0.
-- shapes: ``exponent`` uniform in ``EXPONENT_RANGE``; ``limit`` of a slip joint log-uniform in a range set by the
-  tested amplitudes.
+- shapes: as each force says of its own (`damping.forces.shapes`).
 - ``scatter``: relative scatter of one measured row; ``level_scatter``: relative scatter of the resonant amplitude from
   sweep to sweep. Both log-normal. Where there is one sweep, or one row in every sweep, only their sum can be seen, and
   ``scatter`` is that.
@@ -32,56 +31,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr
 
 from damping.arrays import FloatArray
-from damping.forces import CATALOGUE, parameter_names
+from damping.forces import Component, component
 from damping.forces.contract import Force, Sum
-from damping.forces.powers import EnergyTerm
+from damping.forces.shapes import Shape, Tested
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, stray_covariance
 from damping.infer.observations import Observations
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
 TOTAL_LOG_SD = 1.0
-#: Exponents of velocity from 0 (Coulomb-like, case II) to 3; Table 2.I spans 0 to 2.
-EXPONENT_RANGE = (0.0, 3.0)
-#: A slip limit lies between a tenth of the smallest and the largest tested amplitude.
-LIMIT_RANGE = (0.1, 1.0)
 #: Median and log standard deviation of a relative scatter: 90 % of the prior lies between 0.6 % and 7 %, the range of
 #: repeat tests of large structures.
 SCATTER_MEDIAN, SCATTER_LOG_SD = 0.02, 0.75
 
 
 @dataclass(frozen=True)
-class Component:
-    """One force of a law: its name and the shape parameters that are free beside the coefficient."""
-
-    name: str
-    shapes: tuple[str, ...]
-    build: Callable[..., Force]
-
-    def unit(self, shapes: dict[str, FloatArray]) -> Force:
-        """The force with coefficient 1."""
-        return self.build(1.0, **shapes)
-
-
-def component(name: str) -> Component:
-    """The component for a force name of the catalogue or an energy term ``A^m*omega^n`` that has no named force."""
-    if name in CATALOGUE:
-        return Component(name, parameter_names(name)[1:], CATALOGUE[name])
-    powers = {symbol: float(power or 1) for symbol, _, power in (factor.partition("^") for factor in name.split("*"))}
-    m, n = powers.get("A", 0.0), powers.get("omega", 0.0)
-    return Component(name, (), partial(EnergyTerm, amplitude_power=m, frequency_power=n))
-
-
-@dataclass(frozen=True)
 class Law:
-    """A candidate: a sum of components. Two laws with the same components are the same law."""
+    """A candidate: a sum of components. Two laws with the same components are the same law.
+
+    Raises:
+        InputError: a component is no force and no energy term; the nearest one is named.
+    """
 
     components: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in self.components:
+            component(name)
 
     @property
     def name(self) -> str:
@@ -93,10 +74,20 @@ class Law:
         """The components with their builders."""
         return tuple(component(name) for name in self.components)
 
+    @cached_property
+    def free_shapes(self) -> dict[str, Shape]:
+        """The shape parameters of all components by name, such as ``velocity-power exponent``."""
+        return {f"{part.name} {shape.name}": shape for part in self.parts for shape in part.free_shapes}
+
     @property
     def has_resonance(self) -> bool:
         """Whether the law can set a resonant amplitude: constant friction alone cannot."""
-        return any(part.name != "coulomb" for part in self.parts)
+        return any(part.example.resonates for part in self.parts)
+
+    @property
+    def is_viscous(self) -> bool:
+        """Whether it is viscous damping alone."""
+        return all(part.example.viscous for part in self.parts)
 
 
 @dataclass(frozen=True)
@@ -104,33 +95,32 @@ class Coordinates:
     """The map from standard normal variables ``x`` (..., dimension) to the parameters of a law on given observations.
 
     Attributes:
-        law: the candidate. reference: amplitude, omega, damping force. limit_range: bounds of a slip limit.
+        law: the candidate. reference: amplitude, omega, damping force. tested: what the test covers.
         with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
         with_doubt: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`).
     """
 
     law: Law
     reference: tuple[float, float, float]
-    limit_range: tuple[float, float]
+    tested: Tested
     with_level_scatter: bool
     with_doubt: bool = False
 
     @classmethod
     def of(cls, law: Law, observations: Observations) -> Coordinates:
         """Scales taken from the observations."""
-        low, high = observations.tested_amplitude.min(), observations.tested_amplitude.max()
-        limits = (float(LIMIT_RANGE[0] * low), float(LIMIT_RANGE[1] * high))
+        amplitude = observations.tested_amplitude
+        tested = Tested(float(amplitude.min()), float(amplitude.max()), observations.reference[1])
         scatters = observations.has_repeats and len(observations.sweeps) > 1
-        return cls(law, observations.reference, limits, scatters, len(observations.sweeps) > 1)
+        return cls(law, observations.reference, tested, scatters, len(observations.sweeps) > 1)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the variables, in order."""
-        shapes = [f"{part.name} {shape}" for part in self.law.parts for shape in part.shapes]
         shares = [f"share {part.name}" for part in self.law.parts[:-1]]
         scatters = ["scatter", "level_scatter"] if self.with_level_scatter else ["scatter"]
         doubt = ["doubt"] if self.with_doubt else []
-        return ("total", *shares, *shapes, *doubt, *scatters)
+        return ("total", *shares, *self.law.free_shapes, *doubt, *scatters)
 
     @property
     def dimension(self) -> int:
@@ -155,10 +145,8 @@ class Coordinates:
         result = []
         for part in self.law.parts:
             values = {}
-            for shape in part.shapes:
-                u = ndtr(x[..., position])
-                low, high = EXPONENT_RANGE if shape == "exponent" else np.log(self.limit_range)
-                values[shape] = low + u * (high - low) if shape == "exponent" else np.exp(low + u * (high - low))
+            for shape in part.free_shapes:
+                values[shape.name] = shape.prior_value(x[..., position], self.tested)
                 position += 1
             result.append(values)
         return result
@@ -169,7 +157,7 @@ class Coordinates:
         total = force * np.exp(TOTAL_LOG_SD * x[..., 0])
         shares = self.shares(x)
         return [
-            shares[..., i] * total / _scale(part, shapes, amplitude, omega)
+            shares[..., i] * total / part.build(1.0, **shapes).scale(amplitude, omega)
             for i, (part, shapes) in enumerate(zip(self.law.parts, self.shapes(x), strict=True))
         ]
 
@@ -211,13 +199,6 @@ class Coordinates:
         return values
 
 
-def _scale(part: Component, shapes: dict[str, FloatArray], amplitude: float, omega: float) -> FloatArray:
-    """Damping force at the reference for coefficient 1; a slip joint's is its saturation 4 A1/pi, never zero."""
-    if part.name == "slip":
-        return 4.0 * shapes["limit"] / np.pi
-    return np.asarray(part.unit(shapes).quadrature(amplitude, omega))
-
-
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
 #: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
@@ -256,8 +237,8 @@ def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations)
     with np.errstate(all="ignore"):
         value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            sums = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
-            value += _of_levels(*sums, level_covariance(x, coordinates, data))
+            nn, hh, hn = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
+            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data))
         else:
             value -= 0.5 * np.sum(n**2 / variance, axis=-1)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -313,7 +294,8 @@ def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Obse
 
 def log_prior(x: FloatArray) -> FloatArray:
     """Standard normal in every variable, shape (points,)."""
-    return -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+    result: FloatArray = -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
+    return result
 
 
 def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:

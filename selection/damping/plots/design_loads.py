@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -28,6 +29,7 @@ from damping.plots.style import (
     MUTED,
     PREDICTIVE,
     WIDTH,
+    Drawing,
     law_style,
     short,
     styled,
@@ -55,11 +57,32 @@ def design_loads(
         band: over a grid of forces, ``force, median, low, high, credible_low, credible_high, linear``.
         models: ``law, weight, force, median``, rows of a law together, on the same grid.
         tested: ``sweep, force, amplitude``.
-        design: at the design forces, ``force, median, low, high, linear, overprediction``.
+        design: at the design forces, ``force, median, low, high, linear,
+            linear_overprediction_percent``.
         level: content of both bands. limit: force beyond which no prediction is given.
     """
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = Drawing(figsize=(WIDTH, 5.0))
     axes = figure.add_subplot()
+    draw_design_loads(axes, band, models, tested, design, level, force_unit, length_unit, limit)
+    title = "median of each model, and its weight (models that predict the same lie on one another)"
+    legend = figure.legend(handles=_medians(models), loc="outside lower center", ncols=2, title=title)
+    legend.set_alignment("left")
+    return figure
+
+
+@styled
+def draw_design_loads(
+    axes: Axes,
+    band: pd.DataFrame,
+    models: pd.DataFrame,
+    tested: pd.DataFrame,
+    design: pd.DataFrame,
+    level: float,
+    force_unit: str = "",
+    length_unit: str = "",
+    limit: float = np.inf,
+) -> None:
+    """Draw :func:`design_loads` on ``axes``, without the legend of the models."""
     force = band["force"].to_numpy(float)
     top = _top(band, tested, design)
     _regions(axes, tested["force"].to_numpy(float), force, limit)
@@ -78,8 +101,7 @@ def design_loads(
     axes.set_ylim(0.0, top)
     axes.set_xlabel(with_unit("modal force at resonance", force_unit))
     axes.set_ylabel(with_unit("resonant amplitude", length_unit))
-    _legends(figure, axes, models, level)
-    return figure
+    axes.legend(handles=_marks(level), loc="upper left", borderaxespad=0.2)
 
 
 def _top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
@@ -138,7 +160,7 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if left else "left", "fontsize": 8.5}
     space = f" {unit}" if unit else ""
     axes.annotate(
-        f"linear {three(last['linear'])}{space}\n{last['overprediction']:+.0f} % over the median",
+        f"linear {three(last['linear'])}{space}\n{last['linear_overprediction_percent']:+.0f} % over the median",
         (force, last["linear"]),
         (-10, 3) if left else (10, -8),
         va="bottom" if left else "top",
@@ -157,10 +179,10 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     )
 
 
-def _legends(figure: Figure, axes: Axes, models: pd.DataFrame, level: float) -> None:
-    """What the marks mean, in the corner above the linear line; below the axes the models with their weights."""
+def _marks(level: float) -> list[Artist]:
+    """What the marks mean, for the corner above the linear line."""
     percent = f"{100 * level:g} %"
-    marks = [
+    return [
         Line2D([], [], marker="o", color=MEASURED, linestyle="", label="tested, by sweep"),
         Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, averaged over the models"),
         Patch(color=CREDIBLE, linewidth=0, label=f"{percent} credible band: the law's own amplitude"),
@@ -168,15 +190,15 @@ def _legends(figure: Figure, axes: Axes, models: pd.DataFrame, level: float) -> 
         Line2D([], [], color=LINEAR, linewidth=1.6, ls=_LONG_DASH, label="linear: viscous, from the largest level"),
         Line2D([], [], marker="D", color="white", markeredgecolor=INK, linestyle="", label="design force"),
     ]
+
+
+def _medians(models: pd.DataFrame) -> list[Artist]:
+    """The models with their weights, for the legend below the axes."""
     laws = models.drop_duplicates("law")
-    medians = [
+    return [
         Line2D([], [], color=law_style(law).colour, ls=law_style(law).line, linewidth=1.1, label=f"{law}  {w:.2f}")
         for law, w in zip(laws["law"], laws["weight"], strict=True)
     ]
-    axes.legend(handles=marks, loc="upper left", borderaxespad=0.2)
-    title = "median of each model, and its weight (models that predict the same lie on one another)"
-    legend = figure.legend(handles=medians, loc="outside lower center", ncols=2, title=title)
-    legend.set_alignment("left")
 
 
 class ForceAmplitude(NamedTuple):

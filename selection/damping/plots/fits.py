@@ -26,6 +26,7 @@ from damping.plots.style import (
     MOST_LABELS,
     MUTED,
     WIDTH,
+    Drawing,
     law_style,
     plain_log,
     plain_rows,
@@ -160,7 +161,7 @@ def deviations_figure(
         x_label: name of the variable.
         response: name of the response.
     """
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Drawing(figsize=(WIDTH, 4.6))
     above, below = figure.subplots(2, 1, sharex=True)
     known = ~np.isnan(percent)
     many: dict[str, Any] = {"rasterized": True, "markersize": 1.0, "alpha": 0.5} if len(x) > MANY else {}
@@ -171,6 +172,34 @@ def deviations_figure(
         axes.set_ylabel(label, parse_math=False)
     below.set_xlabel(x_label, parse_math=False)
     above.set_title("observed - fitted")
+    return figure
+
+
+@styled
+def draw_deviations(axes: Axes, x: FloatArray, deviation: FloatArray, *, x_label: str, response: str) -> None:
+    """Draw deviations (n,), observed - fitted, against a variable (n,) on ``axes``."""
+    axes.plot(x, deviation, "o", color=MEASURED)
+    axes.axhline(0.0, color=MUTED, linewidth=0.8)
+    axes.set_xlabel(x_label, parse_math=False)
+    axes.set_ylabel(f"deviation of {response}", parse_math=False)
+
+
+@styled
+def draw_sweeps(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw amplitude against frequency, each sweep of a record apart, on ``axes``."""
+    for sweep, rows in table.groupby("sweep", sort=False):
+        ordered = rows.sort_values("frequency", kind="stable")
+        axes.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel("amplitude")
+    axes.legend(title="sweep")
+
+
+@styled
+def sweeps(table: pd.DataFrame) -> Figure:
+    """Draw amplitude against frequency, each sweep of a record apart."""
+    figure = Drawing(figsize=(WIDTH, 4.0))
+    draw_sweeps(figure.add_subplot(), table)
     return figure
 
 
@@ -213,15 +242,17 @@ def ranking(table: pd.DataFrame) -> Figure:
         table: ``rank`` (missing where it could not be fitted), ``law, weight, held_out_error,
             average_absolute_percent`` (per cent of resonant amplitude) and ``physical``.
     """
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.21 * len(table)))
+    figure = Drawing(figsize=(WIDTH, 0.9 + 0.21 * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
-    _weights(weights, table)
+    draw_weights(weights, table)
     _errors(errors, table)
     figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, columnspacing=1.2)
     return figure
 
 
-def _weights(axes: Axes, table: pd.DataFrame) -> None:
+@styled
+def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw the weights of :func:`ranking` on ``axes``."""
     laws = table["law"].astype(str).tolist()
     plain_rows(axes, laws)
     colours = [law_style(law).colour for law in laws]

@@ -24,6 +24,7 @@ from damping.plots.style import (
     MEASURED,
     MUTED,
     WIDTH,
+    Drawing,
     plain_log,
     plain_rows,
     styled,
@@ -212,8 +213,14 @@ def gap_probabilities(table: pd.DataFrame) -> Figure:
     Args:
         table: ``explanation, probability, listed`` (among those that together reach 0.95).
     """
-    figure = Figure(figsize=(WIDTH, 0.7 + 0.24 * len(table)))
-    ax = figure.subplots()
+    figure = Drawing(figsize=(WIDTH, 0.7 + 0.24 * len(table)))
+    draw_probabilities(figure.subplots(), table)
+    return figure
+
+
+@styled
+def draw_probabilities(ax: Axes, table: pd.DataFrame) -> None:
+    """Draw the bars of :func:`gap_probabilities` on ``ax``."""
     plain_rows(ax, table["explanation"].tolist())
     colours = [ALERT if listed else MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
@@ -224,4 +231,3 @@ def gap_probabilities(table: pd.DataFrame) -> Figure:
         )  # fmt: skip
     ax.set_xlim(0.0, 1.12)
     ax.set_xlabel("probability")
-    return figure

@@ -4,38 +4,21 @@ Between two turning points the velocity has one sign: dry friction is a constant
 distance travelled, so each piece is a smooth (joints: continuous) equation for `scipy.integrate.solve_ivp`. At a
 turning point the mass goes on, turns back, or sticks until the drive overcomes friction. Nothing is regularised.
 
-Forces in the time domain: g(q, q') as the equation of motion sees it, for the integration that checks the averages.
-
-Nothing here comes from the averages. Motion is taken piece by piece between turning points, in each of which the
-velocity has one sign, so that sgn q' is a constant and dry friction and joints need no smoothing.
+Of a force only its law in time, `Force.g`, and its joints are used, none of the averages that this checks.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, singledispatch
+from functools import cached_property
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping.forces import (
-    Coulomb,
-    CubicStiffness,
-    Displacement,
-    DisplacementVelocity,
-    DisplacementVelocityPower,
-    QuadraticDisplacement,
-    Slip,
-    Sum,
-    VelocityPower,
-    VelocitySquared,
-    Viscous,
-)
-from damping.forces.contract import Force
+from damping.forces.contract import Force, Joint
 
 #: Pieces in one period beyond which the motion is not advancing.
 _MOST_PIECES = 2000
@@ -65,14 +48,13 @@ class Oscillator:
         return 2.0 * math.pi / self.omega
 
     @cached_property
-    def law(self) -> Law:
-        """Memoryless part of g."""
-        return law(self.force)
-
-    @cached_property
     def joints(self) -> tuple[Joint, ...]:
-        """Slip joints of g."""
-        return joints_of(self.force)
+        """The joints of the force, which remember where they stick."""
+        return self.force.joints
+
+    def resistance(self, q: float, speed: float, sign: float) -> float:
+        """K q + g: what spring and force hold against the motion, joints left out."""
+        return self.K * q + float(self.force.g(q, speed, sign))
 
 
 @dataclass(frozen=True)
@@ -121,7 +103,7 @@ def advance(oscillator: Oscillator, state: State, periods: int) -> State:
 def _pull(oscillator: Oscillator, state: State, sign: float) -> float:
     """Drive force needed to move in the direction ``sign`` from rest at the present position."""
     joints = sum(j.stiffness * s for j, s in zip(oscillator.joints, state.stretches, strict=True))
-    return oscillator.K * state.q + oscillator.law(state.q, 0.0, sign) + joints
+    return oscillator.resistance(state.q, 0.0, sign) + float(joints)
 
 
 def _direction(oscillator: Oscillator, state: State) -> tuple[float, float]:
@@ -161,23 +143,22 @@ def _stick(oscillator: Oscillator, state: State, until: float) -> State:
 
 def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> State:
     """One piece in the direction ``sign``, to the next turning point or the end."""
-    F, w, M, K = oscillator.F, oscillator.omega, oscillator.M, oscillator.K
-    g, start = oscillator.law, state.q
+    F, w, M, start = oscillator.F, oscillator.omega, oscillator.M, state.q
     joints = list(zip(oscillator.joints, state.stretches, strict=True))
 
     def motion(t: float, y: FloatArray) -> list[float]:
         q, v = float(y[0]), float(y[1])
         sine = math.sin(w * t)
-        force = K * q + g(q, max(sign * v, 0.0), sign)
+        force = oscillator.resistance(q, max(sign * v, 0.0), sign)
         for joint, stretch in joints:
-            force += joint.stiffness * joint.stretch(stretch, q - start)
+            force += float(joint.stiffness) * joint.stretch(stretch, q - start)
         return [v, (F * sine - force) / M, q * sine, q * math.cos(w * t), q, q * q]
 
     def turning(t: float, y: FloatArray) -> float:
         return float(y[1])
 
     turning.terminal, turning.direction = True, -sign  # type: ignore[attr-defined]  # how solve_ivp takes events
-    scale = max(abs(state.q), abs(state.v) / w, F / K)
+    scale = max(abs(state.q), abs(state.v) / w, F / oscillator.K)
     size = _RTOL * np.array([scale, scale * w, *(scale * oscillator.period * np.array([1.0, 1.0, 1.0, scale]))])
     solution = solve_ivp(
         motion,
@@ -195,101 +176,3 @@ def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> Stat
     stretches = tuple(joint.stretch(stretch, q - start) for joint, stretch in joints)
     turned = solution.status == 1
     return State(float(solution.t[-1]), q, 0.0 if turned else v, stretches, np.asarray(solution.y[2:, -1]))
-
-
-#: g(q, |q'|, sign) for a velocity of the given sign.
-Law = Callable[[float, float, float], float]
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A spring of ``stiffness`` in series with a slider that holds up to ``stiffness`` times ``limit``."""
-
-    stiffness: float
-    limit: float
-
-    def stretch(self, start: float, travel: float) -> float:
-        """Stretch of the spring after a one-way ``travel`` from the stretch ``start``."""
-        return min(self.limit, max(-self.limit, start + travel))
-
-
-def joints_of(force: Force) -> tuple[Joint, ...]:
-    """The slip joints in a force, which remember where they stick."""
-    parts = force.forces if isinstance(force, Sum) else (force,)
-    return tuple(Joint(float(part.stiffness), float(part.limit)) for part in parts if isinstance(part, Slip))
-
-
-@singledispatch
-def law(force: Force) -> Law:
-    """The memoryless part of a force in the time domain.
-
-    Raises:
-        AnalysisError: the force is known by its energy per cycle alone.
-    """
-    raise AnalysisError(f"{force.label} has no law in the time domain: its energy per cycle alone is known")
-
-
-@law.register
-def _(force: Sum) -> Law:
-    parts = [law(part) for part in force.forces]
-    return lambda q, speed, sign: sum(part(q, speed, sign) for part in parts)
-
-
-@law.register
-def _(force: Slip) -> Law:
-    k = float(force.stiffness)
-    return lambda q, speed, sign: -k * q  # relative to the stuck state: the joint itself is added with its memory
-
-
-@law.register
-def _(force: Viscous) -> Law:
-    c = float(force.coefficient)
-    return lambda q, speed, sign: sign * c * speed
-
-
-@law.register
-def _(force: Displacement) -> Law:
-    c = float(force.coefficient)
-    return lambda q, speed, sign: sign * c * abs(q)
-
-
-@law.register
-def _(force: VelocitySquared) -> Law:
-    c = float(force.coefficient)
-    return lambda q, speed, sign: sign * c * speed * speed
-
-
-@law.register
-def _(force: DisplacementVelocity) -> Law:
-    c = float(force.coefficient)
-    return lambda q, speed, sign: sign * c * abs(q) * speed
-
-
-@law.register
-def _(force: QuadraticDisplacement) -> Law:
-    c = float(force.coefficient)
-    return lambda q, speed, sign: sign * c * q * q * speed
-
-
-@law.register
-def _(force: VelocityPower) -> Law:
-    alpha, p = float(force.coefficient), float(force.exponent)
-    return lambda q, speed, sign: sign * alpha * speed**p
-
-
-@law.register
-def _(force: DisplacementVelocityPower) -> Law:
-    alpha, p = float(force.coefficient), float(force.exponent)
-    return lambda q, speed, sign: sign * alpha * abs(q) * speed**p
-
-
-@law.register
-def _(force: Coulomb) -> Law:
-    friction = float(force.coefficient)
-    return lambda q, speed, sign: sign * friction
-
-
-@law.register
-def _(force: CubicStiffness) -> Law:
-    k = float(force.coefficient)
-    return lambda q, speed, sign: k * q * q * q

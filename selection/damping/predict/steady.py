@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.forces.contract import Force, Sum
+from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
 SMALL_STEP = 1e-8
@@ -155,7 +155,7 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
     """
     kappa = M * (omega_n**2 - omega**2)
     static = np.asarray(F / (M * omega_n**2), dtype=float)
-    restoring = _restores(force)
+    restoring = force.restores
     with np.errstate(all="ignore"):
         A = F / np.hypot(kappa, force.quadrature(static, omega) / static)
         for _ in range(MOST_STEPS):
@@ -179,18 +179,9 @@ def _newton_step(force: Force, A: FloatArray, omega: Floats, kappa: Floats, F: F
     return np.asarray(0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * force.slope(A, omega)))
 
 
-def _restores(force: Force) -> bool:
-    """Whether some part has an in-phase average."""
-    if isinstance(force, Sum):
-        return any(_restores(part) for part in force.forces)
-    return type(force).in_phase is not Force.in_phase
-
-
 def _grows(force: Force, omega: Floats) -> bool:
     """Whether no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes."""
-    if isinstance(force, Sum):
-        return all(_grows(part, omega) for part in force.forces)
-    return bool(np.all(np.asarray(force.slope(_FAR, omega)) >= 0.0))
+    return all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
 
 
 def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:
@@ -203,7 +194,8 @@ def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArr
 def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
     """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
     C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
-    return np.log(np.maximum(C, 0.0)) - target
+    result: FloatArray = np.log(np.maximum(C, 0.0)) - target
+    return result
 
 
 def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""What a record and a mode file may hold: column names, force and effect names, and the range of every number.
+"""What a record may hold: column names, and the range of every number.
 
 TOML tables that know their file: each key is checked for name, type and range, and an error names its line.
 """
@@ -33,35 +33,6 @@ BLANK_COLUMNS = ("mass",)
 
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST, LARGEST = 1e-50, 1e50
-
-#: Least value of force parameters by name, and whether that value itself is allowed; of those not listed.
-PARAMETER_RANGES: dict[str, tuple[float, bool]] = {
-    "coefficient": (0.0, True),
-    "exponent": (0.0, False),
-    "stiffness": (0.0, True),
-    "limit": (0.0, False),
-}
-ANY_PARAMETER = (0.0, True)
-
-#: Names of effects (``selection/damping/gap/effects``): what a model file may carry in
-#: ``[effects.NAME]`` and what a gap may be called, in this order.
-EFFECT_NAMES: tuple[str, ...] = (
-    "viscous-coefficient",
-    "displacement",
-    "velocity-squared",
-    "displacement-velocity",
-    "quadratic-displacement",
-    "coulomb-friction",
-    "slip",
-    "stiffness-hardening",
-    "stiffness-softening",
-    "natural-frequency",
-    "planar-coupling",
-    "residual-modes",
-    "amplitude-scale",
-    "phase-lag",
-    "force-dropout",
-)
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
@@ -168,12 +139,19 @@ class Table:
         return value
 
     def number(
-        self, key: str, *, default: float | None = None, above: float = -math.inf, least: float = -math.inf
+        self,
+        key: str,
+        *,
+        default: float | None = None,
+        above: float = -math.inf,
+        least: float = -math.inf,
+        below: float = math.inf,
     ) -> float:
-        """The finite number under ``key``, or ``default``; larger than ``above`` and not less than ``least``."""
+        """The finite number under ``key``, or ``default``: > ``above``, >= ``least`` and < ``below``."""
         value = self.values.get(key, default)
         expected = f"a number > {above:g}" if above > -math.inf else f"a number >= {least:g}"
         expected = "a finite number" if above == least else expected
+        expected += f" and < {below:g}" if below < math.inf else ""
         if value is None:
             raise InputError(
                 f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
@@ -184,7 +162,7 @@ class Table:
             number = float(value)
         except OverflowError:  # an integer of more than 308 digits
             number = math.inf
-        if not (math.isfinite(number) and number > above and number >= least):
+        if not (math.isfinite(number) and above < number < below and number >= least):
             raise self._error(key, f"is {number:g}", expected)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
             raise self._error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")

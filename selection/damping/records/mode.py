@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from damping import effects, forces
 from damping.arrays import RAD_S_PER_HZ
-from damping.forces import CATALOGUE, parameter_names
-from damping.records.keys import ANY_PARAMETER, EFFECT_NAMES, PARAMETER_RANGES, Table, read_toml
+from damping.forces.shapes import Shape
+from damping.records.keys import Table, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
 
@@ -45,14 +48,18 @@ class Units:
         return ", ".join(named) if named else "one consistent system of units"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mode:
-    """One vibration mode as the simulation assumes it.
+    """One vibration mode as the simulation assumes it, checked as a mode file is.
 
     ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``source`` says where it is from, for messages.
+    parameters. ``source`` says where it is from, for messages. The tables may be given as in a mode file: mappings,
+    and a bare coefficient of a force that has no other parameter.
+
+    Raises:
+        InputError: what :func:`read_mode` refuses.
     """
 
     name: str
@@ -65,6 +72,14 @@ class Mode:
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     source: str = ""
 
+    def __post_init__(self) -> None:
+        written = {
+            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "tolerance")},
+            **{name: getattr(self, name) for name in ("repeatability", "units", "damping", "effects")},
+        }
+        for name, value in _checked(Table(_as_written(written), (), self.source or "mode", ""), self.name).items():
+            object.__setattr__(self, name, value)
+
     @property
     def omega_n(self) -> float:
         """Undamped natural frequency, rad per unit of time: 2 pi times ``frequency``."""
@@ -76,26 +91,39 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
 
     Raises InputError, naming file, line and key, for a file that cannot be read or is no TOML; a missing or unknown key
     (the nearest known one is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
-    frequency or mass <= 0; a negative tolerance, repeatability, coefficient or stiffness; an exponent or slip limit
-    <= 0.
+    frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect that is out of
+    the bounds of its shape.
     """
-    top = read_toml(path, max_size)
+    values = _checked(read_toml(path, max_size), Path(path).stem)
+    return Mode(**values, source=str(path))
+
+
+def _checked(top: Table, name: str) -> dict[str, Any]:
+    """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
     top.only("mode", "repeatability", "units", "damping", "effects")
     mode = top.table("mode", required=True)
     mode.only("name", "frequency", "mass", "tolerance")
     units = top.table("units")
     units.only("force", "length", "time")
-    return Mode(
-        name=mode.text("name", default=Path(path).stem),
-        frequency=mode.number("frequency", above=0.0),
-        mass=mode.number("mass", above=0.0),
-        tolerance=_tolerance(mode.table("tolerance")),
-        repeatability=_repeatability(top.table("repeatability")),
-        units=Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
-        damping=_damping(top.table("damping")),
-        effects=_effects(top.table("effects")),
-        source=str(path),
-    )
+    return {
+        "name": mode.text("name", default=name),
+        "frequency": mode.number("frequency", above=0.0),
+        "mass": mode.number("mass", above=0.0),
+        "tolerance": _tolerance(mode.table("tolerance")),
+        "repeatability": _repeatability(top.table("repeatability")),
+        "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
+        "damping": _damping(top.table("damping")),
+        "effects": _effects(top.table("effects")),
+    }
+
+
+def _as_written(value: Any) -> Any:
+    """A field as it stands in a mode file: tables as dictionaries without what is not stated, plain numbers."""
+    if isinstance(value, Tolerance | Repeatability | Units):
+        value = {key: stated for key, stated in vars(value).items() if stated is not None}
+    if isinstance(value, Mapping):
+        return {key: _as_written(inner) for key, inner in value.items()}
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _tolerance(table: Table) -> Tolerance:
@@ -110,29 +138,33 @@ def _repeatability(table: Table) -> Repeatability:
 
 
 def _damping(table: Table) -> dict[str, dict[str, float]]:
-    table.only(*CATALOGUE)
+    table.only(*forces.CATALOGUE)
     return {name: _force(table, name) for name in table.values}
 
 
 def _force(damping: Table, name: str) -> dict[str, float]:
-    """Parameters of one damping force; a bare number is its coefficient where it has nothing else."""
-    parameters = parameter_names(name)
-    if parameters == ("coefficient",) and not isinstance(damping.values[name], dict):
-        return {"coefficient": damping.number(name, least=0.0)}
-    force = damping.table(name, expected=f"{{{', '.join(f'{parameter} = ...' for parameter in parameters)}}}")
-    force.only(*parameters)
-    return {parameter: _parameter(force, parameter) for parameter in parameters}
-
-
-def _parameter(force: Table, parameter: str) -> float:
-    bound, included = PARAMETER_RANGES.get(parameter, ANY_PARAMETER)
-    return force.number(parameter, least=bound) if included else force.number(parameter, above=bound)
+    """Parameters of one damping force; a bare number is its parameter where it has one only."""
+    shapes = forces.shapes_of(name)
+    if len(shapes) == 1 and not isinstance(damping.values[name], dict):
+        return {shapes[0].name: _number(damping, name, shapes[0])}
+    expected = f"{{{', '.join(f'{shape.name} = ...' for shape in shapes)}}}"
+    return _parameters(damping.table(name, expected=expected), shapes)
 
 
 def _effects(table: Table) -> dict[str, dict[str, float]]:
-    table.only(*EFFECT_NAMES)
-    effects = {name: table.table(name) for name in table.values}
-    return {name: {key: effect.number(key) for key in effect.values} for name, effect in effects.items()}
+    table.only(*effects.CATALOGUE)
+    return {name: _parameters(table.table(name), effects.CATALOGUE[name].shapes) for name in table.values}
+
+
+def _parameters(table: Table, shapes: tuple[Shape, ...]) -> dict[str, float]:
+    """The numbers of a table; one that has a default may be absent."""
+    table.only(*(shape.name for shape in shapes))
+    given = [shape for shape in shapes if shape.default is None or shape.name in table.values]
+    return {shape.name: _number(table, shape.name, shape) for shape in given}
+
+
+def _number(table: Table, key: str, shape: Shape) -> float:
+    return table.number(key, above=shape.above, least=shape.least, below=shape.below)
 
 
 def mode_to_toml(mode: Mode) -> str:
@@ -155,8 +187,8 @@ def _group(name: str, values: Mapping[str, Any]) -> str:
 
 
 def _inline(parameters: Mapping[str, float]) -> float | Mapping[str, float]:
-    """Parameters of a force as written: the bare coefficient where there is nothing else."""
-    return parameters["coefficient"] if set(parameters) == {"coefficient"} else parameters
+    """Parameters of a force as written: the bare number where there is one only."""
+    return next(iter(parameters.values())) if len(parameters) == 1 else parameters
 
 
 def _value(value: str | float | Mapping[str, float]) -> str:

@@ -15,12 +15,14 @@ import pandas as pd
 
 from damping.arrays import IntArray
 from damping.errors import InputError
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, nearest, record_schema
-from damping.records.record import Record
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
+from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, Cells, Rows, read_bytes, shortened, unguarded
 
-#: Most rows of a table and columns of its header.
-MOST_ROWS, MOST_COLUMNS = 250_000, 2000
+#: Most rows of a table: a bound on memory and time.
+MOST_ROWS = 250_000
+#: Most columns of a header: the same.
+MOST_COLUMNS = 2000
 _BLOCK = 100_000  # cells that are looked at together
 
 
@@ -52,18 +54,16 @@ def read_table(
 def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record:
     """The record of a CSV file, checked.
 
-    Refused beside what ``read_table`` refuses: force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi
-    (degrees), a negative standard uncertainty (zero is allowed: none is stated for that row), numbers too large or
-    small to calculate with (magnitudes beyond 1e-50..1e50), an unlabelled sweep, and rows identical in every column. A
-    cell of ``mass`` may be empty: there the mode file's mass holds. Raises InputError.
+    Refused beside what ``read_table`` refuses: what :func:`damping.records.record.find_problems` finds, and an
+    unlabelled sweep. A cell of ``mass`` may be empty: there the mode file's mass holds. Raises InputError.
     """
     numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
     columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
     scan = _scan(path, columns, max_size)
-    _find_out_of_range(scan)
-    _find_identical_rows(scan)
+    for problem in find_problems(scan.frame):
+        scan.add(problem.row, problem.column, problem.said("line", scan.lines), problem.expected)
     scan.raise_first()
-    return Record(scan.frame, str(path))
+    return Record.trusted(scan.frame, str(path))
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
     if not header:
         raise rows.problem or InputError("the file is empty", file=path)
     names = _names(header, header_line, path)
-    _require(columns.required, names, header_line, path)
+    require_columns(columns.required, names, str(path), header_line)
     growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
     lines, problem = _data(rows, list(growing.values()), path)
     if not len(lines):
@@ -130,20 +130,6 @@ def _names(header: list[str], line: int, file: str | Path) -> list[str]:
             raise InputError("occurs twice", file=file, line=line, column=shortened(name), expected="each column once")
         seen.add(name)
     return names
-
-
-def _require(required: Sequence[str], names: list[str], line: int, file: str | Path) -> None:
-    """InputError that names the required columns that are missing, if any are."""
-    missing = [name for name in required if name not in names]
-    if not missing:
-        return
-    alike = nearest(missing[0], names, likeness=0.6)
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        hint = " (the header is separated by semicolons or tabs)"
-    else:
-        hint = f" (is {shortened(alike)!r} meant?)" if alike else ""
-    message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
-    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 
 def _data(rows: Rows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
@@ -205,26 +191,3 @@ def _wrong(cell: str) -> str:
     except ValueError:
         return f"{shortened(text)!r} is not a number"
     return f"{shortened(text)!r} is not a finite number written with the digits 0-9"
-
-
-def _find_out_of_range(scan: _Scan) -> None:
-    """Note the first cell of each column outside the range that the record schema gives it."""
-    import pandera.errors  # noqa: PLC0415 - takes half a second and only reading a record needs it
-
-    try:
-        record_schema().validate(scan.frame, lazy=True)
-    except pandera.errors.SchemaErrors as errors:
-        cases = errors.failure_cases
-        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
-            value = float(first["failure_case"])
-            scan.add(int(first["index"]), str(column), f"{value:g}", str(first["check"]))
-
-
-def _find_identical_rows(scan: _Scan) -> None:
-    """Note the first row that repeats an earlier one in every column."""
-    repeats = scan.frame.duplicated().to_numpy()
-    if repeats.any():
-        second = int(np.argmax(repeats))
-        first = int(np.argmax(scan.frame.iloc[: second + 1].duplicated(keep="last").to_numpy()))
-        message = f"identical in every column to line {int(scan.lines[first])}"
-        scan.add(second, None, message, "each measured state once")

@@ -1,4 +1,4 @@
-"""A record: steady states measured (or computed) in one or more sweeps.
+"""A record: steady states measured (or computed) in one or more sweeps, checked when it is made.
 
 Tables as CSV text: shortest decimal numbers that read back to the last digit, and text no spreadsheet executes.
 """
@@ -7,15 +7,24 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.text import guarded
+from damping.records.keys import (
+    BLANK_COLUMNS,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    TEXT_COLUMNS,
+    nearest,
+    record_schema,
+)
+from damping.records.text import guarded, shortened
 
 
 @dataclass(frozen=True)
@@ -26,10 +35,34 @@ class Record:
     (rad, lag of displacement behind force), ``energy`` (per cycle), ``mass``, ``amplitude_sd``, ``phase_sd``,
     ``force_sd`` (floats), then any others as they were; rows in file order, index 0..n-1. ``source`` says where it is
     from, for messages.
+
+    Raises:
+        InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
     """
 
     table: pd.DataFrame
-    source: str
+    source: str = "record"
+
+    def __post_init__(self) -> None:
+        table = _typed(self.table, self.source)
+        problems = find_problems(table)
+        if problems:
+            first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
+            raise InputError(
+                f"{first.said('row', range(len(table)))} in row {first.row}",
+                file=self.source or None,
+                column=first.column,
+                expected=first.expected,
+            )
+        object.__setattr__(self, "table", table)
+
+    @classmethod
+    def trusted(cls, table: pd.DataFrame, source: str) -> Record:
+        """A record of rows that were checked before, or are computed from such; nothing is checked or copied."""
+        record = object.__new__(cls)
+        object.__setattr__(record, "table", table)
+        object.__setattr__(record, "source", source)
+        return record
 
     def __len__(self) -> int:
         return len(self.table)
@@ -43,6 +76,16 @@ class Record:
     def has_phase(self) -> bool:
         """Whether phases were recorded."""
         return "phase" in self.table.columns
+
+    @property
+    def is_decay(self) -> bool:
+        """Whether rows were taken from free decays: so labelled, or one-row sweeps whose amplitude falls with time."""
+        if "decay" in self.table.columns:
+            return True
+        if "time" not in self.table.columns or len(self.sweeps) != len(self) or len(self) < 2:
+            return False
+        order = np.argsort(self.column("time"), kind="stable")
+        return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
 
     def column(self, name: str) -> FloatArray:
         """A numeric column as a new array (n,)."""
@@ -66,7 +109,91 @@ class Record:
         return self._rows(~self.table["sweep"].isin(list(sweeps)))
 
     def _rows(self, chosen: pd.Series) -> Record:
-        return Record(self.table[chosen].reset_index(drop=True), self.source)
+        return Record.trusted(self.table[chosen].reset_index(drop=True), self.source)
+
+
+class Problem(NamedTuple):
+    """What is wrong with a cell of a record, or (``column`` None) with a row; ``twin``: the row that it repeats."""
+
+    row: int
+    column: str | None
+    message: str
+    expected: str
+    twin: int | None = None
+
+    def said(self, kind: str, numbers: Sequence[int] | np.ndarray) -> str:
+        """The message; a twin is named by its number among ``numbers`` (rows,), which count ``kind``."""
+        return self.message if self.twin is None else f"{self.message} to {kind} {int(numbers[self.twin])}"
+
+    def place(self, table: pd.DataFrame) -> int:
+        """Number of the column; -1 for a row as a whole."""
+        return -1 if self.column is None else list(table.columns).index(self.column)
+
+
+def find_problems(table: pd.DataFrame) -> list[Problem]:
+    """The first cell of each column outside the range of the record schema, and the first row that is there twice.
+
+    Refused are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
+    uncertainty (zero is allowed: none is stated for that row), numbers too large or small to calculate with
+    (magnitudes beyond 1e-50..1e50), and rows identical in every column.
+    """
+    import pandera.errors  # noqa: PLC0415 - takes half a second and only a new record needs it
+
+    problems = []
+    try:
+        record_schema().validate(table, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases
+        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
+            value = float(first["failure_case"])
+            problems.append(Problem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
+    repeats = table.duplicated().to_numpy()
+    if repeats.any():
+        second = int(np.argmax(repeats))
+        twin = int(np.argmax(table.iloc[: second + 1].duplicated(keep="last").to_numpy()))
+        problems.append(Problem(second, None, "identical in every column", "each measured state once", twin))
+    return problems
+
+
+def require_columns(required: Iterable[str], names: Sequence[str], file: str | None, line: int | None = None) -> None:
+    """InputError that names the required columns that are missing, if any are."""
+    required = tuple(required)
+    missing = [name for name in required if name not in names]
+    if not missing:
+        return
+    alike = nearest(missing[0], names, likeness=0.6)
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        hint = " (the header is separated by semicolons or tabs)"
+    else:
+        hint = f" (is {shortened(alike)!r} meant?)" if alike else ""
+    message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
+    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
+
+
+def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
+    """A copy with labels as text and numbers as floats, rows numbered from 0."""
+    file = source or None
+    if not isinstance(table, pd.DataFrame):
+        raise InputError("no table", file=file, expected=f"a DataFrame with columns {', '.join(REQUIRED_COLUMNS)}")
+    if table.empty:
+        raise InputError("no data rows", file=file, expected="at least one row")
+    require_columns(REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
+    typed = table.reset_index(drop=True)
+    for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS):
+        if name not in typed.columns:
+            continue
+        cells = typed[name]
+        if name in TEXT_COLUMNS:
+            typed[name], expected = cells.astype(str).astype(object), "text"
+            good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
+        else:
+            typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), "a finite number"
+            good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
+        if not good.all():
+            row = int(np.argmin(good))
+            message = f"{shortened(str(cells.iloc[row]))!r} in row {row}"
+            raise InputError(message, file=file, column=name, expected=expected)
+    return typed
 
 
 _BLOCK = 20_000  # rows that are written together

@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
 from damping.errors import InputError
 from damping.records.record import Record
 
@@ -26,9 +26,15 @@ ROWS_FOR_FIT = 5
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
-#: A phase offset needs at least so many rows on either side, and is not believed beyond 45 degrees.
-ROWS_ASIDE, LARGEST_OFFSET = 4, pi / 4
+#: Rows that a phase offset needs on either side of resonance.
+ROWS_ASIDE = 4
+#: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
+LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
+
+
+#: Relative difference of tested forces up to which two sweeps are repeats of one level.
+SAME_LEVEL = 0.10
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,24 @@ def resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
     rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
+
+
+def number_levels(force: FloatArray) -> IntArray:
+    """Force level of each sweep by its force at resonance (sweeps,), lowest 0; repeats of one level share a number.
+
+    A level begins at its lowest force and holds every sweep up to ``SAME_LEVEL`` above it. Shakers hold a force to
+    some per cent, more loosely at a resonance, where the structure draws the force down; levels that are meant to
+    differ are mostly chosen a quarter or more apart (a third-octave or half-decade ladder). The margin is taken from
+    the lowest force of the level and not from the neighbour, so that a ladder of small steps is never one level.
+    """
+    order = np.argsort(force, kind="stable")
+    number = np.zeros(len(force), dtype=np.int64)
+    level, lowest = 0, force[order[0]]
+    for sweep in order:
+        if force[sweep] > (1.0 + SAME_LEVEL) * lowest:
+            level, lowest = level + 1, force[sweep]
+        number[sweep] = level
+    return number
 
 
 def resonance(record: Record, sweep: str) -> Resonance:
@@ -125,17 +149,31 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     """
     omega = RAD_S_PER_HZ * frequency
     Y = force / (amplitude * omega) * np.exp(1j * phase)
-    top = frequency[np.argmax(amplitude / force)]
-    below, above = _thinned(np.flatnonzero(frequency < top)), _thinned(np.flatnonzero(frequency > top))
-    i, j = below[:, None], above[None, :]
-    distance = np.log(amplitude[i] / amplitude[j]) / SAME_AMPLITUDE
-    alike = np.abs(distance) < 1.0
-    if min(alike.any(axis=1).sum(), alike.any(axis=0).sum()) < ROWS_ASIDE:
+    i, j, weight = like_pairs(omega, amplitude, Y, amplitude / force)
+    if len(weight) == 0:
         return 0.0
-    difference = Y[i] - Y[j]
-    weight = np.exp(-0.5 * distance**2) * np.abs(difference) / (np.abs(Y[i]) + np.abs(Y[j]))
-    offset = _weighted_median(np.angle(difference).ravel(), weight.ravel())
+    offset = weighted_median(np.angle(Y[i] - Y[j]), weight)
     return offset if abs(offset) <= LARGEST_OFFSET else 0.0
+
+
+def like_pairs(
+    omega: FloatArray, amplitude: FloatArray, Y: ComplexArray, compliance: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs (below, above) of rows of like amplitude on either side of the largest ``compliance``, and their weights.
+
+    All arguments (n,), the results (pairs,): none where fewer than ``ROWS_ASIDE`` rows on a side have a like.
+    """
+    top = omega[np.argmax(compliance)]
+    below, above = _thinned(np.flatnonzero(omega < top)), _thinned(np.flatnonzero(omega > top))
+    distance = np.log(amplitude[below][:, None] / amplitude[above][None, :]) / SAME_AMPLITUDE
+    like = np.abs(distance) < 1.0
+    if min(like.any(axis=1).sum(), like.any(axis=0).sum()) < ROWS_ASIDE:
+        none = np.empty(0, np.int64)
+        return none, none, np.empty(0)
+    first, second = np.nonzero(like)
+    i, j = below[first], above[second]
+    weight = np.exp(-0.5 * distance[like] ** 2) * np.abs(Y[i] - Y[j]) / (np.abs(Y[i]) + np.abs(Y[j]))
+    return i, j, weight
 
 
 def _thinned(rows: IntArray) -> IntArray:
@@ -145,7 +183,8 @@ def _thinned(rows: IntArray) -> IntArray:
     return rows[np.linspace(0, len(rows) - 1, _MOST_ROWS_ASIDE).astype(np.int64)]
 
 
-def _weighted_median(values: FloatArray, weights: FloatArray) -> float:
+def weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    """The value below which half of the weight lies; arguments (n,)."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

@@ -84,7 +84,7 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
             factor = 1.0 if found[0] == name or name not in _ALIASES else _ALIASES[name][1]
             values[name] = factor * table[found[0]].to_numpy(dtype=np.float64)
         else:
-            values[name] = energy_per_cycle(Record(table.reset_index(drop=True), source))
+            values[name] = energy_per_cycle(Record.trusted(table.reset_index(drop=True), source))
             notes.append("energy = pi * force * amplitude" + (" * sin(phase)" if found[2] == "phase" else ""))
     keep = np.all([np.isfinite(column) for column in values.values()], axis=0)
     if not keep.any():

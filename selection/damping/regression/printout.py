@@ -130,7 +130,7 @@ def _selection(result: Regression) -> str:
 
 
 def _models(result: Regression, most: int = 20) -> list[str]:
-    """The best subsets, where all were searched."""
+    """The best subsets, where all were searched, and what proves them so."""
     models = result.selected.models
     if models is None:
         return []
@@ -139,7 +139,9 @@ def _models(result: Regression, most: int = 20) -> list[str]:
         (" + ".join(models.label(i)), str(models.sizes[i]), *map(_number, (score[i], models.rms_errors[i])))
         for i in range(min(most, len(models)))
     ]
-    return ["", *_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows)]
+    proof, every = models.proof, f"all 2^{len(models.names)} - 1 subsets"
+    said = f"best of {every}, each fitted" if proof is None else f"best of {every}, proved by {proof.nodes} fits"
+    return ["", *_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows), said]
 
 
 def _goodness(result: Regression) -> str:

@@ -65,7 +65,7 @@ def deviations_of(fit: Fit) -> Deviations:
 
 
 @dataclass(frozen=True)
-class Band:
+class DeviationBand:
     """Observations with low <= |percent deviation| < high: how many, and how many per cent of all."""
 
     low: float
@@ -74,7 +74,7 @@ class Band:
     percent: float
 
 
-def breakdown(deviations: Deviations, ends: tuple[float, ...] = BANDS) -> list[Band]:
+def breakdown(deviations: Deviations, ends: tuple[float, ...] = BANDS) -> list[DeviationBand]:
     """The observations broken down by number and by percent, per band of percent deviation (item i).
 
     The last band is open; observations of 0, which have no percent, are in none.
@@ -83,7 +83,7 @@ def breakdown(deviations: Deviations, ends: tuple[float, ...] = BANDS) -> list[B
     size = np.abs(deviations.percent)
     numbers = [int(((size >= low) & (size < high)).sum()) for low, high in pairwise(edges)]
     rows = zip(pairwise(edges), numbers, strict=True)
-    return [Band(low, high, number, 100.0 * number / len(size)) for (low, high), number in rows]
+    return [DeviationBand(low, high, number, 100.0 * number / len(size)) for (low, high), number in rows]
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Regression:
     selected: Selected
     deviations: Deviations
     sums: Sums
-    bands: list[Band]
+    bands: list[DeviationBand]
     notes: tuple[str, ...]
 
 

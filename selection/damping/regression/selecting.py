@@ -16,7 +16,7 @@ from damping.regression.decomposition import Basis, decompose
 from damping.regression.design import Design
 from damping.regression.fit import NAMES, Fit, check_criterion, fit
 from damping.regression.stepwise import DIRECTIONS, Step, stepwise
-from damping.regression.subsets import Subsets, best_subsets
+from damping.regression.subsets import Subsets, all_subsets, best_subsets, rank_subsets
 
 
 def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
@@ -87,7 +87,9 @@ def _all_zero(design: Design, basis: Basis) -> Fit:
     )
 
 
-_WHOLE, _BEST_OF_SIZE = 9, 20  # up to 2^9 - 1 models are all kept, of more the best of each size
+#: Of so many terms every subset is listed, best first; of more the best ones.
+_MOST_TERMS_LISTED = 9
+_BEST_LISTED = 20
 METHODS = ("none", *DIRECTIONS, "best")
 
 
@@ -146,8 +148,10 @@ def select(design: Design, choice: Choice) -> Selected:
 
 def _best(design: Design, choice: Choice) -> Selected:
     """The best subset; its steps drop the other terms one after the other, so that they can be followed."""
-    per_size = 2**design.k if design.k <= _WHOLE else _BEST_OF_SIZE
-    models = best_subsets(design, choice.criterion, nonnegative=choice.nonnegative, per_size=per_size)
+    if design.k <= _MOST_TERMS_LISTED:
+        models = rank_subsets(all_subsets(design), choice.criterion, nonnegative=choice.nonnegative)
+    else:
+        models = best_subsets(design, choice.criterion, nonnegative=choice.nonnegative, number=_BEST_LISTED)
     kept = [int(i) for i in np.flatnonzero(models.members[0])]
     chosen = design.take(kept)
     reason = f"not in the subset with the best {NAMES[choice.criterion]} of all {2**design.k - 1}"

@@ -1,9 +1,10 @@
-"""Every subset of the terms at once: the best of all 2^k - 1 models, not of those that a search happens to pass.
+"""Subsets of the terms as models with their statistics: the best of all 2^k - 1, or every one.
 
-The design is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is
-subset S with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through
-the terms j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients,
-standard errors, deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
+The best are found by leaps and bounds (``leaps``). Where every subset is asked for, all are fitted at once. The design
+is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is subset S
+with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through the terms
+j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients, standard errors,
+deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy import stats
@@ -21,11 +22,15 @@ from damping.errors import AnalysisError
 from damping.regression.decomposition import Basis, decompose
 from damping.regression.design import Design
 from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, leave_one_out
+from damping.regression.leaps import Proof, search
+from damping.regression.shortlist import rounding_of
 
-#: So many terms and no more are searched (2^22 models take a minute).
+#: Of so many terms and no more every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
 _ONE_THREAD = 2**18  # multiplications
 _BLOCK, _BLOCK_SIZE = 9, 2e6  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+
+_PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ class Subsets:
 
     ``members`` (m, k) which terms; ``coefficients`` (m, k), 0 for terms left out; ``unit_errors`` (m, k) standard
     errors of the coefficients for deviations of variance 1; ``sse`` and ``press`` (m,) sums of squared deviations and
-    leave-one-out errors; ``observed`` (n,); ``names`` (k).
+    leave-one-out errors; ``observed`` (n,); ``names`` (k); ``proof`` that none is better than the first.
     """
 
     names: tuple[str, ...]
@@ -44,6 +49,7 @@ class Subsets:
     unit_errors: FloatArray
     sse: FloatArray
     press: FloatArray
+    proof: Proof | None = None
 
     def __len__(self) -> int:
         return len(self.sse)
@@ -97,14 +103,8 @@ class Subsets:
 
     def take(self, models: IntArray | BoolArray) -> Subsets:
         """Some of the models, in the order given."""
-        return replace(
-            self,
-            members=self.members[models],
-            coefficients=self.coefficients[models],
-            unit_errors=self.unit_errors[models],
-            sse=self.sse[models],
-            press=self.press[models],
-        )
+        chosen: dict[str, Any] = {name: getattr(self, name)[models] for name in _PER_MODEL}
+        return replace(self, **chosen)
 
     def label(self, model: int) -> tuple[str, ...]:
         """Names of the terms of one model."""
@@ -112,82 +112,97 @@ class Subsets:
 
 
 def all_subsets(design: Design, basis: Basis | None = None) -> Subsets:
-    """All 2^k - 1 subsets with their statistics.
+    """All 2^k - 1 subsets with their statistics, some hundreds at a time.
 
     Raises:
         AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
     """
-    return joined(list(subset_blocks(design, decompose(design) if basis is None else basis)))
-
-
-def subset_blocks(design: Design, basis: Basis, leverages: bool = True) -> Iterator[Subsets]:
-    """All subsets, each once, some hundreds at a time, so that many terms or observations need little memory.
-
-    Without ``leverages`` their leave-one-out errors are NaN, and it is twice as fast.
-    """
+    basis = decompose(design) if basis is None else basis
     if design.k > MOST_TERMS:
         raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
     doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
-    root = _empty_set(design, basis, leverages)
-    for i, block in enumerate(_blocks(root, basis, range(design.k), doublings)):
-        yield _finished(block, design, basis, drop=int(i == 0))
-
-
-def joined(parts: list[Subsets]) -> Subsets:
-    """One list of models from several of the same response."""
-    if len(parts) == 1:
-        return parts[0]
-    return replace(
-        parts[0],
-        members=np.concatenate([part.members for part in parts]),
-        coefficients=np.concatenate([part.coefficients for part in parts]),
-        unit_errors=np.concatenate([part.unit_errors for part in parts]),
-        sse=np.concatenate([part.sse for part in parts]),
-        press=np.concatenate([part.press for part in parts]),
-    )
+    blocks = enumerate(_blocks(_empty_set(design, basis), basis, range(design.k), doublings))
+    parts = [_finished(block, design, basis, drop=int(i == 0)) for i, block in blocks]
+    whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_MODEL}
+    return replace(parts[0], **whole)
 
 
 def best_subsets(
-    design: Design, criterion: str = "bic", *, nonnegative: bool = False, per_size: int = 10, basis: Basis | None = None
+    design: Design,
+    criterion: str = "bic",
+    *,
+    nonnegative: bool = False,
+    number: int | None = 10,
+    per_size: int | None = None,
+    basis: Basis | None = None,
 ) -> Subsets:
-    """The ``per_size`` best subsets of each size, best first over all sizes.
+    """The best subsets of all, best first, with the ``proof`` that none is better.
 
     Args:
         design: terms and response.
-        criterion: a name of ``criteria.NAMES``; models without a value of it are left out.
+        criterion: a name of ``fit.NAMES``; models without a value of it are left out.
         nonnegative: only models with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the
             terms that it does not hold at 0, fitted freely.
-        per_size: how many of each size.
+        number: how many in all, at most (None: no limit).
+        per_size: how many of each size, at most (None: no limit).
         basis: of the design, where it is at hand.
 
     Raises:
         InputError: an unknown criterion.
-        AnalysisError: a rank-deficient design, too many terms, or no model that qualifies.
+        AnalysisError: a rank-deficient design, a search that takes too long (the limit is named), or no model that
+            qualifies.
     """
     check_criterion(criterion)
     basis = decompose(design) if basis is None else basis
-    best: list[Subsets] = []
-    for block in subset_blocks(design, basis, leverages=criterion == "loo"):
-        best = [_best_of_sizes(joined([*best, _qualified(block, criterion, nonnegative)]), criterion, per_size)]
-    if not len(best[0]):
-        sought = f"a {NAMES[criterion]}" + (" and every coefficient > 0" if nonnegative else "")
-        raise AnalysisError(f"no subset of the terms has {sought}")
-    return best[0] if criterion == "loo" else _with_press(best[0], design, basis)
+    members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number, per_size=per_size)
+    found = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
+    if per_size is not None:
+        earlier = np.tril(found.sizes[:, None] == found.sizes, -1).sum(axis=1)  # better ones of the same size
+        found = found.take(earlier < per_size)
+    bound = _lower_bound(found, criterion, rounding_of(basis, criterion))
+    return replace(found.take(np.arange(len(found))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 
 
-def _qualified(models: Subsets, criterion: str, nonnegative: bool) -> Subsets:
-    keep = np.isfinite(models.scores(criterion))
+def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) -> Subsets:
+    """The models that have the criterion (and every coefficient > 0), best first; of equal ones the first first.
+
+    Raises:
+        AnalysisError: no model qualifies.
+    """
+    scores = models.scores(criterion)
+    keep = np.isfinite(scores)
     if nonnegative:
         keep &= ((models.coefficients > 0.0) == models.members).all(axis=1)
-    return models.take(keep)
+    if not keep.any():
+        sought = f"a {NAMES[criterion]}" + (" and every coefficient > 0" if nonnegative else "")
+        raise AnalysisError(f"no subset of the terms has {sought}")
+    chosen = np.flatnonzero(keep)
+    return models.take(chosen[np.argsort(scores[chosen], kind="stable")])
 
 
-def _best_of_sizes(models: Subsets, criterion: str, per_size: int) -> Subsets:
-    order = np.argsort(models.scores(criterion), kind="stable")
-    sizes = models.sizes[order]
-    kept = [order[sizes == size][:per_size] for size in range(1, len(models.names) + 1)]
-    chosen = np.concatenate(kept)
-    return models.take(chosen[np.argsort(models.scores(criterion)[chosen], kind="stable")])
+def _lower_bound(models: Subsets, criterion: str, rounding: float) -> float:
+    """The score of the first model, less what rounding may take off it."""
+    off = rounding * np.linalg.norm(models.observed)
+    sse, press = (float(np.maximum(np.sqrt(v[0]) - off, 0.0) ** 2) for v in (models.sse, models.press))
+    return float(criteria(sse, press, int(models.sizes[0]), models.observed).score(criterion))
+
+
+def _fitted(subsets: BoolArray, design: Design, basis: Basis) -> Subsets:
+    """The models (m, k), each decomposed by itself, in the order of ``all_subsets``' index bits."""
+    subsets = subsets[np.lexsort(subsets.T)]
+    m = len(subsets)
+    coefficients, unit_errors = np.zeros((m, design.k)), np.zeros((m, design.k))
+    sse, press = np.empty(m), np.empty(m)
+    for i, members in enumerate(subsets):
+        within, factor = np.linalg.qr(basis.factor[:, members])
+        directions, inverse = basis.orthonormal @ within, np.linalg.inv(factor)
+        along = design.observed @ directions
+        deviations = design.observed - directions @ along
+        coefficients[i, members] = inverse @ along / basis.scale[members]
+        unit_errors[i, members] = np.linalg.norm(inverse, axis=1) / basis.scale[members]
+        sse[i] = deviations @ deviations
+        press[i] = leave_one_out(deviations, np.einsum("nk,nk->n", directions, directions))
+    return Subsets(design.names, design.observed, subsets, coefficients, unit_errors, sse, press)
 
 
 #: Subsets m while they grow: ``directions`` (m, slot, k) orthonormal, in the coordinates of the basis, a slot a term
@@ -197,11 +212,11 @@ def _best_of_sizes(models: Subsets, criterion: str, per_size: int) -> Subsets:
 _State: TypeAlias = tuple[FloatArray, ...]
 
 
-def _empty_set(design: Design, basis: Basis, leverages: bool) -> _State:
+def _empty_set(design: Design, basis: Basis) -> _State:
     k = design.k
     square, row = np.zeros((1, k, k)), np.zeros((1, k))
     rest = (design.observed @ basis.orthonormal)[None]
-    return square, square, row, row, rest, np.zeros((1, design.n if leverages else 0)), row
+    return square, square, row, row, rest, np.zeros((1, design.n)), row
 
 
 def _blocks(root: _State, basis: Basis, terms: range, doublings: int) -> Iterator[_State]:
@@ -245,9 +260,8 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
     coefficients[new, upto] += last * amount
     variances[new, upto] += last**2
     rest[new, upto] -= direction * amount
-    if leverages.size:
-        added = _times(direction, basis.orthonormal[:, upto].T)
-        np.add(leverages[old], np.square(added, out=added), out=leverages[new])
+    added = _times(direction, basis.orthonormal[:, upto].T)
+    np.add(leverages[old], np.square(added, out=added), out=leverages[new])
     members[new, j] = 1.0
 
 
@@ -274,8 +288,6 @@ def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets
     """The models of a state without the first ``drop`` (the empty set), coefficients on columns as they are."""
     _, _, coefficients, variances, rest, leverages, members = (part[drop:] for part in state)
     beyond = design.observed - basis.orthonormal @ (design.observed @ basis.orthonormal)  # no subset reaches it
-    none = np.full(len(rest), np.nan)
-    press = leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages) if leverages.size else none
     return Subsets(
         names=design.names,
         observed=design.observed,
@@ -283,16 +295,5 @@ def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets
         coefficients=coefficients / basis.scale,
         unit_errors=np.sqrt(variances) / basis.scale,
         sse=np.einsum("mk,mk->m", rest, rest) + beyond @ beyond,
-        press=np.asarray(press),
+        press=np.asarray(leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages)),
     )
-
-
-def _with_press(models: Subsets, design: Design, basis: Basis) -> Subsets:
-    """Models that were made without leverages, with their leave-one-out errors."""
-    press = np.empty(len(models))
-    for i, members in enumerate(models.members):
-        within = np.linalg.qr(basis.factor[:, members])[0]
-        directions = basis.orthonormal @ within
-        deviations = design.observed - directions @ (design.observed @ directions)
-        press[i] = leave_one_out(deviations, np.einsum("nk,nk->n", directions, directions))
-    return replace(models, press=press)

@@ -231,16 +231,16 @@ def _capital(text: str) -> str:
 
 
 def _viscous_weight(result: RecordResult) -> float | None:
-    return next((c.weight for c in result.ranking.candidates if c.name == "viscous" and c.rank is not None), None)
+    return next((c.weight for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None), None)
 
 
 def _against_viscous(result: RecordResult) -> list[str]:
     """How much more probable the data are under the leading law than under constant viscous damping."""
     best = weighted(result)[0]
-    viscous = next((c for c in result.ranking.candidates if c.name == "viscous" and c.rank is not None), None)
+    viscous = next((c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None), None)
     if viscous is None:
         return []
-    if best.name == "viscous":
+    if best.law.is_viscous:
         return ["That is constant viscous damping: the tests do not ask for more."]
     odds = float(np.exp(min(0.5 * (viscous.score - best.score), 700.0)))
     times = f"{odds:.0f} times" if odds < 1000.0 else "more than a thousand times"

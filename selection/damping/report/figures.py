@@ -14,7 +14,7 @@ from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
 from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
 from damping.plots.style import with_unit
 from damping.ranking import Candidate
-from damping.report import tables
+from damping.report import forms, tables
 from damping.report.results import LawPosterior, RecordResult, posterior_draws, prior_draws
 from damping.report.words import energy_unit, force_text, joined, number, parameter_label, share
 
@@ -58,7 +58,7 @@ def leading(result: RecordResult) -> LawPosterior | None:
 def shown_laws(result: RecordResult) -> list[Candidate]:
     """The candidates of largest weight, and viscous damping for comparison."""
     best = [c for c in result.ranking.candidates if c.rank is not None and c.weight > 0.0][:MOST_LAWS]
-    viscous = [c for c in result.ranking.candidates if c.name == "viscous" and c.rank is not None and c not in best]
+    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in best]
     return best + viscous
 
 
@@ -230,10 +230,10 @@ def _design_loads(result: RecordResult) -> Drawn | None:
         return None
     data, units = result.data, result.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
-    design = tables.loads_table(result.design)
+    design = forms.loads_table(result.design)
     figure = design_loads(
-        tables.loads_table(result.bands),
-        tables.loads_by_model_table(result.bands),
+        forms.loads_table(result.bands),
+        forms.loads_by_model_table(result.bands),
         tested,
         design,
         result.bands.level,

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from scipy.stats import norm
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.effects.terms import Terms, complex_stiffness
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import Fit
@@ -18,12 +19,13 @@ from damping.gap.model import Model, deviated
 from damping.gap.rows import Rows
 from damping.gap.size import nominal_residuals, refitted, regular_values
 from damping.gap.steady import fitted_terms, steady
-from damping.gap.terms import Terms, complex_stiffness
 from damping.gap.where import LocalEstimate, by_quantity, footprint
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
-#: Points of a curve between the ends of a sweep; explanations drawn.
-_POINTS, _MOST_BARS = 160, 8
+#: Points of a curve between the ends of a sweep.
+_POINTS = 160
+#: Explanations drawn.
+_MOST_BARS = 8
 NO_EFFECT = "no effect"
 
 

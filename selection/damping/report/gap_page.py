@@ -11,9 +11,9 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
+from damping.effects import CATALOGUE
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.gap.effects import CATALOGUE
 from damping.plots.style import to_svg
 from damping.report.gap_figures import GapFigure, gap_figures
 from damping.report.page import Block, Callout, Facts, FigureBlock, Fold, Footer, List, Section, Table, Text, page

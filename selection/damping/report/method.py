@@ -13,19 +13,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
 from damping.extrapolation.draws import AVERAGE_DRAWS
+from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
-from damping.infer.law import (
-    EXPONENT_RANGE,
-    LIMIT_RANGE,
-    SCATTER_LOG_SD,
-    SCATTER_MEDIAN,
-    TOTAL_LOG_SD,
-    Component,
-    component,
-)
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
 from damping.report.answer import largest
 from damping.report.page import Block, Callout, Fold, Heading, List, Section, Table, Text
@@ -63,24 +55,19 @@ def _laws(study: StudyResult) -> Table:
     """Every force that takes part in a candidate, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
     parts = [component(name) for name in dict.fromkeys(names)]
-    units = [part.unit(_shapes(part)) for part in parts]
     table = pd.DataFrame(
         {
             "force": [part.name for part in parts],
-            "what it is": [unit.label for unit in units],
-            "formula": [unit.formula for unit in units],
-            "free beside the coefficient": [", ".join(part.shapes) for part in parts],
+            "what it is": [part.example.label for part in parts],
+            "formula": [part.example.formula for part in parts],
+            "free beside the coefficient": [", ".join(shape.name for shape in part.free_shapes) for part in parts],
         }
     )
     return Table(table, "Forces of the candidate laws; q is the modal displacement, q' its velocity.")
 
 
-def _shapes(part: Component) -> dict[str, FloatArray]:
-    return dict.fromkeys(part.shapes, np.ones(()))
-
-
 def _priors() -> list[str]:
-    low, high = EXPONENT_RANGE
+    shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
     return [
         "Each parameter is a known function of a standard normal variable, so the prior of any law is a product of "
         "N(0, 1).",
@@ -88,8 +75,7 @@ def _priors() -> list[str]:
         f"times exp(N(0, {TOTAL_LOG_SD:g}²)).",
         "Share of each force in that total: uniform over all divisions, so coefficients are at least 0 and no force is "
         "favoured.",
-        f"Exponent of velocity: uniform from {low:g} to {high:g}. Slip limit: log-uniform from {LIMIT_RANGE[0]:g} "
-        f"times the smallest to {LIMIT_RANGE[1]:g} times the largest tested amplitude.",
+        " ".join(f"{(shape.label or shape.name).capitalize()}: {shape.prior.text}." for shape in shapes if shape.prior),
         f"Relative scatter of a row, and of a level: log-normal, median {SCATTER_MEDIAN:g}, standard deviation "
         f"{SCATTER_LOG_SD:g} of its logarithm.",
     ]
@@ -123,8 +109,10 @@ def _steps(study: StudyResult) -> list[str]:
     ]
 
 
-#: More points are folded away; of still more, the page shows the first.
-FOLDED_POINTS, MOST_POINTS = 30, 300
+#: Points of a record from which on its table is folded away.
+FOLDED_POINTS = 30
+#: Points that the page shows of a longer record, the first.
+MOST_POINTS = 300
 
 
 def tested(study: StudyResult) -> Section:
@@ -218,7 +206,8 @@ def cautions(study: StudyResult) -> Section:
 
 
 def _of(result: RecordResult) -> Iterator[str]:
-    """Cautions of the laws that carry weight, of their checks, and of the predictions."""
+    """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
+    yield from map(str, result.findings)
     for candidate in weighted(result):
         if candidate.weight > LEAST_WEIGHT:
             yield from candidate.cautions

@@ -2,8 +2,6 @@
 
 Every text is escaped by the template; the figures, which :func:`damping.plots.style.to_svg` makes, are the only
 markup that passes as it is. The page loads nothing, not even from its own folder.
-
-A section of the page together with the figures and tables that belong to it.
 """
 
 from __future__ import annotations
@@ -229,12 +227,3 @@ def _cell(value: Any, form: Format) -> Cell:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Cell(text, "number")
     return Cell(text, "long" if len(text) > LONG else "")
-
-
-@dataclass(frozen=True)
-class Part:
-    """A further section with the figures (SVG) and tables that belong to it, by the names of their files."""
-
-    section: Section
-    figures: Mapping[str, str] = field(default_factory=dict)
-    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)

@@ -7,12 +7,14 @@ What several sections need.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
@@ -21,13 +23,11 @@ from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
+from damping.records.checks import Finding
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw
-from damping.report.page import Block, FigureBlock
-from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.records import Gaps
-from damping_reed1970.reproduce import Studies
+from damping.report.page import Block, FigureBlock, Section
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class RecordResult:
     Attributes:
         bands: predictions on a fine grid of forces, for the figure; design: at the design forces; None where the
             study asks for none. power_laws: of both forms; empty with fewer than two levels.
+        findings: of the audit of the record.
     """
 
     name: str
@@ -61,21 +62,30 @@ class RecordResult:
     bands: Loads | None
     design: Loads | None
     power_laws: tuple[PowerLaw, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
-class ChapterResults:
-    """The chapters of the source report recomputed.
+class Exhibit:
+    """What joins a study beside its records, such as the reproduction of a report.
+
+    Files are named without their endings.
 
     Attributes:
-        studies: of chapters II, IV and V. chapter_3: of chapter III. tables: of the report beside ours, by name, those
-            of ``damping_reed1970.source.KNOWN``. gaps: two gaps between simulation and test, diagnosed.
+        sections: of the page.
+        figures: SVG by file.
+        drawings: how each of the figures is drawn, for other formats.
+        tables: by file.
+        summary: what it adds to the summary of the study, by key.
+        posteriors: what it sampled by file, as ArviZ groups.
     """
 
-    studies: Studies
-    chapter_3: Chapter3
-    tables: Mapping[str, pd.DataFrame]
-    gaps: Gaps
+    sections: Sequence[Section]
+    figures: Mapping[str, str] = field(default_factory=dict)
+    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    posteriors: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -83,8 +93,9 @@ class StudyResult:
     """A whole study.
 
     Attributes:
-        inputs: file name to SHA-256. versions: package to version. tables: further tables by name (regressions,
-            reproduction, errata, ...), each written as CSV. chapters: where the study is of the source report.
+        inputs: file name to SHA-256.
+        versions: package to version.
+        exhibits: what stands on the page after the records.
     """
 
     title: str
@@ -93,8 +104,7 @@ class StudyResult:
     records: tuple[RecordResult, ...]
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
-    tables: Mapping[str, pd.DataFrame]
-    chapters: ChapterResults | None = None
+    exhibits: tuple[Exhibit, ...] = ()
 
 
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.

@@ -1,9 +1,4 @@
-"""A study rendered: the page, every table and every figure.
-
-The figures of a whole study: log force against log amplitude, and the reproduction of a source report.
-
-Results in, sections of the page out; each module is one theme and any may be left out or added to.
-"""
+"""A study rendered: the page, every table and every figure, of its records and of the exhibits that join it."""
 
 from __future__ import annotations
 
@@ -21,13 +16,10 @@ from damping.report.answer import answer
 from damping.report.figures import Drawn, record_figures
 from damping.report.loads import loads, power_law_section
 from damping.report.method import cautions, method, tested
-from damping.report.page import Footer, Part, Section, page
+from damping.report.page import Footer, Section, page
 from damping.report.record import record_section
 from damping.report.results import RecordResult, StudyResult, Svgs, file_stem
 from damping.report.tables import record_tables
-from damping_reed1970.figures import percent_differences, reproduction
-from damping_reed1970.sections import chapter_parts
-from damping_reed1970.source import source
 
 
 @dataclass(frozen=True)
@@ -39,17 +31,14 @@ class Rendered:
     figures: dict[str, str]
 
 
-def render(study: StudyResult, further: Sequence[Part] = ()) -> Rendered:
-    """Render a study; equal studies give equal text.
-
-    ``further``: parts to add to the page, before the cautions and after the chapters of the source report.
-    """
+def render(study: StudyResult) -> Rendered:
+    """Render a study; equal studies give equal text."""
     figures, tables = _figures(study), _tables(study)
-    parts = [*(chapter_parts(study.chapters, figures) if study.chapters else ()), *further]
-    sections = study_sections(study, figures, [part.section for part in parts])
-    for part in parts:
-        figures |= part.figures
-        tables |= part.tables
+    further = [section for exhibit in study.exhibits for section in exhibit.sections]
+    sections = study_sections(study, figures, further)
+    for exhibit in study.exhibits:
+        figures |= exhibit.figures
+        tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
     footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
     return Rendered(page(study.title, sections, footer), tables, figures)
 
@@ -66,13 +55,13 @@ def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
     tables: dict[str, pd.DataFrame] = {}
     for result in study.records:
         tables |= {file_stem(result, name): table for name, table in record_tables(result).items()}
-    return tables | {name: table for name, table in study.tables.items() if not table.empty}
+    return tables
 
 
 def study_figures(study: StudyResult) -> dict[str, Drawn]:
-    """Figures of the whole study by name: log force against log amplitude, and the reproduction."""
-    drawn = {"force_amplitude": _force_amplitude(study), "reproduction": _reproduction(study)}
-    return {name: one for name, one in drawn.items() if one is not None}
+    """Figures of the whole study by name: log force against log amplitude, where a record has two levels."""
+    drawn = _force_amplitude(study)
+    return {"force_amplitude": drawn} if drawn else {}
 
 
 def power_line(law: PowerLaw, amplitude: np.ndarray) -> pd.DataFrame:
@@ -118,20 +107,6 @@ def _exponent(result: RecordResult, law: PowerLaw) -> str:
     return "\n".join(lines)
 
 
-def _reproduction(study: StudyResult) -> Drawn | None:
-    table = study.tables.get("reproduction")
-    if table is None or percent_differences(table).empty:
-        return None
-    rows = percent_differences(table)
-    close = int((rows["percent"].abs() <= 1.0).sum())
-    known = int(((rows["percent"].abs() > 1.0) & rows["erratum"].astype(str).ne("")).sum())
-    description = (
-        f"{len(rows)} printed numbers in {rows['group'].nunique()} groups against their recomputation: {close} agree "
-        f"within 1 per cent, {known} of the others are known errata."
-    )
-    return Drawn(reproduction(table), "Printed results recomputed", description)
-
-
 def study_sections(study: StudyResult, svgs: Svgs, further: Sequence[Section] = ()) -> list[Section]:
     """All sections in order, ``further`` ones before the cautions.
 
@@ -144,7 +119,6 @@ def study_sections(study: StudyResult, svgs: Svgs, further: Sequence[Section] = 
         *loads(study, svgs),
         *power_law_section(study, svgs),
         *(record_section(result, svgs) for result in study.records),
-        *source(study, svgs),
         *further,
         cautions(study),
         method(study),

@@ -12,8 +12,8 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
-from damping.ranking import INTERVAL, Candidate, Ranking
-from damping.ranking.candidates import fitted_force
+from damping.ranking import INTERVAL, Candidate
+from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 from damping.report.words import parameter_unit
 
@@ -40,27 +40,7 @@ def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
 
 def ranking_table(result: RecordResult) -> pd.DataFrame:
     """The candidates of a record."""
-    return candidates_table(result.ranking)
-
-
-def candidates_table(ranking: Ranking) -> pd.DataFrame:
-    """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
-    rows = [
-        {
-            "rank": candidate.rank,
-            "law": candidate.name,
-            "weight": candidate.weight,
-            "score": candidate.score,
-            "score_standard_error": 2.0 * candidate.evidence.standard_error if candidate.evidence else np.nan,
-            "held_out_error": candidate.held_out_error,
-            "average_absolute_percent": candidate.average_absolute_percent,
-            **{name: getattr(candidate.fit, name) if candidate.fit else np.nan for name in ("aic", "aicc", "bic")},
-            "physical": candidate.physical,
-            "cautions": "; ".join(candidate.cautions),
-        }
-        for candidate in ranking.candidates
-    ]
-    return pd.DataFrame(rows).astype({"rank": "Int64"})
+    return forms.candidates_table(result.ranking)
 
 
 def coefficients_table(result: RecordResult) -> pd.DataFrame:
@@ -154,41 +134,25 @@ def convergence_table(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+#: Columns of loads in the files of a study, which keep their shorter names.
+_FILE_NAMES = {
+    "linear_overprediction_percent": "overprediction",
+    "linear_overprediction_low": "overprediction_low",
+    "linear_overprediction_high": "overprediction_high",
+}
+
+
 def loads_table(loads: Loads | None) -> pd.DataFrame:
-    """A row a force: averaged over models, with the linear prediction beside it."""
+    """A row a force, as the files of a study name the columns; empty without loads."""
     if loads is None:
         return pd.DataFrame()
-    return pd.DataFrame(
-        {
-            "force": loads.force,
-            "extrapolation_ratio": loads.ratio,
-            "median": loads.average.median,
-            "low": loads.average.low,
-            "high": loads.average.high,
-            "credible_low": loads.average.credible_low,
-            "credible_high": loads.average.credible_high,
-            "linear": loads.linear,
-            "overprediction": loads.overprediction,
-            "overprediction_low": loads.overprediction_low,
-            "overprediction_high": loads.overprediction_high,
-            **{f"sd_percent_{part}": values for part, values in loads.parts.items()},
-            "cautions": ["; ".join(said) for said in loads.cautions],
-        }
-    )
+    table = forms.loads_table(loads)
+    return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
 
 
 def loads_by_model_table(loads: Loads | None) -> pd.DataFrame:
-    """A row a law and force."""
-    if loads is None:
-        return pd.DataFrame()
-    columns = ("median", "low", "high", "credible_low", "credible_high")
-    parts = [
-        pd.DataFrame(
-            {"law": band.name, "weight": band.weight, "force": loads.force} | {c: getattr(band, c) for c in columns}
-        )
-        for band in loads.by_model
-    ]
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    """A row a law and force; empty without loads."""
+    return pd.DataFrame() if loads is None else forms.loads_by_model_table(loads)
 
 
 def power_laws_table(result: RecordResult) -> pd.DataFrame:
@@ -295,5 +259,5 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
     assert candidate.coordinates is not None  # a candidate with a rank was fitted
     assert candidate.evidence is not None
     assert candidate.fit is not None
-    force = fitted_force(candidate.coordinates, candidate.fit, candidate.evidence.mode)
+    force = candidate.fit.force
     return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)

@@ -12,7 +12,8 @@ from itertools import pairwise
 from math import isfinite
 from typing import SupportsFloat
 
-from damping.infer.law import component
+from damping.forces import component
+from damping.forces.shapes import Dimension
 from damping.records.mode import Units
 
 _SMALL = ("no", "one", "two", "three", "four", "five", "six")
@@ -111,26 +112,17 @@ def signed(value: SupportsFloat) -> str:
 _EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def parameter_unit(parameter: str, units: Units) -> str:
-    """Unit of a parameter as :meth:`Coordinates.parameters` names it; empty where it has none or none is known.
+#: What scatters are called for people.
+SCATTERS = {"scatter": "scatter of a row", "level_scatter": "scatter of a level"}
 
-    A force whose energy per cycle is proportional to C A^m omega^n has C in force length^(1-m) time^n.
-    """
-    force, _, shape = parameter.partition(" ")
-    if not (units.force and units.length and units.time) or shape == "exponent" or "scatter" in parameter:
+
+def parameter_unit(parameter: str, units: Units) -> str:
+    """Unit of a parameter as :meth:`Coordinates.parameters` names it; empty where it has none or none is known."""
+    if not (units.force and units.length and units.time) or parameter in SCATTERS:
         return ""
-    if shape == "limit":
-        return units.length
-    if force == "slip":
-        return _product({units.force: 1.0, units.length: -1.0})
-    if force == "velocity-power":
-        return f"{units.force}·({units.time}/{units.length})^p"
-    if force == "displacement-velocity-power":
-        return f"{units.force}·{units.time}^p/{units.length}^(p+1)"
-    exponents = component(force).unit({}).energy_exponents
-    assert exponents is not None  # slip, the one force without, was answered above
-    m, n = (float(exponent) for exponent in exponents)
-    return _product({units.force: 1.0, units.time: n, units.length: 1.0 - m})
+    force, _, name = parameter.partition(" ")
+    shapes = component(force).shapes
+    return dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
 
 
 def energy_unit(units: Units) -> str:
@@ -141,15 +133,40 @@ def energy_unit(units: Units) -> str:
 def parameter_label(parameter: str, units: Units) -> str:
     """A parameter with its unit for an axis."""
     unit = parameter_unit(parameter, units)
-    name = {"scatter": "scatter of a row", "level_scatter": "scatter of a level"}.get(parameter, parameter)
+    name = SCATTERS.get(parameter, parameter)
     return f"{name} ({unit})" if unit else name
 
 
-def _product(powers: dict[str, float]) -> str:
-    """Units with powers: ``lb·s²/in²``."""
-    above = "·".join(f"{unit}{_power(power)}" for unit, power in powers.items() if power > 0)
-    below = "·".join(f"{unit}{_power(-power)}" for unit, power in powers.items() if power < 0)
-    return above if not below else f"{above}/{below}" if "·" not in below else f"{above}/({below})"
+def dimension_text(dimension: Dimension, units: Units) -> str:
+    """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``."""
+    names = vars(units)
+    plain = {base: float(getattr(dimension, base)) for base in names}
+    raised = {base: sum(float(getattr(part, base)) for _, part in dimension.raised) for base in names}
+    both = any(plain[base] and raised[base] for base in names)
+    if both or sum(map(bool, raised.values())) < 2:
+        signs = {base: (raised[base] or plain[base]) for base in names}
+        return _quotient({names[base]: (sign, _raised(plain[base], raised[base])) for base, sign in signs.items()})
+    free = _quotient({names[base]: (power, _power(abs(power))) for base, power in raised.items()})
+    fixed = _quotient({names[base]: (power, _power(abs(power))) for base, power in plain.items()})
+    return f"{fixed}·({free})^p" if fixed else f"({free})^p"
+
+
+def _quotient(parts: dict[str, tuple[float, str]]) -> str:
+    """Units over units; of each unit the sign of its power, and the power as text without the sign."""
+    above = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign > 0)
+    below = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign < 0)
+    if not below:
+        return above
+    return f"{above or 1}/{below}" if "·" not in below else f"{above or 1}/({below})"
+
+
+def _raised(plain: float, raised: float) -> str:
+    """The power plain + raised p without the sign of its leading part: ``²``, ``^p``, ``^(p+1)``."""
+    if not raised:
+        return _power(abs(plain))
+    free = "p" if abs(raised) == 1.0 else f"{abs(raised):g}p"
+    rest = plain if raised > 0.0 else -plain
+    return f"^({free}{rest:+g})" if rest else f"^{free}"
 
 
 def _power(power: float) -> str:

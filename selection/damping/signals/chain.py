@@ -37,7 +37,7 @@ from damping.signals.modal import (
 
 
 @dataclass(frozen=True)
-class Step:
+class ConditioningStep:
     """One step of the conditioning.
 
     Attributes:
@@ -56,7 +56,7 @@ class Step:
     constants: Mapping[str, float] = field(default_factory=dict)
 
 
-def condition(raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
+def condition(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
     """All steps of a test; the last one's ``after`` is the record.
 
     Args:
@@ -67,9 +67,9 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
             damping factor.
     """
     d = description
-    steps: list[Step] = []
+    steps: list[ConditioningStep] = []
     table = working_table(raw, d)
-    actions: list[Callable[[pd.DataFrame], Step]] = [
+    actions: list[Callable[[pd.DataFrame], ConditioningStep]] = [
         lambda t: to_displacements(t, d.sensors),
         *([lambda t: to_yaw(t, d.yaw)] if d.yaw else []),
         lambda t: to_node(t, raw, d),
@@ -101,7 +101,7 @@ def working_table(raw: pd.DataFrame, description: Description) -> pd.DataFrame:
     return pd.DataFrame(columns, index=raw.index)
 
 
-def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> Step:
+def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> ConditioningStep:
     """Amplitudes of displacement: unit a F/omega^2 of an acceleration (Table 3.I), unit v F/omega of a velocity."""
     omega = _column(table, "omega")
     moved = {}
@@ -113,7 +113,7 @@ def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> Step:
     return _step("displacement", "section 3.1, Table 3.I", table, table.assign(**moved))
 
 
-def to_yaw(table: pd.DataFrame, nodes: tuple[Yaw, ...]) -> Step:
+def to_yaw(table: pd.DataFrame, nodes: tuple[Yaw, ...]) -> ConditioningStep:
     """Yaw displacements of nodes measured in pitch only (Eq. 3.1.1).
 
     The ratio of the tip's accelerations is that of its displacements, as both are at one frequency.
@@ -122,7 +122,7 @@ def to_yaw(table: pd.DataFrame, nodes: tuple[Yaw, ...]) -> Step:
     return _step("yaw from pitch", "Eq. 3.1.1", table, table.assign(**yaw))
 
 
-def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Amplitude and phase of the node that becomes the mode (Eq. 3.1.21); removes the known lag of the instruments."""
     node = description.node
     after = table.assign(amplitude=_column(table, node.sensor))
@@ -133,7 +133,7 @@ def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) ->
     return _step("node", "Eq. 3.1.21", table, after, {"lag": np.full(len(table), lag)} if lag else None)
 
 
-def to_mode(table: pd.DataFrame, phi: float) -> Step:
+def to_mode(table: pd.DataFrame, phi: float) -> ConditioningStep:
     """Node to modal displacement, X/phi (Eqs. 3.1.2-3.1.5); a negative phi turns the phase by pi."""
     after = table.assign(amplitude=_column(table, "amplitude") / abs(phi))
     if phi < 0.0 and "phase" in after:
@@ -141,7 +141,7 @@ def to_mode(table: pd.DataFrame, phi: float) -> Step:
     return _step("mode factor", "Eqs. 3.1.2-3.1.5", table, after)
 
 
-def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Rigid-body rotation taken off (Eqs. 3.1.16-3.1.18, 3.1.22, 3.1.23).
 
     Where R^2/I is not given, it is the one that fits the known total corrections best: ``constants["r2_over_i"]``.
@@ -161,7 +161,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
     return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, constants)
 
 
-def remove_modes(table: pd.DataFrame, description: Description) -> Step:
+def remove_modes(table: pd.DataFrame, description: Description) -> ConditioningStep:
     """Other modes taken off as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
 
     Raises:
@@ -177,14 +177,14 @@ def remove_modes(table: pd.DataFrame, description: Description) -> Step:
     return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
 
 
-def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> Step:
+def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """A known total correction C_t added in phase with the force (Eqs. 3.1.19, 3.1.22, 3.1.23)."""
     assert description.correction is not None  # the chain comes here only with one
     C_t = raw.loc[table.index, description.correction.column].to_numpy(float)
     return _in_phase("known correction", "Eq. 3.1.19", table, {"total": C_t})
 
 
-def to_modal_force(table: pd.DataFrame, phi_drive: float) -> Step:
+def to_modal_force(table: pd.DataFrame, phi_drive: float) -> ConditioningStep:
     """F_e = phi F (Eqs. 2.2.3, 3.1.11); a negative phi at the drive turns the phase by pi."""
     after = table.assign(force=modal_force(_column(table, "force"), abs(phi_drive)))
     if phi_drive < 0.0 and "phase" in after:
@@ -192,7 +192,7 @@ def to_modal_force(table: pd.DataFrame, phi_drive: float) -> Step:
     return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, after)
 
 
-def to_principal(table: pd.DataFrame, description: Description) -> Step:
+def to_principal(table: pd.DataFrame, description: Description) -> ConditioningStep:
     """Motion and energy in the principal pitch plane, with xi of Eq. 3.2.15 point by point (section 3.2).
 
     Removes the motion in the yaw plane, and rows at which no xi balances the energy. Amplitude and energy that remain
@@ -220,7 +220,7 @@ def to_principal(table: pd.DataFrame, description: Description) -> Step:
     return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
 
 
-def to_record(table: pd.DataFrame, description: Description) -> Step:
+def to_record(table: pd.DataFrame, description: Description) -> ConditioningStep:
     """The columns of a record (frequency in Hz), energy and xi where there are, then those kept."""
     columns = {"sweep": table["sweep"], "force": table["force"], "frequency": _column(table, "omega") / RAD_S_PER_HZ}
     names = [name for name in ("amplitude", "phase", "energy", "xi") if name in table]
@@ -258,7 +258,7 @@ def _in_phase(
     table: pd.DataFrame,
     parts: Mapping[str, FloatArray],
     constants: Mapping[str, float] | None = None,
-) -> Step:
+) -> ConditioningStep:
     """Corrections added in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); removed is their opposite."""
     A, phi = _column(table, "amplitude"), _column(table, "phase")
     C_t = np.sum(list(parts.values()), axis=0)
@@ -274,8 +274,10 @@ def _step(
     after: pd.DataFrame,
     removed: Mapping[str, FloatArray] | None = None,
     constants: Mapping[str, float] | None = None,
-) -> Step:
-    return Step(name, equation, before, after, pd.DataFrame(removed or {}, index=before.index), constants or {})
+) -> ConditioningStep:
+    return ConditioningStep(
+        name, equation, before, after, pd.DataFrame(removed or {}, index=before.index), constants or {}
+    )
 
 
 def _column(table: pd.DataFrame, name: str) -> FloatArray:

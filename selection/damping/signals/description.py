@@ -90,11 +90,11 @@ Name = Annotated[str, Field(min_length=1, max_length=80)]
 WORKING_COLUMNS = ("sweep", "omega", "force", "amplitude", "phase", "energy", "xi")
 
 
-class _Table(BaseModel):
+class _DescriptionTable(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
-class Units(_Table):
+class SignalUnits(_DescriptionTable):
     """Names of units for people, and the two units that are converted."""
 
     force: str = ""
@@ -114,7 +114,7 @@ class Units(_Table):
         return 1.0 if self.phase == "rad" else radians(1.0)
 
 
-class Raw(_Table):
+class Raw(_DescriptionTable):
     """Columns of the raw table."""
 
     frequency: Name
@@ -125,7 +125,7 @@ class Raw(_Table):
     keep: tuple[Name, ...] = Field(default=(), strict=False)
 
 
-class Sensor(_Table):
+class Sensor(_DescriptionTable):
     """One reading: amplitude = factor * column, of what quantity, in what unit."""
 
     name: Name
@@ -137,7 +137,7 @@ class Sensor(_Table):
     sd: Name | None = None
 
 
-class Yaw(_Table):
+class Yaw(_DescriptionTable):
     """Yaw displacement of a node whose pitch displacement is measured (Eq. 3.1.1); names of sensors."""
 
     name: Name
@@ -146,7 +146,7 @@ class Yaw(_Table):
     pitch: Name
 
 
-class Node(_Table):
+class Node(_DescriptionTable):
     """The motion that becomes the mode."""
 
     sensor: Name
@@ -155,7 +155,7 @@ class Node(_Table):
     lag: FiniteFloat = 0.0
 
 
-class ModeFactor(_Table):
+class ModeFactor(_DescriptionTable):
     """Displacement of the node, and of the point where the force acts, at unit modal displacement."""
 
     phi: FiniteFloat
@@ -175,7 +175,7 @@ class OtherMode(ModeFactor):
     frequency: Positive
 
 
-class RigidBody(_Table):
+class RigidBody(_DescriptionTable):
     """Rigid-body rotation: its frequency, and R^2/I or the column that it is identified from."""
 
     frequency: NonNegative
@@ -183,13 +183,13 @@ class RigidBody(_Table):
     identify_from: Name | None = None
 
 
-class Correction(_Table):
+class Correction(_DescriptionTable):
     """Column of the total correction C_t."""
 
     column: Name
 
 
-class Principal(_Table):
+class Principal(_DescriptionTable):
     """The two principal planes, and which root of Eq. 3.2.15 is taken."""
 
     theta: Annotated[FiniteFloat, Field(gt=-90.0, lt=90.0)]
@@ -201,7 +201,7 @@ class Principal(_Table):
     largest: Positive = 0.1
 
 
-class Problem(NamedTuple):
+class DescriptionProblem(NamedTuple):
     """Something in a description that contradicts the rest of it: the keys that lead there, and what was expected."""
 
     keys: tuple[str | int, ...]
@@ -209,11 +209,11 @@ class Problem(NamedTuple):
     expected: str
 
 
-class Description(_Table):
+class Description(_DescriptionTable):
     """A whole CONDITION.toml."""
 
     title: str = ""
-    units: Units = Units()
+    units: SignalUnits = SignalUnits()
     raw: Raw
     sensors: Annotated[tuple[Sensor, ...], Field(min_length=1, strict=False)]
     yaw: tuple[Yaw, ...] = Field(default=(), strict=False)
@@ -239,57 +239,63 @@ class Description(_Table):
         pairs.append((self.node.phase or "", self.node.phase_sd))
         return {column: sd for column, sd in pairs if column and sd}
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Iterator[DescriptionProblem]:
         """What contradicts itself, in the order of the schema."""
         yield from self._of_raw()
         yield from self._of_names()
         yield from self._of_mode()
         yield from self._of_removals()
 
-    def _of_raw(self) -> Iterator[Problem]:
+    def _of_raw(self) -> Iterator[DescriptionProblem]:
         if (self.raw.sweep is None) == (self.raw.sweep_label is None):
-            yield Problem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
+            yield DescriptionProblem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
         if self.raw.sweep in self.columns:
-            yield Problem(("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels")
+            yield DescriptionProblem(
+                ("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels"
+            )
         meant = {*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS, *WORKING_COLUMNS, *(f"{name}_sd" for name in WORKING_COLUMNS)}
         for name in self.raw.keep:
             if name in meant:
-                yield Problem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
+                yield DescriptionProblem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
 
-    def _of_names(self) -> Iterator[Problem]:
+    def _of_names(self) -> Iterator[DescriptionProblem]:
         seen = {*WORKING_COLUMNS, *self.raw.keep}
         sensors = [sensor.name for sensor in self.sensors]
         named = [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(self.sensors)]
         named += [(("yaw", i, "name"), yaw.name) for i, yaw in enumerate(self.yaw)]
         for keys, name in named:
             if name in seen:
-                yield Problem(keys, f"{name!r} is taken", "a name of its own")
+                yield DescriptionProblem(keys, f"{name!r} is taken", "a name of its own")
             seen.add(name)
         used = [(("yaw", i, key), getattr(y, key)) for i, y in enumerate(self.yaw) for key in _YAW_SENSORS]
         for path, name in [*used, (("node", "sensor"), self.node.sensor)]:
             if name not in sensors:
-                yield Problem(path, f"no sensor {name!r}", f"one of {', '.join(sensors)}")
+                yield DescriptionProblem(path, f"no sensor {name!r}", f"one of {', '.join(sensors)}")
 
-    def _of_mode(self) -> Iterator[Problem]:
+    def _of_mode(self) -> Iterator[DescriptionProblem]:
         for key in ("phi", "phi_drive"):
             if getattr(self.mode, key) == 0.0:
-                yield Problem(("mode", key), "is 0: the mode cannot be seen or driven there", "another node")
+                yield DescriptionProblem(("mode", key), "is 0: the mode cannot be seen or driven there", "another node")
         if len({mode.name for mode in self.modes}) < len(self.modes):
-            yield Problem(("modes",), "two modes have one name", "different names")
+            yield DescriptionProblem(("modes",), "two modes have one name", "different names")
 
-    def _of_removals(self) -> Iterator[Problem]:
+    def _of_removals(self) -> Iterator[DescriptionProblem]:
         rigid = self.rigid_body
         if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
-            yield Problem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")
+            yield DescriptionProblem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")
         if self.correction is not None and (self.modes or rigid is not None):
-            yield Problem(("correction",), "the total correction is given and computed", "it, or modes and rigid_body")
+            yield DescriptionProblem(
+                ("correction",), "the total correction is given and computed", "it, or modes and rigid_body"
+            )
         removed = [key for key in ("modes", "rigid_body", "correction", "principal") if getattr(self, key)]
         if self.node.phase is None and self.node.phase_sd is not None:
-            yield Problem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
+            yield DescriptionProblem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
         if self.node.phase is None and removed:
-            yield Problem((removed[0],), "nothing can be removed without the phase of the node", "phase in [node]")
+            yield DescriptionProblem(
+                (removed[0],), "nothing can be removed without the phase of the node", "phase in [node]"
+            )
         if self.principal is not None and (self.principal.branch == "near") != (self.principal.xi is not None):
-            yield Problem(("principal",), 'xi goes with branch = "near"', "both or neither")
+            yield DescriptionProblem(("principal",), 'xi goes with branch = "near"', "both or neither")
 
 
 _YAW_SENSORS = ("tip_yaw", "tip_pitch", "pitch")

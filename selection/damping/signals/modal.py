@@ -71,7 +71,8 @@ class NodeCorrection:
     @property
     def total(self) -> FloatArray:
         """C_t of Eq. 3.1.20, to be added to the modal amplitude in phase with the force."""
-        return np.sum(self.adjacent, axis=0) + self.rigid_body
+        result: FloatArray = np.sum(self.adjacent, axis=0) + self.rigid_body
+        return result
 
 
 def modal_force(F: Floats, phi: float) -> Floats:

@@ -35,8 +35,10 @@ PERIODS = 6.0
 LEVELS = 16
 #: A level is kept where the amplitude is so many times the noise.
 ABOVE_NOISE = 10.0
-#: Fall of ln A over a level: less says little of the slope, more smears it.
-LEAST_FALL, MOST_FALL = 0.05, 0.4
+#: Fall of ln A over a level, least: less says little of the slope.
+LEAST_FALL = 0.05
+#: Fall of ln A over a level, most: more smears the slope.
+MOST_FALL = 0.4
 #: A level is kept where the slope is known so well (standard error over slope) ...
 WORST_SLOPE = 0.3
 #: ... and ln A is so straight (its bend over half a window) that the window does not smear it.

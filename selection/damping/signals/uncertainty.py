@@ -20,14 +20,21 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping.signals.chain import Step, condition
+from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 
 #: Part of an uncertainty by which a column is moved: errors of the difference are of the square of it.
 _PART = 1e-3
 
 
-def with_uncertainties(steps: tuple[Step, ...], raw: pd.DataFrame, description: Description) -> tuple[Step, ...]:
+def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
+    """All steps of a test with the uncertainties that the raw table states; the last one's ``after`` is the record."""
+    return with_uncertainties(condition(raw, description), raw, description)
+
+
+def with_uncertainties(
+    steps: tuple[ConditioningStep, ...], raw: pd.DataFrame, description: Description
+) -> tuple[ConditioningStep, ...]:
     """The steps with one more, that adds ``NAME_sd`` to the record; unchanged where no uncertainty is stated.
 
     ``force_sd``, ``amplitude_sd`` and ``phase_sd`` are there where the uncertainty of that reading is stated, and 0
@@ -56,7 +63,7 @@ def with_uncertainties(steps: tuple[Step, ...], raw: pd.DataFrame, description: 
         for name, column in owners.items()
     }
     after = record.assign(**given)
-    return (*steps, Step("uncertainties", "first order", record, after, pd.DataFrame(index=record.index)))
+    return (*steps, ConditioningStep("uncertainties", "first order", record, after, pd.DataFrame(index=record.index)))
 
 
 def _owners(description: Description) -> Iterator[tuple[str, str | None]]:
@@ -68,7 +75,7 @@ def _owners(description: Description) -> Iterator[tuple[str, str | None]]:
         yield name, node
 
 
-def _with_r2_over_i_held(description: Description, steps: tuple[Step, ...]) -> Description:
+def _with_r2_over_i_held(description: Description, steps: tuple[ConditioningStep, ...]) -> Description:
     found = next((step.constants["r2_over_i"] for step in steps if "r2_over_i" in step.constants), None)
     if description.rigid_body is None or found is None:
         return description

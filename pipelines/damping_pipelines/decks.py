@@ -1,0 +1,253 @@
+"""``damping export --to CODE``: damping for a structural code, one table a load level, median and lower bound.
+
+A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
+force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of 90 %):
+the one a load is sized with. Codes that take coefficients get those of c1 q' + c2 q' |q'|, which dissipate the same,
+
+    F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
+
+by non-negative least squares over the load levels.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+from scipy.optimize import nnls
+
+from damping.errors import AnalysisError, InputError
+
+#: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
+FLANK = 2.0
+#: Ratios on one line of an ANSYS ``MDAMP`` command.
+RATIOS_A_LINE = 6
+
+
+class _Form(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class _Ratio(_Form):
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class _Row(_Form):
+    """A prediction of ``loads/1``, a row of ``curve/1``, or a level of a mode of ``campaign/1``."""
+
+    force: float | None = None
+    amplitude: float | None = None
+    median: float | None = None
+    level: float | None = None
+    frequency: float | None = None
+    damping_ratio: _Ratio | None = None
+    extrapolation_ratio: float | None = None
+    tested: bool | None = None
+    by_model: list[Mapping[str, Any]] = []
+
+
+class _Mode(_Form):
+    name: str
+    at: list[_Row]
+
+
+class DampingForm(_Form):
+    """What a deck is made of: any of the three forms that hold damping ratios."""
+
+    format: str
+    level: float = 0.9
+    predictions: list[_Row] = []
+    rows: list[_Row] = []
+    modes: list[_Mode] = []
+
+
+@dataclass(frozen=True)
+class Point:
+    """One mode at one load level: frequency in Hz, damping ratio (median and low), and the words that describe it.
+
+    ``force`` and ``amplitude`` are those of the resonance, NaN where the form does not hold them.
+    """
+
+    mode: str
+    frequency: float
+    median: float
+    low: float
+    force: float
+    amplitude: float
+    said: str
+
+
+@dataclass(frozen=True)
+class Level:
+    """A load level: its label and the modes there, by frequency."""
+
+    label: str
+    points: tuple[Point, ...]
+
+
+def write_deck(code: str, content: bytes, values: Mapping[str, Any], source: str) -> str:
+    """The damping of a form as text for a structural code.
+
+    Args:
+        code: one of ``CODES``. content: the form as it was read, whose hash goes into the comments. values: the same as
+            plain values. source: its name, for messages.
+
+    Raises:
+        InputError: an unknown code, or no form that holds damping ratios.
+        AnalysisError: no level of the form has a damping ratio, or not what the code needs.
+    """
+    if code not in CODES:
+        raise InputError(f"--to {code!r} is unknown", expected=" or ".join(CODES))
+    try:
+        form = DampingForm.model_validate(values)
+    except ValidationError as error:
+        where = ".".join(str(part) for part in error.errors()[0]["loc"])
+        raise InputError(error.errors()[0]["msg"], file=source, column=where) from None
+    levels = _list_levels(form)
+    if not levels:
+        raise AnalysisError(f"{source}: no level holds a damping ratio; write it with damping curve or extrapolate")
+    digest = hashlib.sha256(content).hexdigest()
+    head = [
+        f"damping for {code}, from {form.format}, SHA-256 {digest}",
+        f"low: the lower end of the {form.level:g} band",
+    ]
+    write, comment = CODES[code]
+    return "".join(f"{comment} {line}\n" for line in head) + write(levels, comment)
+
+
+def _list_levels(form: DampingForm) -> list[Level]:
+    """The load levels with a damping ratio, in the order of the form."""
+    if form.modes:
+        named = [(row.level, _as_point(mode.name, row)) for mode in form.modes for row in mode.at]
+    else:
+        named = [(row.force, _as_point("mode", row)) for row in (*form.predictions, *form.rows)]
+    levels: dict[float, list[Point]] = {}
+    for value, point in named:
+        if value is not None and point is not None:
+            levels.setdefault(value, []).append(point)
+    return [
+        Level(f"level {value:g}", tuple(sorted(points, key=lambda point: point.frequency)))
+        for value, points in levels.items()
+    ]
+
+
+def _as_point(mode: str, row: _Row) -> Point | None:
+    """A row as a point; None where it predicts no damping."""
+    ratio = row.damping_ratio
+    if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
+        return None
+    laws = ", ".join(f"{law['name']} ({float(law['weight']):.2f})" for law in row.by_model if law.get("weight"))
+    beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
+    tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
+    said = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
+    force = np.nan if row.force is None else row.force
+    amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, said)
+
+
+def _describe(level: Level, which: str, comment: str) -> list[str]:
+    """Comments of a table: level, which bound, and each mode."""
+    modes = [f"{comment}   {p.mode}: {p.frequency:.6g} Hz" + (f"; {p.said}" if p.said else "") for p in level.points]
+    return [f"{comment} {level.label}, {which}", *modes]
+
+
+def _each_table(levels: Sequence[Level]) -> list[tuple[int, Level, str, list[float]]]:
+    """Number, level, name of the bound and ratios of every table: median and low of each level."""
+    tables = [(level, which) for level in levels for which in ("median", "low")]
+    return [
+        (number, level, which, [getattr(point, which) for point in level.points])
+        for number, (level, which) in enumerate(tables, start=1)
+    ]
+
+
+def _write_nastran(levels: Sequence[Level], comment: str) -> str:
+    """TABDMP1 entries of critical damping in large fields of 16 characters; ``SDAMPING = ID`` selects one."""
+    lines: list[str] = []
+    for number, level, which, ratios in _each_table(levels):
+        f = [point.frequency for point in level.points]
+        pairs = [(f[0] / FLANK, ratios[0]), *zip(f, ratios, strict=True), (f[-1] * FLANK, ratios[-1])]
+        fields = [f"{value:.9E}".rjust(16) for pair in pairs for value in pair] + ["ENDT".rjust(16)]
+        lines += [*_describe(level, which, comment), f"TABDMP1*{number:>16d}{'CRIT':>16}", "*"]
+        lines += ["*".ljust(8) + "".join(fields[i : i + 4]) for i in range(0, len(fields), 4)]
+    return "\n".join(lines) + "\n"
+
+
+def _write_abaqus(levels: Sequence[Level], comment: str) -> str:
+    """``*MODAL DAMPING, MODAL=DIRECT`` with a line a mode; all but the first table stand as comments."""
+    lines: list[str] = []
+    for number, level, which, ratios in _each_table(levels):
+        block = ["*MODAL DAMPING, MODAL=DIRECT"]
+        block += [f"{mode}, {mode}, {ratio:.9g}" for mode, ratio in enumerate(ratios, start=1)]
+        off = "" if number == 1 else f"{comment} "
+        lines += [*_describe(level, which, comment), *(off + line for line in block)]
+    return "\n".join(lines) + "\n"
+
+
+def _write_ansys(levels: Sequence[Level], comment: str) -> str:
+    """``MDAMP`` commands, six modes a line; all but the first table stand as comments."""
+    lines: list[str] = []
+    for number, level, which, ratios in _each_table(levels):
+        starts = range(0, len(ratios), RATIOS_A_LINE)
+        block = [f"MDAMP,{i + 1}," + ",".join(f"{r:.9g}" for r in ratios[i : i + RATIOS_A_LINE]) for i in starts]
+        off = "" if number == 1 else f"{comment} "
+        lines += [*_describe(level, which, comment), *(off + line for line in block)]
+    return "\n".join(lines) + "\n"
+
+
+def _write_opensees(levels: Sequence[Level], comment: str) -> str:
+    """``modalDamping`` of as many modes; all but the first table stand as comments."""
+    lines: list[str] = []
+    for number, level, which, ratios in _each_table(levels):
+        block = [f"eigen {len(ratios)}", "modalDamping " + " ".join(f"{ratio:.9g}" for ratio in ratios)]
+        off = "" if number == 1 else f"{comment} "
+        lines += [*_describe(level, which, comment), *(off + line for line in block)]
+    return "\n".join(lines) + "\n"
+
+
+def _write_openfast(levels: Sequence[Level], comment: str) -> str:
+    """Linear and quadratic coefficients of the generalized force, by mode, median and low, in the form's units."""
+    modes = list(dict.fromkeys(point.mode for level in levels for point in level.points))
+    lines: list[str] = []
+    for mode in modes:
+        points = [point for level in levels for point in level.points if point.mode == mode]
+        for which in ("median", "low"):
+            linear, quadratic = fit_coefficients(points, which)
+            lines += [f"{comment} {mode}, {which}, over {len(points)} load level(s)"]
+            lines += [f"{linear:.9g}  AddBLin", f"{quadratic:.9g}  AddBQuad"]
+    return "\n".join(lines) + "\n"
+
+
+def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]:
+    """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
+
+    The low bound of damping is the force that the low ratio means: F low/median.
+
+    Raises:
+        AnalysisError: the form holds no forces and amplitudes.
+    """
+    omega = 2.0 * pi * np.array([point.frequency for point in points])
+    A = np.array([point.amplitude for point in points])
+    F = np.array([point.force * getattr(point, which) / point.median for point in points])
+    if not np.all(np.isfinite(A) & np.isfinite(F)):
+        raise AnalysisError("coefficients need force and amplitude of each level: a form loads/1 or curve/1")
+    columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]
+    scale = columns.max(axis=0)
+    linear, quadratic = nnls(columns / scale, np.ones(len(F)))[0] / scale
+    return float(linear), float(quadratic)
+
+
+#: Structural codes, each with what writes its deck and how its comments begin.
+CODES: dict[str, tuple[Callable[[Sequence[Level], str], str], str]] = {
+    "nastran": (_write_nastran, "$"),
+    "abaqus": (_write_abaqus, "**"),
+    "ansys": (_write_ansys, "!"),
+    "opensees": (_write_opensees, "#"),
+    "openfast": (_write_openfast, "!"),
+}

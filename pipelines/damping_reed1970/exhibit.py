@@ -1,0 +1,187 @@
+"""The reproduction of the report as an exhibit of a study: its chapters, gaps, printed numbers and errata."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from concurrent.futures import Executor, Future
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import arviz
+import numpy as np
+import pandas as pd
+
+from damping.extrapolation.prediction import Loads
+from damping.ranking import Ranking
+from damping.report.results import Exhibit
+from damping_pipelines.terminal import progress
+from damping_reed1970.chapter_2.page import chapter_2
+from damping_reed1970.chapter_3.page import chapter_3
+from damping_reed1970.chapter_3.planar_fits import Known
+from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
+from damping_reed1970.chapter_4.coefficients import linear_coefficients
+from damping_reed1970.chapter_4.page import chapter_4
+from damping_reed1970.chapter_4.power_laws import power_laws, section_4_3_example
+from damping_reed1970.chapter_5.page import chapter_5
+from damping_reed1970.chapter_5.regressions import regression_deviations, regressions
+from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
+from damping_reed1970.chapter_6.page import chapter_6
+from damping_reed1970.common import ReportPart, chapter_of
+from damping_reed1970.errata import errata_part
+from damping_reed1970.gaps import diagnose_gaps, gaps_part
+from damping_reed1970.reproduction import reproduce, reproduction_part
+from damping_reed1970.studies import ReportResults, Studies, compute_studies
+from damping_reed1970.tables import data_folder, load_errata
+
+
+@dataclass(frozen=True)
+class StartedReport:
+    """Chapters under way in other processes."""
+
+    studies: Future[Studies]
+    chapter_3: Future[Chapter3]
+
+    def finish(self, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]) -> Exhibit:
+        """Wait for the chapters and set the report's tables beside them; arguments as for ``source_tables``."""
+        with progress("source report", 4) as done:
+            tables = source_tables(rankings, loads)
+            done("tables")
+            gaps = diagnose_gaps()
+            done("gaps between simulation and test")
+            found = self.studies.result()
+            done("chapters II, IV, V")
+            chapter_3 = self.chapter_3.result()
+            done("chapter III")
+        return exhibit(ReportResults(found, chapter_3, tables, gaps))
+
+
+def settings_file() -> Path:
+    """Settings of the study of the Saturn V tests."""
+    return data_folder() / "saturn-v" / "study.toml"
+
+
+def start(pool: Executor, seed: int) -> StartedReport:
+    """Start what needs no ranking, beside whatever else the study does."""
+    return StartedReport(pool.submit(compute_studies, seed), pool.submit(chapter_3_results, seed))
+
+
+def exhibit(results: ReportResults) -> Exhibit:
+    """What the study gets: the page's sections, the summary's keys, the planar posteriors that were sampled."""
+    sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
+    posteriors = {f"chapter-3--{_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled}
+    parts = report_parts(results)
+    # in the list of files the picture of all printed numbers stands before those of the chapters
+    figures = {
+        name: one
+        for p in sorted(parts, key=lambda p: p.section.id != "reproduction")
+        for name, one in p.figures.items()
+    }
+    return Exhibit(
+        sections=[part.section for part in parts],
+        figures={name: one.svg for name, one in figures.items()},
+        drawings={name: one.draw for name, one in figures.items()},
+        tables={**results.tables, **{name: table for part in parts for name, table in part.tables.items()}},
+        summary=summarise(results),
+        posteriors=posteriors,
+    )
+
+
+def report_parts(results: ReportResults) -> list[ReportPart]:
+    """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
+    printed = results.tables["reproduction"]
+    return [
+        *(chapter(results) for chapter in (chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)),
+        gaps_part(results.gaps),
+        reproduction_part(printed),
+        errata_part(results.tables["errata"], printed),
+    ]
+
+
+def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | None = None) -> dict[str, pd.DataFrame]:
+    """Named tidy tables of the report's results beside ours.
+
+    Args:
+        rankings: by the names of the report's records (``config-2-mode-1`` and so on). loads: design loads of those
+            that have them.
+    """
+    return {
+        "reproduction": pd.DataFrame([{**asdict(r), "agreement": r.agreement} for r in reproduce()]),
+        "errata": load_errata().sort_values("severity", kind="stable", ignore_index=True),
+        "regressions": regressions(),
+        "regression_deviations": regression_deviations(),
+        "linear_coefficients": linear_coefficients(),
+        "power_laws": power_laws(),
+        "section_4_3_example": section_4_3_example(
+            rankings["config-2-mode-1"], predicted=(loads or {}).get("config-2-mode-1")
+        ),
+        "section_6_1": section_6_1(rankings),
+        "section_6_1_errors": section_6_1_errors(rankings),
+    }
+
+
+#: Columns of every printed number, and tables of each chapter, that the summary holds.
+REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
+CHAPTER_3 = ("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means")
+STUDIES = (
+    *("response_points", "level_variations", "chance_of_exponent", "nine_terms_summary"),
+    *("false_terms", "false_terms_inflation", "circular_claims"),
+)
+TABLES = ("linear_coefficients", "power_laws", "section_4_3_example", "regressions")
+
+
+def summarise(results: ReportResults) -> dict[str, Any]:
+    """The report as plain data: printed numbers, section 6.1, errata, and the key tables of the chapters.
+
+    ``chapters`` begins with how many printed numbers agree how well.
+    """
+    studies, chapter_3, tables = results.studies, results.chapter_3, results.tables
+    every = studies.tables()
+    shown = {name: chapter_3.tables[name] for name in CHAPTER_3} | {name: every[name] for name in STUDIES}
+    shown |= {name: tables[name] for name in TABLES}
+    chapters = {
+        "agreement": _agreement(tables["reproduction"]),
+        "picked": [{"mode": mode, "kept": kept, "case": one.picked} for (mode, kept), one in studies.levels.items()],
+        **{name: _rows(table) for name, table in shown.items()},
+    }
+    return {
+        "reproduction": _rows(tables["reproduction"][list(REPRODUCTION)]),
+        "section_6_1": _rows(tables["section_6_1"]),
+        "errata": _rows(tables["errata"]),
+        "chapters": chapters,
+    }
+
+
+def _rows(table: pd.DataFrame) -> list[Any]:
+    """A table as a list of rows; a number that does not exist is None."""
+    plain: list[Any] = json.loads(table.to_json(orient="records", double_precision=15))
+    return plain
+
+
+def planar_data(known: Known) -> arviz.InferenceData:
+    """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
+
+    Single precision: seven digits are far more than the Monte Carlo error leaves.
+    """
+    assert known.posterior is not None  # asked of sampled posteriors only
+    ensembles, kept = known.posterior.chains.x.shape[:2]
+    draws = {name: np.asarray(values, dtype=np.float32) for name, values in known.parameters.items()}
+    return arviz.from_dict(
+        posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},
+        attrs={"data": known.data, "fit": known.variant, "converged": str(known.posterior.chains.converged)},
+    )
+
+
+def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
+    """By chapter: printed numbers by how well they come out."""
+    chapter = reproduction["id"].map(chapter_of)
+    return {
+        str(number): {str(name): int(n) for name, n in mine.value_counts().items()}
+        for number, mine in reproduction["agreement"].groupby(chapter)
+    }
+
+
+def _file_stem(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")

@@ -1,0 +1,198 @@
+"""What a prediction is made of, and the prediction of a measured phasor.
+
+A measured row is the phasor A exp(-i phi) under the force F. The prediction is composed of
+
+    Z(A, omega) = M (omega_n^2 - omega^2) + (S + i C)/A              parameters and forces
+    H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
+    H + R                                                            residual compliance of other modes (3.1.18)
+    gain exp(-i lag) H F                                             instruments, and what is lost of the force
+
+with Z taken at the measured amplitude (of which each plane has its share). P(u) = ln(prediction), u = ln A, therefore
+needs no solution of the steady state; with P'(u) its own steady amplitude is found from it to first order
+(`damping.gap.model`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from damping.arrays import FloatArray, Floats
+from damping.forces.contract import Force
+
+ComplexArray = npt.NDArray[np.complex128]
+
+#: Times that the amplitude of each path is refined: the shares of the paths change little.
+_REFINEMENTS = 2
+
+
+class Plane(NamedTuple):
+    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
+
+    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
+    """
+
+    weight: Floats
+    ratio: Floats
+    alike: bool
+    damping: Floats = 1.0
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
+
+    Attributes:
+        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
+            ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
+        compliance: functions of omega, rad/s: the parts of R, displacement per force. gain: ln of the reading's
+            factor. lag: rad, added to the phase. received: functions of omega: ln of the part of the recorded force
+            that arrives.
+    """
+
+    M: Floats
+    omega_n: Floats
+    forces: tuple[Force, ...] = ()
+    simulated: int = 0
+    plane: Plane | None = None
+    compliance: tuple[Callable[[FloatArray], Floats], ...] = ()
+    gain: Floats = 0.0
+    lag: Floats = 0.0
+    received: tuple[Callable[[FloatArray], Floats], ...] = ()
+
+    def with_force(self, force: Force) -> Terms:
+        """The same with one more force."""
+        return replace(self, forces=(*self.forces, force))
+
+    @property
+    def viscous(self) -> tuple[Force, ...]:
+        """The simulation's viscous damping; all its damping where none is viscous."""
+        own = self.forces[: self.simulated]
+        return tuple(force for force in own if force.viscous) or own
+
+    @property
+    def linear(self) -> bool:
+        """Whether Z does not depend on amplitude."""
+        return all(force.linear for force in self.forces)
+
+
+class Drive(NamedTuple):
+    """What the rig does: force, frequency in rad/s, and the factor of each row on M; (n,) each.
+
+    ``resonant``: every row is at phase resonance, wherever that is: its force balances the damping alone.
+    """
+
+    F: FloatArray
+    omega: FloatArray
+    mass: FloatArray
+    resonant: bool = False
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n)."""
+
+    P: ComplexArray
+    by_u: ComplexArray
+    by_frequency: ComplexArray
+
+
+class _Receptance(NamedTuple):
+    """Displacement per force, the part of each path in it, and minus its changes by ln A and ln omega_n."""
+
+    H: ComplexArray
+    paths: tuple[ComplexArray, ...]
+    by_u: ComplexArray
+    by_frequency: ComplexArray
+
+
+def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
+    """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
+    A = np.exp(u - terms.gain)
+    found = _receptance(terms, drive, (A, A))
+    if not terms.linear and (terms.plane is not None or terms.compliance):
+        for _ in range(_REFINEMENTS):
+            found = _receptance(terms, drive, _shares(terms, found, A))
+    F = drive.F
+    if terms.received:
+        F = F * np.exp(sum(part(drive.omega) for part in terms.received))
+    H = found.H
+    if drive.resonant:
+        return _at_resonance(found, terms, F)
+    real = 0.5 * np.log(H.real**2 + H.imag**2) + (terms.gain + np.log(F))
+    imaginary = np.arctan2(H.imag, H.real) - terms.lag
+    return Prediction(real + 1j * imaginary, -found.by_u / H, -found.by_frequency / H)
+
+
+def _at_resonance(found: _Receptance, terms: Terms, F: FloatArray) -> Prediction:
+    """The prediction with Im(1/H) in the place of 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+    loss = (1.0 / found.H).imag
+    squared = found.H * found.H
+    real = terms.gain + np.log(F) - np.log(np.abs(loss))
+    by_u, by_frequency = (
+        (-(part / squared).imag / loss).astype(np.complex128) for part in (found.by_u, found.by_frequency)
+    )
+    return Prediction(np.asarray(real - 0.5j * np.pi), by_u, by_frequency)
+
+
+#: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
+NEAREST = 1e-6
+
+
+def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+    """Z and dZ/d ln A at amplitude A."""
+    detuning = np.square(terms.omega_n) - np.square(drive.omega)
+    # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
+    detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
+    real = terms.M * drive.mass * detuning
+    imaginary: Floats = 0.0
+    slope_real: Floats = 0.0
+    slope_imaginary: Floats = 0.0
+    for force in terms.forces:
+        C = force.quadrature(A, drive.omega)
+        imaginary = imaginary + C
+        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) - C)
+        if force.restores:
+            S = force.in_phase(A, drive.omega)
+            real = real + S / A
+            slope_real = slope_real + (force.in_phase_slope(A, drive.omega) - S) / A
+    return np.asarray(real + 1j * (imaginary / A)), np.asarray(slope_real + 1j * (slope_imaginary / A))
+
+
+def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:
+    """H with each plane's Z at its own amplitude."""
+    Z, slope = complex_stiffness(terms, amplitudes[0], drive)
+    by_stiffness = 2.0 * terms.M * drive.mass * np.square(terms.omega_n)  # dZ/d ln omega_n
+    H = 1.0 / Z
+    squared = H * H
+    by_u, by_frequency = squared * slope, squared * by_stiffness
+    paths: tuple[ComplexArray, ...] = (H,)
+    if terms.plane is not None:
+        t, ratio, alike, damping = terms.plane
+        other = terms if alike else replace(terms, forces=terms.viscous)
+        Z, slope = complex_stiffness(other, amplitudes[1], drive)
+        Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
+        second = 1.0 / (Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0))
+        squared = t * second * second
+        by_u = (by_u + squared * slope) / (1.0 + t)
+        by_frequency = (by_frequency + squared * by_stiffness * np.square(ratio)) / (1.0 + t)
+        paths = (H / (1.0 + t), t * second / (1.0 + t))
+        H = paths[0] + paths[1]
+    for part in terms.compliance:
+        H = H + part(drive.omega)
+    return _Receptance(H, paths, by_u, by_frequency)
+
+
+def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum reads A."""
+    per_reading = A / np.abs(found.H)
+    if terms.plane is None:
+        own = np.abs(found.paths[0]) * per_reading
+        return own, own
+    t = np.asarray(terms.plane.weight)
+    first, second = (np.abs(path) * per_reading for path in found.paths)
+    return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)

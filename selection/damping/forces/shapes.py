@@ -1,0 +1,192 @@
+"""Parameters of forces and effects: name, unit, bounds and prior, declared once and read wherever they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from math import inf
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.special import ndtr
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Powers of ``force``, ``length`` and ``time``; ``raised`` adds powers times the value of a parameter, by its name.
+
+    Written as a product: ``FORCE * (TIME / LENGTH) ** "exponent"``.
+    """
+
+    force: float = 0.0
+    length: float = 0.0
+    time: float = 0.0
+    raised: tuple[tuple[str, Dimension], ...] = ()
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        """The product: powers add."""
+        return Dimension(
+            self.force + other.force, self.length + other.length, self.time + other.time, self.raised + other.raised
+        )
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        """The quotient."""
+        return self * other**-1.0
+
+    def __pow__(self, power: float | str) -> Dimension:
+        """To the ``power``: a number, or the name of the parameter that it is."""
+        if isinstance(power, str):
+            return Dimension(raised=((power, self),))
+        raised = tuple((name, part**power) for name, part in self.raised)
+        return Dimension(power * self.force, power * self.length, power * self.time, raised)
+
+    def at(self, parameters: Mapping[str, float]) -> Dimension:
+        """The dimension where the parameters have these values."""
+        plain = replace(self, raised=())
+        for name, part in self.raised:
+            plain = plain * part ** parameters[name]
+        return plain
+
+
+PURE, FORCE, LENGTH, TIME = Dimension(), Dimension(force=1.0), Dimension(length=1.0), Dimension(time=1.0)
+
+
+class Tested(NamedTuple):
+    """What a test covers: ``smallest`` and ``largest`` resonant amplitude, and ``omega`` of its reference, rad/s."""
+
+    smallest: float
+    largest: float
+    omega: float
+
+
+class Prior(Protocol):
+    """How a shape parameter comes from a standard normal variable; ``text`` says it in words."""
+
+    @property
+    def text(self) -> str:
+        """The prior in words, such as ``uniform from 0 to 3``."""
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Least and largest value where these are the same for every test; None where the test sets them."""
+
+    def value(self, x: FloatArray, tested: Tested) -> FloatArray:
+        """The parameter at standard normal ``x``, of its shape."""
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform from ``low`` to ``high``."""
+
+    low: float
+    high: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"uniform from {self.low:g} to {self.high:g}"
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """``low`` and ``high``."""
+        return self.low, self.high
+
+    def value(self, x: FloatArray, tested: Tested) -> FloatArray:
+        """low + (high - low) Phi(x)."""
+        return np.asarray(self.low + ndtr(x) * (self.high - self.low))
+
+
+@dataclass(frozen=True)
+class OfAmplitude:
+    """Log-uniform from ``low`` times the smallest to ``high`` times the largest tested amplitude."""
+
+    low: float
+    high: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"log-uniform from {self.low:g} times the smallest to {self.high:g} times the largest tested amplitude"
+
+    @property
+    def range(self) -> None:
+        """Set by the test."""
+
+    def value(self, x: FloatArray, tested: Tested) -> FloatArray:
+        """Exp(ln a + (ln b - ln a) Phi(x)) between a and b."""
+        low, high = np.log((self.low * tested.smallest, self.high * tested.largest))
+        return np.asarray(np.exp(low + ndtr(x) * (high - low)))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One parameter of a force or an effect.
+
+    Attributes:
+        name: as in files.
+        unit: its dimension.
+        above: it is larger than this. least: it is not less than this. below: it is less than this.
+        default: its value in a file that does not name it; None where a file must.
+        prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
+        label: for people, such as ``slip limit``; the name where empty.
+        smooth: whether the averages are smooth in it, so that least squares can give it a standard error.
+    """
+
+    name: str
+    unit: Dimension = PURE
+    above: float = -inf
+    least: float = -inf
+    below: float = inf
+    default: float | None = None
+    prior: Prior | None = None
+    label: str = ""
+    smooth: bool = True
+
+    def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
+        """The parameter at standard normal ``x``.
+
+        Raises:
+            InputError: it has no prior, so no law can leave it free.
+        """
+        if self.prior is None:
+            raise InputError(f"the shape {self.name!r} of a force has no prior", expected="Shape(..., prior=...)")
+        return self.prior.value(x, tested)
+
+    @property
+    def fitted_range(self) -> tuple[float, float]:
+        """Bounds in a least-squares fit: those of the prior where they are the same for every test, else its own."""
+        fixed = self.prior.range if self.prior else None
+        return fixed or (max(self.above, self.least), self.below)
+
+
+def coefficient_in(unit: Dimension) -> Shape:
+    """The coefficient >= 0 that a force is proportional to."""
+    return Shape("coefficient", unit, least=0.0)
+
+
+def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -> dict[str, float]:
+    """The values of ``table`` with the defaults of those it does not name; ``owner`` says whose, for messages.
+
+    Raises:
+        InputError: a key that is unknown (the nearest known one is named) or missing.
+    """
+    known = {shape.name: shape for shape in shapes}
+    for key in table:
+        if key not in known:
+            raise InputError(f"unknown key {key!r} in {owner}", expected=nearest_of(key, known))
+    values = {shape.name: table.get(shape.name, shape.default) for shape in known.values()}
+    for key, value in values.items():
+        if value is None:
+            raise InputError(f"no {key} in {owner}", expected=", ".join(known))
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def nearest_of(name: str, known: Iterable[str]) -> str:
+    """The known name most like ``name``, and all that are known."""
+    names = list(known)
+    near = get_close_matches(name, names, n=1, cutoff=0.0)
+    return f"{near[0]} (nearest of {', '.join(names)})" if near else "no key"

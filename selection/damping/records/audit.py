@@ -1,0 +1,91 @@
+"""The audit of a record: is it what it seems to be?
+
+Every check looks for one cause by which a record that reads well is wrong, and says it in the words of a test engineer,
+with the remedy. One cause is one finding: what a finding explains is not looked for again.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Collection
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import pandas as pd
+
+from damping.errors import InputError, Refused
+from damping.records.checks import CHECKS, NAMES, Finding, View
+from damping.records.mode import Mode
+from damping.records.record import Record
+
+FORMAT = "audit/1"
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Findings of a record, those that refuse first, and what its sweeps imply.
+
+    ``implied``: a row a sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``, ``damping_ratio``,
+    ``phase_offset`` (rad); NaN where a sweep does not show it.
+    """
+
+    findings: tuple[Finding, ...]
+    implied: pd.DataFrame
+
+    @property
+    def verdict(self) -> str:
+        """``ok``, ``caution`` or ``refuse``."""
+        verdicts = {finding.verdict for finding in self.findings}
+        return "refuse" if "refuse" in verdicts else "caution" if verdicts else "ok"
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a finding: ``check, verdict, what, advice, sweeps``."""
+        columns = list(Finding.__dataclass_fields__)
+        return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
+
+    def to_json(self) -> dict[str, Any]:
+        """The form ``audit/1``; ``implied`` is an extra key."""
+        findings = [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
+        implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
+        return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
+
+    def refusing(self, despite: Collection[str] = ()) -> tuple[Finding, ...]:
+        """The findings that refuse, but for the checks named in ``despite``."""
+        return tuple(one for one in self.findings if one.verdict == "refuse" and one.check not in despite)
+
+    def require(self, despite: Collection[str] = ()) -> None:
+        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
+
+        Raises:
+            InputError: ``despite`` names no check.
+        """
+        for name in despite:
+            if name not in NAMES:
+                raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")
+        for finding in self.refusing(despite):
+            raise Refused(f"{finding}, or --despite {finding.check}")
+
+    def __str__(self) -> str:
+        return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{one.check}</td><td>{one.verdict}</td><td>{html.escape(one.what)}</td>"
+            f"<td>{html.escape(one.advice)}</td><td>{html.escape(', '.join(one.sweeps))}</td></tr>"
+            for one in self.findings
+        )
+        head = "<tr><th>check</th><th>verdict</th><th>what</th><th>advice</th><th>sweeps</th></tr>"
+        table = f"<table>{head}{rows}</table>" if rows else ""
+        return f"<p>Audit: <b>{self.verdict}</b></p>{table}{self.implied.to_html(index=False)}"
+
+
+def audit(record: Record, mode: Mode | None = None) -> Audit:
+    """The audit of a record, beside the mode that simulates it where one is given."""
+    view, found, explained = View(record, mode), [], set()
+    for check, explains in CHECKS:
+        finding = check(view)
+        if finding is not None and finding.check not in explained:
+            found.append(finding)
+            explained |= set(explains)
+    return Audit(tuple(sorted(found, key=lambda one: one.verdict != "refuse")), view.implied)

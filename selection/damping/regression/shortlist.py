@@ -1,0 +1,155 @@
+"""What a search for the best subsets is judged by: criteria as limits on sums of squares, and the best subsets so far.
+
+A criterion depends on a model's size and its sum of squares, of deviations or of leave-one-out errors. The score that a
+subset has to beat so is a limit for each size, and bounds on sums of squares need nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import comb
+
+import numpy as np
+
+from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.regression.decomposition import Basis
+from damping.regression.design import Design
+from damping.regression.fit import criteria
+
+#: Roundings of the response, times the condition number, that a sum of squares' root may be wrong by.
+_ROUNDINGS = 16.0 * float(np.finfo(np.float64).eps)
+#: Leverages count up to here in the bound of the leave-one-out error, so that rounding is magnified 100 times at most.
+LARGEST_LEVERAGE = 0.99
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is searched, for a response of length 1.
+
+    ``factor`` R and ``duals`` R^-1 (k, k); ``along`` (k,) the response along the basis and ``beyond`` (n,) across it;
+    ``orthonormal`` (n, k); ``rounding`` of the root of a sum of squares.
+    """
+
+    criterion: str
+    nonnegative: bool
+    observed: FloatArray
+    factor: FloatArray
+    duals: FloatArray
+    orthonormal: FloatArray
+    along: FloatArray
+    beyond: FloatArray
+    rounding: float
+
+    @property
+    def k(self) -> int:
+        """Number of terms."""
+        return len(self.along)
+
+    @property
+    def leaves_out(self) -> bool:
+        """Whether the criterion is the leave-one-out error."""
+        return self.criterion == "loo"
+
+    @property
+    def cost(self) -> int:
+        """Multiplications of a node, about."""
+        return self.k**2 + (len(self.observed) * self.k if self.leaves_out else 0)
+
+    def sse(self, rest: FloatArray) -> FloatArray:
+        """Sums of squared deviations (m,) of fits that leave a ``rest`` (m, k) along the basis."""
+        return np.asarray(np.einsum("mk,mk->m", rest, rest) + self.beyond @ self.beyond)
+
+    def deviations(self, rest: FloatArray) -> FloatArray:
+        """The deviations of such fits (m, n)."""
+        return np.asarray(self.beyond + rest @ self.orthonormal.T)
+
+    def scores(self, values: FloatArray, sizes: IntArray) -> FloatArray:
+        """Scores of models from their sums of squares: of deviations, or of leave-one-out errors."""
+        return np.asarray(criteria(values, values, sizes, self.observed).score(self.criterion))
+
+    def values(self, score: float, sizes: IntArray) -> FloatArray:
+        """The sums of squares at which models of these sizes have the score: the inverse of ``scores``, rounded up."""
+        score += _ROUNDINGS * abs(score)
+        at_one = self.scores(np.ones(len(sizes)), sizes)
+        if self.leaves_out:
+            return np.where(np.isfinite(at_one), (score / at_one) ** 2, -np.inf)
+        if self.criterion == "adjusted-r2":
+            return np.nan_to_num((score + 1.0) / (at_one + 1.0), nan=-np.inf)
+        return np.nan_to_num(np.exp((score - at_one) / len(self.observed)), nan=-np.inf)
+
+
+@dataclass
+class Shortlist:
+    """The best subsets so far: ``members`` (m, k), their sums of squares ``values`` (m,), and ``limits`` (k + 1,): no
+    subset of a size can enter the list with more, ``ceiling`` (k + 1,) from the start. ``reach`` (k + 1,): nor any of
+    that size or a larger one."""
+
+    problem: Problem
+    number: int | None
+    per_size: int | None
+    ceiling: FloatArray
+    members: BoolArray = field(init=False)
+    values: FloatArray = field(init=False)
+    limits: FloatArray = field(init=False)
+    reach: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.members, self.values = np.zeros((0, self.problem.k), dtype=np.bool_), np.zeros(0)
+        self._limit()
+
+    def enter(self, members: BoolArray, values: FloatArray) -> None:
+        """Take in subsets that no subset listed equals, and let go of what they push out."""
+        sizes = members.sum(axis=1)
+        good = (sizes > 0) & (values <= self.limits[sizes])
+        good[good] = np.isfinite(self.problem.scores(values[good], sizes[good]))
+        if not good.any():
+            return
+        self.members = np.concatenate([self.members, members[good]])
+        self.values = np.concatenate([self.values, values[good]])
+        self._limit()
+        kept = self.values <= self.limits[self.members.sum(axis=1)]
+        self.members, self.values = self.members[kept], self.values[kept]
+
+    def _limit(self) -> None:
+        k = self.problem.k
+        all_sizes, sizes = np.arange(k + 1), self.members.sum(axis=1)
+        scores = self.problem.scores(self.values, sizes)
+        order = np.argsort(scores, kind="stable")
+        limits = np.where(np.isfinite(self.problem.scores(np.ones(k + 1), all_sizes)), np.inf, -np.inf)
+        if self.per_size is not None:
+            ranks = [order[sizes[order] == size] for size in all_sizes]
+            for size in all_sizes:
+                full = self.per_size if self.problem.nonnegative else min(self.per_size, comb(k, size))
+                if len(ranks[size]) >= full > 0:
+                    limits[size] = min(limits[size], self.values[ranks[size][full - 1]])
+            order = np.sort(np.concatenate([rank[: self.per_size] for rank in ranks]))
+            order = order[np.argsort(scores[order], kind="stable")]
+        if self.number is not None and len(order) >= self.number:
+            limits = np.minimum(limits, self.problem.values(float(scores[order[self.number - 1]]), all_sizes))
+        possible = limits > -np.inf
+        limits[possible] = (np.sqrt(np.maximum(limits[possible], 0.0)) + self.problem.rounding) ** 2
+        self.limits = np.minimum(limits, self.ceiling)
+        self.reach = np.maximum.accumulate(self.limits[::-1])[::-1]
+
+
+def rounding_of(basis: Basis, criterion: str) -> float:
+    """What the root of a sum of squares may be wrong by, over the length of the response."""
+    return _ROUNDINGS * basis.condition_number / (1.0 - LARGEST_LEVERAGE if criterion == "loo" else 1.0)
+
+
+def state_problem(design: Design, basis: Basis, criterion: str, nonnegative: bool) -> Problem:
+    """The problem of a design: response and columns scaled to length 1."""
+    observed = design.observed / (np.linalg.norm(design.observed) or 1.0)
+    along = observed @ basis.orthonormal
+    length = np.linalg.norm(basis.factor, axis=0)
+    return Problem(
+        criterion=criterion,
+        nonnegative=nonnegative,
+        observed=observed,
+        factor=basis.factor / length,
+        duals=basis.inverse * length[:, None],
+        orthonormal=basis.orthonormal,
+        along=along,
+        beyond=observed - basis.orthonormal @ along,
+        rounding=rounding_of(basis, criterion),
+    )

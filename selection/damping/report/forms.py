@@ -1,0 +1,236 @@
+"""A result as one table, and as the JSON form made of that table: ``rank/1``, ``loads/1``, ``gap/1``.
+
+JSON, terminal, pages and data sets all take their numbers from here. A number that does not exist is NaN in a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.plan import Plan
+from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.what_if import NextLevel
+from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
+from damping.gap.diagnose import Diagnosis
+from damping.infer.observations import Observations
+from damping.ranking import Candidate, Ranking
+from damping.records.mode import Mode
+
+Form = dict[str, Any]
+
+#: Factor between the frequency of a mode and the tested ones from which on a mistake of units is likely (2 pi is one).
+FAR = 1.5
+
+
+def mode_cautions(data: Observations, mode: Mode) -> list[str]:
+    """What is odd about the mode beside the record: nothing, or a frequency far from every tested one."""
+    low, high = (float(omega) / RAD_S_PER_HZ for omega in (data.omega.min(), data.omega.max()))
+    if low / FAR <= mode.frequency <= high * FAR:
+        return []
+    tested = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    return [f"the mode's frequency, {mode.frequency:.4g} Hz, is far from those of the record, {tested} Hz"]
+
+
+def candidates_table(ranking: Ranking) -> pd.DataFrame:
+    """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
+    rows = [
+        {
+            "rank": candidate.rank,
+            "law": candidate.name,
+            "weight": candidate.weight,
+            "score": candidate.score,
+            "score_standard_error": 2.0 * candidate.evidence.standard_error if candidate.evidence else np.nan,
+            "held_out_error": candidate.held_out_error,
+            "average_absolute_percent": candidate.average_absolute_percent,
+            "physical": candidate.physical,
+            "equivalents": "; ".join(candidate.equivalents),
+            "cautions": "; ".join(candidate.cautions),
+        }
+        for candidate in ranking.candidates
+    ]
+    return pd.DataFrame(rows).astype({"rank": "Int64"})
+
+
+#: Keys of a model of ``rank/1`` that are columns of the table, in the order of the form.
+_RANK_KEYS = ("score", "weight", "held_out_error", "average_absolute_percent", "physical")
+
+
+def rank_form(ranking: Ranking) -> Form:
+    """The form ``rank/1``; shape parameters and further criteria are extra keys."""
+    rows = candidates_table(ranking).to_dict("records")
+    return {
+        "format": "rank/1",
+        "criterion": ranking.criterion,
+        "fit": {"verdict": ranking.fit.verdict, "p_value": ranking.fit.p_value},
+        "models": [_model(row, c) for row, c in zip(rows, ranking.candidates, strict=True)],
+    }
+
+
+def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
+    return {
+        "rank": candidate.rank,
+        "name": row["law"],
+        "forces": _forces(candidate),
+        **{key: row[key] for key in _RANK_KEYS},
+        "cautions": list(candidate.cautions),
+        "equivalents": list(candidate.equivalents),
+    }
+
+
+def _forces(candidate: Candidate) -> list[Form]:
+    """One entry a force; its shape parameters are nested by name."""
+    entries: list[Form] = []
+    for c in candidate.coefficients:
+        numbers = {"std_error": c.std_error, "t_ratio": c.t_ratio, "low": c.low, "high": c.high}
+        if c.shape:
+            owner = next(entry for entry in entries if entry["name"] == c.force)
+            owner[c.shape] = {"value": c.value, **numbers}
+        else:
+            entries.append({"name": c.force, "coefficient": c.value, **numbers})
+    nothing = dict.fromkeys(("std_error", "t_ratio", "low", "high"))
+    return entries or [{"name": name, "coefficient": None, **nothing} for name in candidate.law.components]
+
+
+#: Prefix of the columns of the parts of a predictive distribution, standard deviations in per cent of amplitude.
+_PART = "sd_percent_"
+
+
+def loads_table(loads: Loads) -> pd.DataFrame:
+    """A row a force with the keys of ``loads/1``: averaged over models, with the linear prediction beside it."""
+    return pd.DataFrame(
+        {
+            "force": loads.force,
+            "extrapolation_ratio": loads.ratio,
+            "median": loads.average.median,
+            "low": loads.average.low,
+            "high": loads.average.high,
+            "credible_low": loads.average.credible_low,
+            "credible_high": loads.average.credible_high,
+            "linear": loads.linear,
+            "linear_overprediction_percent": loads.overprediction,
+            "linear_overprediction_low": loads.overprediction_low,
+            "linear_overprediction_high": loads.overprediction_high,
+            **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
+            "cautions": ["; ".join(said) for said in loads.cautions],
+        }
+    )
+
+
+def loads_by_model_table(loads: Loads) -> pd.DataFrame:
+    """A row a law and force."""
+    columns = ("median", "low", "high", "credible_low", "credible_high")
+    parts = [
+        pd.DataFrame(
+            {"law": band.name, "weight": band.weight, "force": loads.force} | {c: getattr(band, c) for c in columns}
+        )
+        for band in loads.by_model
+    ]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+#: Keys of a prediction of ``loads/1`` before and after the parts of its spread.
+_LOAD_KEYS = ("force", "median", "low", "high", "credible_low", "credible_high")
+_LINEAR_KEYS = (
+    "linear",
+    "linear_overprediction_percent",
+    "linear_overprediction_low",
+    "linear_overprediction_high",
+    "extrapolation_ratio",
+)
+
+
+def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
+    """The form ``loads/1``; credible bands and the parts of the predictive spread (per cent) are extra keys.
+
+    With ``plan`` what the weights rest on, the local exponents and the limit as well.
+    """
+    predictions = [
+        {
+            **{key: row[key] for key in _LOAD_KEYS},
+            "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
+            **{key: row[key] for key in _LINEAR_KEYS},
+            "cautions": list(loads.cautions[i]),
+            "by_model": [
+                {"name": b.name, "weight": b.weight, "median": b.median[i], "low": b.low[i], "high": b.high[i]}
+                for b in loads.by_model
+            ],
+        }
+        for i, row in enumerate(loads_table(loads).to_dict("records"))
+    ]
+    form: Form = {"format": "loads/1", "level": loads.level, "predictions": predictions}
+    return {**form, **_plan_keys(plan)} if plan else form
+
+
+def _plan_keys(plan: Plan) -> Form:
+    p = plan.trend
+    exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
+    return {"local_exponents": exponents, "limit": plan.limit}
+
+
+def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
+    """Further keys of ``loads/1``: predictions with other priors, and the level that would most shrink the band."""
+    level = {**vars(further), "others": further.others.to_dict("records")} if further else None
+    return {"sensitivity": varied.to_dict("records"), "next_level": level}
+
+
+def explanations_table(diagnosis: Diagnosis) -> pd.DataFrame:
+    """A row an explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
+    return pd.DataFrame(
+        {
+            "effects": [" + ".join(e.effects) or "none" for e in diagnosis.explanations],
+            "probability": [e.probability for e in diagnosis.explanations],
+        }
+    )
+
+
+def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
+    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
+    leading = diagnosis.leading
+    return {
+        "format": "gap/1",
+        "effects": list(leading.effects),
+        "explanations": [{"effects": list(e.effects), "probability": e.probability} for e in diagnosis.explanations],
+        "equivalents": [list(group.effects) for group in diagnosis.groups],
+        "unexplained": diagnosis.unexplained,
+        "where": [asdict(cell) for cell in diagnosis.where],
+        "footprint": [asdict(cell) for cell in diagnosis.footprint],
+        "gap": {
+            "nominal": diagnosis.gap.nominal,
+            "before": diagnosis.gap.before,
+            "after": diagnosis.gap.after,
+            "shrinkage": diagnosis.gap.shrinkage,
+            "held_out": _held_out(diagnosis),
+        },
+        "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
+        "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
+        "tests": [asdict(test) for test in diagnosis.tests],
+        "strangers": [asdict(stranger) for stranger in diagnosis.strangers],
+        "local": [asdict(estimate) for estimate in diagnosis.local],
+        "posterior": None if sampled is None else _posterior(sampled),
+        "cautions": list(diagnosis.cautions),
+    }
+
+
+def _held_out(diagnosis: Diagnosis) -> Form:
+    """The held-out part of the form; nulls where there is one level and nothing could be held out."""
+    names = ("nominal", "before", "after", "shrinkage", "low", "high")
+    held = diagnosis.held_out
+    scheme = "one force level: nothing can be held out" if held is None else held.scheme
+    return {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
+
+
+def _posterior(sampled: EffectPosterior) -> Form:
+    low, median, high = np.quantile(sampled.draws, [0.05, 0.5, 0.95], axis=0)
+    return {
+        "converged": sampled.chains.converged,
+        "log_evidence": sampled.log_evidence,
+        "parameters": {
+            name: {"low": low[i], "median": median[i], "high": high[i]} for i, name in enumerate(sampled.names)
+        },
+    }

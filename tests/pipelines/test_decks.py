@@ -1,0 +1,134 @@
+"""Damping for structural codes: what a deck holds is what the form held."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from damping_pipelines.decks import FLANK, Point, fit_coefficients
+
+FORM = {
+    "format": "loads/1",
+    "level": 0.9,
+    "predictions": [
+        {"force": 60.0, "median": 2.2, "low": 2.0, "high": 2.4, "frequency": 1.66, "extrapolation_ratio": 2.07}
+        | {"damping_ratio": {"median": 0.0213, "low": 0.0189, "high": 0.0241}}
+        | {"by_model": [{"name": "viscous + velocity-squared", "weight": 0.7, "median": 2.2}]},
+        {"force": 90.0, "median": 2.9, "low": 2.4, "high": 3.4, "frequency": 1.65, "extrapolation_ratio": 3.1}
+        | {"damping_ratio": {"median": 0.0254, "low": 0.0211, "high": 0.0301}, "by_model": []},
+        {"force": 900.0, "median": None, "low": None, "high": None, "frequency": None, "damping_ratio": None},
+    ],
+}
+CAMPAIGN = {
+    "format": "campaign/1",
+    "modes": [
+        {
+            "name": name,
+            "at": [{"level": 0.6, "frequency": f, "damping_ratio": {"median": z, "low": 0.9 * z, "high": z}}],
+        }
+        for name, f, z in (("second", 58.0, 0.008), ("first", 32.0, 0.006))
+    ],
+}
+
+
+@pytest.fixture
+def deck(damping, tmp_path):
+    """``deck(form, code)`` gives the text that the command writes."""
+
+    def write(form: dict, code: str) -> str:
+        source, out = tmp_path / "form.json", tmp_path / "deck.txt"
+        source.write_text(json.dumps(form))
+        run = damping("export", source, "--to", code, "--out", out)
+        assert run.code == 0, run.err
+        assert hashlib.sha256(source.read_bytes()).hexdigest() in out.read_text()
+        return out.read_text()
+
+    return write
+
+
+def read_tabdmp1(text: str) -> dict[int, list[tuple[float, float]]]:
+    """TABDMP1 entries in large fields, by number: 16 characters a field, four a line (MSC Quick Reference Guide)."""
+    tables: dict[int, list[tuple[float, float]]] = {}
+    for line in text.splitlines():
+        fields = [line[8 + 16 * i : 24 + 16 * i].strip() for i in range(4)]
+        if line.startswith("TABDMP1*"):
+            assert fields[1] == "CRIT"
+            values = tables.setdefault(int(fields[0]), [])
+        elif line.startswith("*"):
+            numbers = [float(field) for field in fields if field and field != "ENDT"]
+            values += list(zip(numbers[::2], numbers[1::2], strict=True))
+    return tables
+
+
+def test_nastran_tables_read_back(deck):
+    tables = read_tabdmp1(deck(FORM, "nastran"))
+    # nine digits are written
+    np.testing.assert_allclose(tables[1], [(1.66 / FLANK, 0.0213), (1.66, 0.0213), (1.66 * FLANK, 0.0213)], rtol=1e-9)
+    assert [values[1][1] for values in tables.values()] == [0.0213, 0.0189, 0.0254, 0.0211]
+
+
+def test_nastran_deck_of_a_campaign_has_the_modes_by_frequency(deck):
+    tables = read_tabdmp1(deck(CAMPAIGN, "nastran"))
+    assert [f for f, _ in tables[1]] == [16.0, 32.0, 58.0, 116.0]
+    np.testing.assert_allclose([z for _, z in tables[2]], [0.0054, 0.0054, 0.0072, 0.0072], rtol=1e-9)
+
+
+def test_pynastran_reads_it(deck, tmp_path, monkeypatch):
+    monkeypatch.setattr(np, "in1d", np.isin, raising=False)  # its release of the day asks for a name numpy 2.4 dropped
+    bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran pins numpy below 2: not among our tools")
+    path = tmp_path / "deck.bdf"
+    path.write_text(deck(CAMPAIGN, "nastran"))
+    model = bdf.BDF(debug=False)
+    model.read_bdf(str(path), punch=True, xref=False)
+    np.testing.assert_allclose(model.tables_sdamping[1].x, [16.0, 32.0, 58.0, 116.0], rtol=1e-9)
+    np.testing.assert_allclose(model.tables_sdamping[1].y, [0.006, 0.006, 0.008, 0.008], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("abaqus", r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.006\n2, 2, 0.008$"),
+        ("ansys", r"^MDAMP,1,0.006,0.008$"),
+        ("opensees", r"^eigen 2\nmodalDamping 0.006 0.008$"),
+    ],
+)
+def test_one_ratio_a_mode(code, expected, deck):
+    text = deck(CAMPAIGN, code)
+    assert len(re.findall(expected, text, re.MULTILINE)) == 1  # the other tables are comments
+
+
+def test_coefficients_carry_the_forces_they_came_from(deck):
+    """A law c1 q' + c2 q'|q'| comes back: exact forces at three amplitudes."""
+    omega, c1, c2 = 2.0 * pi * 1.66, 0.5, 0.09
+    points = [
+        Point("mode", 1.66, 0.02, 0.02, c1 * omega * A + 8.0 / (3.0 * pi) * c2 * (omega * A) ** 2, A, "")
+        for A in (0.8, 1.6, 3.0)
+    ]
+    np.testing.assert_allclose(fit_coefficients(points, "median"), (c1, c2), rtol=1e-9)  # linear algebra of two columns
+    text = deck(FORM, "openfast")
+    assert text.count("AddBLin") == 2
+
+
+@pytest.mark.parametrize(
+    ("form", "code", "said", "status"),
+    [
+        (FORM, "sap2000", "expected nastran or abaqus", 2),
+        ({"format": "loads/1", "predictions": [{"force": 1.0}]}, "nastran", "no level holds a damping ratio", 1),
+        ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
+        (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
+    ],
+)
+def test_what_cannot_be_written_is_said_in_one_line(form, code, said, status, damping, tmp_path: Path):
+    source, out = tmp_path / "form.json", tmp_path / "deck.txt"
+    source.write_text(json.dumps(form))
+    run = damping("export", source, "--to", code, "--out", out)
+    assert run.code == status
+    assert said in run.err
+    assert len(run.err.strip().splitlines()) == 1
+    assert not out.exists()

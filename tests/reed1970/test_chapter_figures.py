@@ -1,0 +1,133 @@
+"""Figures of the chapters: every one drawn, with its words, its axes and the data it is said to show."""
+
+from __future__ import annotations
+
+from itertools import chain
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from damping.plots.style import to_svg
+from damping_reed1970.chapter_2 import figures as chapter_2
+from damping_reed1970.chapter_2.figures import chapter_2_figures
+from damping_reed1970.chapter_4 import figures as chapter_4
+from damping_reed1970.chapter_4.page import chapter_4_figures
+from damping_reed1970.chapter_5 import figures as chapter_5
+from damping_reed1970.chapter_5.circularity import ROUTES
+from damping_reed1970.chapter_5.figures import chapter_5_figures
+from damping_reed1970.chapter_6.page import force_laws_figure
+from damping_reed1970.common import ChapterFigure
+from damping_reed1970.studies import Studies
+
+COUNTERPARTS = {"2.4", "2.5", *(f"4.{k}" for k in range(1, 11)), "5.1"}
+
+
+pytestmark = pytest.mark.xdist_group("chapters")
+
+
+@pytest.fixture(scope="module")
+def found(short_studies: Studies) -> Studies:
+    return short_studies
+
+
+@pytest.fixture(scope="module")
+def law_errors() -> pd.DataFrame:
+    """Errors of two laws in the form of section 6.1."""
+    rows = [
+        (*law, version, "resonant amplitude", at, error)
+        for law in (("I", 2, "5.3.17"), ("II", 1, "4.2.11"))
+        for version, error in (("printed", 44.0), ("recomputed", 0.3), ("ours", -0.1))
+        for at in "AB"
+    ]
+    return pd.DataFrame(
+        rows, columns=["configuration", "mode", "equation", "version", "quantity", "at", "percent_error"]
+    )
+
+
+@pytest.fixture(scope="module")
+def figures(found: Studies, law_errors: pd.DataFrame) -> dict[str, ChapterFigure]:
+    drawn = [
+        *chapter_2_figures(found.loops, found.slip),
+        *chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels),
+        *chapter_5_figures(found.surface, found.nine, found.false, found.circular),
+        force_laws_figure(law_errors),
+    ]
+    return {figure.name: figure for figure in drawn}
+
+
+def test_every_figure_of_the_chapters_has_its_counterpart(figures: dict[str, ChapterFigure]) -> None:
+    numbers = set(chain.from_iterable(figure.counterpart.split(", ") for figure in figures.values())) - {""}
+    assert numbers == COUNTERPARTS
+
+
+def test_every_figure_is_drawn_with_its_words(figures: dict[str, ChapterFigure]) -> None:
+    assert len(figures) == 19
+    for figure in figures.values():
+        drawn = figure.draw()
+        assert isinstance(drawn, Figure)
+        for axes in drawn.axes:
+            assert axes.lines or axes.patches or axes.collections or axes.images, figure.name
+        root = ElementTree.fromstring(to_svg(drawn, figure.name, figure.title, figure.description))
+        texts = {element.tag.rpartition("}")[2]: element.text for element in root if element.text}
+        assert (texts["title"], texts["desc"]) == (figure.title, figure.description)
+
+
+def test_labels_carry_units(figures: dict[str, ChapterFigure]) -> None:
+    labels = {name: [a.get_xlabel() + a.get_ylabel() for a in figures[name].draw().axes] for name in
+              ("linear-coefficient", "response-curves", "force-amplitude", "configuration-1-energy")}  # fmt: skip
+    assert all("(in)" in label and "(lb s/in)" in label for label in labels["linear-coefficient"])
+    assert "(in)" in labels["response-curves"][0]
+    assert all("(in)" in label and "(lb)" in label for label in labels["force-amplitude"])
+    assert "(rad/s)" in labels["configuration-1-energy"][0]
+    assert "(in-lb)" in labels["configuration-1-energy"][2]
+
+
+def test_loops_are_closed_and_keep_their_corners(found: Studies) -> None:
+    figure = chapter_2.hysteresis_loops(found.loops.loops)
+    assert len(figure.axes) == len(found.loops.loops)
+    for axes, loop in zip(figure.axes, found.loops.loops.values(), strict=True):
+        x, y = (np.asarray(values) for values in axes.lines[0].get_data())
+        assert (x[0], y[0]) == pytest.approx((x[-1], y[-1]), abs=1e-12)
+        assert (x.max(), y.max()) == pytest.approx((loop.q.max(), loop.force.max()), rel=1e-3)
+
+
+def test_curves_show_the_measured_resonance(found: Studies) -> None:
+    figure = chapter_4.response_curves(found.curves)
+    for axes in figure.axes:
+        marker = next(line for line in axes.lines if line.get_label() == "measured resonance")
+        assert np.asarray(marker.get_data()).ravel().tolist() == [1.0, found.curves.A_m]
+        for line in axes.lines:
+            if str(line.get_label()).startswith("case"):
+                assert np.nanmax(np.asarray(line.get_ydata(), dtype=float)) == pytest.approx(found.curves.A_m)
+
+
+def test_printed_points_are_drawn(figures: dict[str, ChapterFigure]) -> None:
+    points = {
+        "response-differences": (1.01, 1.209),
+        "undamped-error": (0.5, 14.0),
+        "force-amplitude": (4.84, 90.0),
+    }
+    for name, expected in points.items():
+        drawn = [np.column_stack(line.get_data()) for axes in figures[name].draw().axes for line in axes.lines]
+        assert any(np.isclose(pairs, expected, rtol=1e-12).all(axis=1).any() for pairs in drawn), name
+
+
+def test_case_with_an_infinite_alpha_is_labelled(found: Studies) -> None:
+    table = found.levels[1, "coefficient"].variations
+    axes = chapter_4.level_variation(table, "the coefficient").axes[0]
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert "I + II, α = ∞ (free)" in labels
+    assert len(labels) == table["case"].nunique()
+    first = table.sort_values("spread_percent")["case"].iloc[0]
+    assert labels[0].startswith(first.split(",")[0])  # least spread on top
+
+
+def test_bars_of_circularity_fill_the_axis(found: Studies) -> None:
+    figure = chapter_5.circularity(found.circular.laws, ROUTES)
+    for axes in figure.axes:
+        widths = pd.Series([patch.get_width() for patch in axes.patches])  # type: ignore[attr-defined]  # bars
+        rows = pd.Series([round(patch.get_y() + patch.get_height() / 2.0) for patch in axes.patches])  # type: ignore[attr-defined]  # bars
+        np.testing.assert_allclose(widths.groupby(rows).sum(), 1.0, rtol=1e-9, atol=0.0)
