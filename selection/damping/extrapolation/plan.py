@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
+from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
 from damping.extrapolation.near import Trend, bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
@@ -22,7 +23,11 @@ from damping.ranking.candidates import candidate_laws, fit_distinct
 from damping.records.resonance import number_levels
 
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
-ENOUGH_LEVELS, NEAREST = 3, 1.5
+ENOUGH_LEVELS = 3
+#: Times the largest tested force that fewer levels allow.
+NEAREST = 1.5
+#: Relative excess of a force over the limit that still counts as the limit.
+ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,10 @@ class Plan:
     trend: Trend
     limit: float
     bistable: str = ""
+
+    def allows(self, force: FloatArray) -> BoolArray:
+        """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
+        return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
 def load_candidates(data: Observations) -> list[Law]:

@@ -35,7 +35,7 @@ def cautions(
     """
     largest = data.tested_force[data.top]
     said = _of_plan(force, plan) if plan else []
-    if not predicted and not (plan and force > plan.limit):
+    if not predicted and not (plan and not plan.allows(np.asarray(force))):
         said.append("no prediction: the damping force does not reach this force at any amplitude")
     if force > largest:
         said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
@@ -49,7 +49,7 @@ def _of_plan(force: float, plan: Plan) -> list[str]:
 
 def _of_trend(force: float, plan: Plan) -> list[str]:
     p = plan.trend
-    if force > plan.limit:
+    if not plan.allows(np.asarray(force)):
         return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
     if p.falling:
         return [
@@ -151,7 +151,7 @@ def predict(
     """
     rng = np.random.default_rng(seed)
     spreads = [draw_spread(member, force, data, repeatability, rng) for member in members]
-    allowed = force <= (plan.limit if plan else np.inf)
+    allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
     average = _band("average over models", 1.0, pool(spreads, weights, rng), allowed, level)
