@@ -192,7 +192,7 @@ def _rattlesnake(h5py: Any, file: Any, most: int, known: Any, units: Any, steps:
         name = f"{text('node_number', k)} {text('node_direction', k)}".strip() or f"channel {k + 1}"
         name = f"{name} ({k + 1})" if name in known else name
         known[name] = [int(data.shape[1])]
-        units[name], steps[name] = text("unit", k), (0.0, 1.0 / float(file.attrs["sample_rate"]))
+        units[name], steps[name] = text("unit", k), (0.0, 1.0 / float(np.ravel(file.attrs["sample_rate"])[0]))
         yield name, data[k]
 
 
