@@ -13,7 +13,7 @@ linear and solved for at every step (variable projection; Golub and Pereyra, SIA
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
@@ -45,8 +45,8 @@ class Fit:
     """Modes of one level, rising in frequency.
 
     ``frequency``, ``ratio``, ``slope`` (modes,): f_k in Hz, z_p and s; ``ratio_sd`` relative. ``residues``,
-    ``residues_sd`` (sensors, modes); ``background`` (sensors, 2): c and e w^2 in units of H, at w = 2 pi f_1 for e.
-    ``noise`` (2,): relative and constant part of the noise of H.
+    ``residues_sd`` (sensors, modes); ``local`` (modes, sensors, 2 + modes): coefficients of c, of e (per Hz^2) and of
+    every mode in the band of each. ``noise`` (2,): relative and constant part of the noise of H.
     """
 
     frequency: FloatArray
@@ -55,7 +55,7 @@ class Fit:
     ratio_sd: FloatArray
     residues: FloatArray
     residues_sd: FloatArray
-    background: FloatArray
+    local: FloatArray
     noise: FloatArray
     sign: float
 
@@ -64,12 +64,21 @@ class Fit:
         """2 pi ``frequency``."""
         return 2.0 * pi * self.frequency
 
-    def take(self, modes: Sequence[int]) -> Fit:
-        """Some of the modes."""
-        kept = list(modes)
-        of_mode = {name: getattr(self, name)[kept] for name in ("frequency", "ratio", "slope", "ratio_sd")}
-        residues = {name: getattr(self, name)[:, kept] for name in ("residues", "residues_sd")}
-        return replace(self, **of_mode, **residues)
+    @property
+    def base(self) -> FloatArray:
+        """Share c of the drive's own motion in each sensor (sensors,): 1 where it is absolute, 0 where relative."""
+        return np.asarray(np.median(self.local[:, :, 0], axis=0))
+
+    def columns(self, f: FloatArray) -> Complex:
+        """Columns (n, 2 + modes) at frequencies f, whose coefficients ``local`` holds."""
+        return _columns(f, self.frequency, self.ratio, self.slope, self.sign)
+
+    def rest(self, f: FloatArray, H: Complex, mode: int) -> Complex:
+        """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""
+        columns = self.columns(f)
+        columns[:, 2 + mode] = 0.0
+        left: Complex = H - self.local[mode] @ columns.T
+        return left
 
 
 def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0) -> Complex:
@@ -170,7 +179,7 @@ def _columns(f: FloatArray, frequency: FloatArray, ratio: FloatArray, slope: Flo
     """Columns (n, 2 + modes) whose real coefficients give H of a sensor."""
     w = 2.0 * pi * f
     modes = [sign * w**2 * receptance(f, *one) for one in zip(frequency, ratio, slope, strict=True)]
-    return np.array([np.ones_like(f), (w / w[0]) ** 2, *modes], dtype=complex).T
+    return np.array([np.ones_like(f), f**2, *modes], dtype=complex).T
 
 
 def _solved(columns: Complex, H: Complex, sd: FloatArray) -> tuple[FloatArray, Complex]:
@@ -252,7 +261,7 @@ def _whole(
     """Residues and standard errors of every mode in its own band, those of damping free."""
     sensors, modes = len(H), len(frequency)
     residues, residues_sd = np.zeros((sensors, modes)), np.zeros((sensors, modes))
-    background, ratio_sd = np.zeros((sensors, 2)), np.zeros(modes)
+    local, ratio_sd = np.zeros((modes, sensors, 2 + modes)), np.zeros(modes)
     for cluster in _clusters(frequency):
         rows = _band(f, frequency, cluster)
         columns = _columns(f[rows], frequency, ratio, slope, sign)
@@ -263,12 +272,11 @@ def _whole(
         covariance = misfit * _covariance(f[rows], columns, found, sd, cluster, frequency, ratio, slope, sign)
         width = columns.shape[1]
         for place, k in enumerate(cluster):
-            residues[:, k] = found[:, 2 + k]
+            residues[:, k], local[k] = found[:, 2 + k], found
             at = [s * width + 2 + k for s in range(sensors)]
             residues_sd[:, k] = np.sqrt(np.diag(covariance)[at])
             ratio_sd[k] = np.sqrt(covariance[sensors * width + place, sensors * width + place])
-        background += found[:, :2] / len(_clusters(frequency))
-    return Fit(frequency, ratio, slope, ratio_sd, residues, residues_sd, background, noise, sign)
+    return Fit(frequency, ratio, slope, ratio_sd, residues, residues_sd, local, noise, sign)
 
 
 def _covariance(

@@ -1,0 +1,35 @@
+"""Predictions of a mode beyond its levels, and back from the modal amplitude to every sensor.
+
+The one place that asks the chain of ``damping.extrapolation``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from damping.extrapolation import LEAST_WEIGHT, members_of
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.plan import load_candidates, plan_loads
+from damping.extrapolation.prediction import Loads, predict
+from damping.records.mode import Mode
+from damping.records.record import Record
+
+#: Content of the bands of a campaign.
+LEVEL = 0.9
+
+
+def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str]:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+
+    Also the name of the law with the largest weight.
+
+    Raises:
+        AnalysisError: the levels do not allow a prediction.
+    """
+    asked = np.array(forces, dtype=float)
+    data = near_resonance(record)
+    plan = plan_loads(data, load_candidates(data), seed, mass=mode.mass)
+    loads = predict(members_of(plan, LEAST_WEIGHT), asked, data, LEVEL, seed, plan, mode.repeatability.amplitude or 0.0)
+    return loads, max(plan.laws, key=lambda law: law.weight).name
