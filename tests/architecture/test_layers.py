@@ -20,6 +20,7 @@ LAYERS = (
     "extrapolation",
     "gap",
     "formats",
+    "campaign",
     "plots",
     "report",
     "api",
