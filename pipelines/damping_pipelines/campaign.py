@@ -1,4 +1,4 @@
-"""``damping campaign``: a laboratory's files to modes, records, a study and its page in one step (form ``campaign/1``)."""
+"""``damping campaign``: a laboratory's files to modes, records, a study and its page (form ``campaign/1``)."""
 
 from __future__ import annotations
 

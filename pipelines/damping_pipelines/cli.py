@@ -170,7 +170,9 @@ def campaign(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
     design: Annotated[
         list[float] | None,
-        typer.Option("--design", metavar="LEVEL", help="Design level in the drive's unit; repeat. Default: twice the top."),
+        typer.Option(
+            "--design", metavar="LEVEL", help="Design level in the drive's unit; repeat. Default: twice the top."
+        ),
     ] = None,
     modes: Annotated[
         str | None, typer.Option("--modes", metavar="F1,F2,...", help="Frequencies of the modes, Hz; else looked for.")

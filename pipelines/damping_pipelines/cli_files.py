@@ -24,7 +24,9 @@ RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Reco
 ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
 
 
-_File = Annotated[Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in readings.")]
+_File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in readings.")
+]
 _Units = typer.Option("--units", metavar="si|us", help="Convert to N and m, or lbf and in.")
 
 
@@ -44,7 +46,9 @@ def import_(
     scaling: Annotated[
         list[str] | None,
         typer.Option(
-            "--scaling", metavar="[force=]X", help="Amplitudes are peak, rms or peak-to-peak; force=X those of the force."
+            "--scaling",
+            metavar="[force=]X",
+            help="Amplitudes are peak, rms or peak-to-peak; force=X those of the force.",
         ),
     ] = None,
     unit: Annotated[

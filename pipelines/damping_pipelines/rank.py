@@ -20,6 +20,7 @@ from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, load_candidates, plan_loads
 from damping.extrapolation.prediction import PARTS, Loads, Member, predict
 from damping.infer.observations import Observations, observe
+from damping.predict.sweep_rate import as_steady
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
@@ -144,15 +145,17 @@ def extrapolate(
     refuse_inputs("--json", json_out, record, mode)
     check_forces(forces, level)
     read, described = read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
+    read, swept = as_steady(read, described.mass, described.frequency)
     data = near_resonance(read)
     plan = plan_record(data, described, seed)
     sampled = sample_members(plan, np.array(forces), seed)
     repeatability = described.repeatability.amplitude or 0.0
     loads = predict(sampled, np.array(forces), data, level, seed, plan, repeatability)
+    cautions = [*swept, *mode_cautions(data, described)]
     if json_out is not None:
-        write_json(json_out, {**loads_form(loads), **plan_form(plan), "cautions": mode_cautions(data, described)})
+        write_json(json_out, {**loads_form(loads), **plan_form(plan), "cautions": cautions})
     if json_out != "-":
-        _print(loads, plan, described, mode_cautions(data, described))
+        _print(loads, plan, described, cautions)
 
 
 def check_forces(forces: list[float], level: float) -> None:

@@ -12,6 +12,7 @@ from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import load_candidates, plan_loads
 from damping.extrapolation.prediction import predict
 from damping.infer.observations import observe
+from damping.predict.sweep_rate import as_steady
 from damping.ranking import rank_laws
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -51,7 +52,7 @@ def extrapolate(
         AnalysisError: the levels do not allow a prediction.
     """
     asked = np.array(forces, dtype=float)
-    data = near_resonance(record)
+    data = near_resonance(as_steady(record, mode.mass, mode.frequency)[0])
     plan = plan_loads(data, load_candidates(data), seed, mass=mode.mass)
     members = sample_members(plan, asked, seed)
     return loads_table(predict(members, asked, data, level, seed, plan, mode.repeatability.amplitude or 0.0))

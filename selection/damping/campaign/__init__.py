@@ -1,1 +1,1 @@
-"""Campaigns: files with several runs, levels, modes and sensors to one record a mode and the response of every sensor."""
+"""Campaigns: files of several levels, modes and sensors to a record a mode and the response of every sensor."""

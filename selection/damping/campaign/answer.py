@@ -17,7 +17,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.campaign.decays import DecayMode, decay_modes
-from damping.campaign.loads import LEVEL, modal_loads
+from damping.campaign.loads import modal_loads
 from damping.campaign.modes import receptance
 from damping.campaign.records import Level, ModeFound, fit_levels, tie_modes
 from damping.campaign.sources import ORDERS, Run, read_runs
@@ -101,7 +101,9 @@ class Campaign:
                 for one in at.response:
                     median, low, high = one.band
                     row = {"mode": mode.name, "frequency": at.frequency, "level": at.level, "tested": at.tested}
-                    rows.append(row | {"sensor": one.sensor, "median": median, "low": low, "high": high, "unit": one.unit})
+                    rows.append(
+                        row | {"sensor": one.sensor, "median": median, "low": low, "high": high, "unit": one.unit}
+                    )
         return pd.DataFrame(rows)
 
 
@@ -140,7 +142,7 @@ def _driven(
     of_force = abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0
     asked = [float(level.run.level or 0.0) for level in levels] + list(design)
     drives = np.array(asked) * to_si
-    loads, law = modal_loads(mode.record, mode.mode, [float(of_force * drive) for drive in drives], seed)
+    loads, law, swept = modal_loads(mode.record, mode.mode, [float(of_force * drive) for drive in drives], seed)
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
     places = []
@@ -154,7 +156,9 @@ def _driven(
             z, z_high, z_low = (float(of_force * drive / (2.0 * mode.mode.mass * w**2 * A)) for A in bands[k])
             ratio = (z, z_low, z_high)
             response = _responses(names, fit_of, mode, float(frequency[k]), (z, z_high, z_low), float(drive))
-        places.append(At(level, tested, float(frequency[k]), ratio, response, (*mode.cautions, *loads.cautions[k])))
+        places.append(
+            At(level, tested, float(frequency[k]), ratio, response, (*swept, *mode.cautions, *loads.cautions[k]))
+        )
     forces = tuple(float(of_force * drive) for drive in drives[len(levels) :])
     return ModeAnswer(
         mode.name, float(mode.frequency[0]), law, tuple(places), mode.left_out, mode.record, mode.mode, forces
@@ -243,12 +247,14 @@ def _decaying(names: Sequence[str], run: Run, mode: DecayMode, design: Sequence[
     line = np.polynomial.polynomial.polyfit(A, f, 1)
     largest = max(asked) / to_reading
     grid = np.geomspace(F[0], F[-1] * max(largest / A[-1], 1.0) ** 2.5 * 1.5, _GRID)
-    loads, law = modal_loads(mode.record, mode.mode, [float(force) for force in grid], seed)
+    loads, law, _ = modal_loads(mode.record, mode.mode, [float(force) for force in grid], seed)
     places = []
     for k, level in enumerate(asked):
         amplitude = level / to_reading
         frequency = float(line[0] + line[1] * amplitude)
-        needed = [_crossing(grid, curve, amplitude) for curve in (loads.average.median, loads.average.high, loads.average.low)]
+        needed = [
+            _crossing(grid, curve, amplitude) for curve in (loads.average.median, loads.average.high, loads.average.low)
+        ]
         ratio = None
         cautions = list(mode.cautions)
         if all(np.isfinite(needed)):
@@ -261,9 +267,7 @@ def _decaying(names: Sequence[str], run: Run, mode: DecayMode, design: Sequence[
         places.append(At(level, k < len(tops), frequency, ratio, _shaped(names, run, mode, level), tuple(cautions)))
     nearest = [float(_crossing(grid, loads.average.median, level / to_reading)) for level in asked[len(tops) :]]
     forces = tuple(force for force in nearest if np.isfinite(force))
-    return ModeAnswer(
-        mode.name, mode.frequency, law, tuple(places), mode.left_out, mode.record, mode.mode, forces
-    )
+    return ModeAnswer(mode.name, mode.frequency, law, tuple(places), mode.left_out, mode.record, mode.mode, forces)
 
 
 def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:

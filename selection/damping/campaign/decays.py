@@ -84,9 +84,7 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
         of = np.where(kept, shape, np.nan)
         modes.append(
-            DecayMode(
-                mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode
-            )
+            DecayMode(mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode)
         )
     return names, modes
 

@@ -13,6 +13,7 @@ from damping.extrapolation import LEAST_WEIGHT, members_of
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
+from damping.predict.sweep_rate import as_steady
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -20,16 +21,17 @@ from damping.records.record import Record
 LEVEL = 0.9
 
 
-def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str]:
+def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str, tuple[str, ...]]:
     """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
 
-    Also the name of the law with the largest weight.
+    Also the name of the law with the largest weight, and what was done about the sweep rate.
 
     Raises:
         AnalysisError: the levels do not allow a prediction.
     """
     asked = np.array(forces, dtype=float)
-    data = near_resonance(record)
+    steady, swept = as_steady(record, mode.mass, mode.frequency)
+    data = near_resonance(steady)
     plan = plan_loads(data, load_candidates(data), seed, mass=mode.mass)
     loads = predict(members_of(plan, LEAST_WEIGHT), asked, data, LEVEL, seed, plan, mode.repeatability.amplitude or 0.0)
-    return loads, max(plan.laws, key=lambda law: law.weight).name
+    return loads, max(plan.laws, key=lambda law: law.weight).name, swept

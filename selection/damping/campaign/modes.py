@@ -233,7 +233,13 @@ def _fit_cluster(
 
 
 def _noise(
-    f: FloatArray, H: Complex, frequency: FloatArray, ratio: FloatArray, slope: FloatArray, noise: FloatArray, sign: float
+    f: FloatArray,
+    H: Complex,
+    frequency: FloatArray,
+    ratio: FloatArray,
+    slope: FloatArray,
+    noise: FloatArray,
+    sign: float,
 ) -> FloatArray:
     """Relative and constant part of the noise, by what the fit leaves in the bands: |left|^2 = 2 (a^2 |H|^2 + b^2)."""
     sizes, squares = [], []
@@ -256,7 +262,13 @@ def _noise(
 
 
 def _whole(
-    f: FloatArray, H: Complex, frequency: FloatArray, ratio: FloatArray, slope: FloatArray, noise: FloatArray, sign: float
+    f: FloatArray,
+    H: Complex,
+    frequency: FloatArray,
+    ratio: FloatArray,
+    slope: FloatArray,
+    noise: FloatArray,
+    sign: float,
 ) -> Fit:
     """Residues and standard errors of every mode in its own band, those of damping free."""
     sensors, modes = len(H), len(frequency)

@@ -144,8 +144,10 @@ def _bad_sensors(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str
 
 def _reversed_at_drive(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
     """The sensor where the force acts, where it moves against the force in every mode."""
-    del levels, names  # a drive point is known by its node alone, which functions of one reference share
-    return {}
+    at_drive = {one.name for one in levels[0].run.channels if one.at_drive}
+    residues = np.median([level.fit.residues for level in levels], axis=0)
+    against = [name for name, row in zip(names, residues, strict=True) if name in at_drive and np.all(row < 0.0)]
+    return dict.fromkeys(against, "reversed: it moves against the force where the force acts")
 
 
 def _tie(

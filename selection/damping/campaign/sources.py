@@ -36,7 +36,7 @@ ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 class Channel:
     """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
 
-    ``per_drive``: values are ratios to the drive. ``node`` and ``direction`` where the file has them, else 0.
+    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it.
     """
 
     name: str
@@ -44,8 +44,7 @@ class Channel:
     unit: str
     values: Samples
     per_drive: bool = False
-    node: int = 0
-    direction: int = 0
+    at_drive: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,14 @@ def _channel(one: Function) -> Channel:
     name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
     name = " ".join(name.split()) or f"node {one.response[0]}"
     quantity = one.quantity or _quantity(one.units[0], name)
-    return Channel(name, quantity, one.units[0], np.asarray(one.y), bool(one.per), *one.response)
+    return Channel(
+        name,
+        quantity,
+        one.units[0],
+        np.asarray(one.y),
+        bool(one.per),
+        one.per == "force" and one.response == one.reference,
+    )
 
 
 def _levelled(run: Run, stated: tuple[float, str] | None, file: Path, summary: Summary) -> Run:
@@ -152,7 +158,9 @@ def _levelled(run: Run, stated: tuple[float, str] | None, file: Path, summary: S
     if abs(measured / level - 1.0) <= LABEL_AGREES:
         return replace(run, level=level)
     if run.drive_unit == "g" and abs(measured / level / STANDARD_GRAVITY_M_S2 - 1.0) <= LABEL_AGREES:
-        summary.note(f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such")
+        summary.note(
+            f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
+        )
         channels = tuple(
             replace(one, values=one.values / STANDARD_GRAVITY_M_S2) if one.unit == "g" else one for one in run.channels
         )

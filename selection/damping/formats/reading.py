@@ -70,7 +70,9 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     said = Said(
         units=_units({role: header.unit for role, header in headers.items() if header.unit}),
         response=found.response,
-        scaling=next((h.scaling for role, h in headers.items() if _UNIT_OF.get(role) == "response" and h.scaling), None),
+        scaling=next(
+            (h.scaling for role, h in headers.items() if _UNIT_OF.get(role) == "response" and h.scaling), None
+        ),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
@@ -234,7 +236,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
     abscissas = ("frequency", "omega", "time")
     if set(abscissas) & set(names):
         return names
-    return names | {role: role for role in abscissas if role in known and known[role]}
+    return names | {role: role for role in abscissas if known.get(role)}
 
 
 def _each(

@@ -12,7 +12,9 @@ from damping.plots.style import to_svg
 from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, page
 
 
-def campaign_page(campaign: Campaign, title: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]) -> str:
+def campaign_page(
+    campaign: Campaign, title: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+) -> str:
     """The page as HTML."""
     sections = [_overview(campaign), *(_mode(mode, campaign) for mode in campaign.modes), _understood(campaign)]
     return page(title, sections, Footer(seed, versions, inputs))
