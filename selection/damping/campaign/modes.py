@@ -142,7 +142,7 @@ def fit_level(f: FloatArray, H: Complex, starts: Sequence[float], sign: float, r
 def _width(f: FloatArray, H: Complex, at: float) -> float:
     """Damping ratio by the half-power width of the peak of the sensor that moves most there."""
     place = int(np.argmin(np.abs(f - at)))
-    of = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
+    of: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
     low = high = place
     while low > 0 and of[low] > of[place] / np.sqrt(2.0):
         low -= 1
@@ -310,7 +310,7 @@ def _covariance(
         for k in cluster:
             of = [frequency.copy(), ratio.copy(), slope.copy()]
             of[which][k] = of[which][k] + step if which == 2 else of[which][k] * (1.0 + step)
-            moved.append((_columns(f, *of, sign) - columns) / step)
+            moved.append((_columns(f, of[0], of[1], of[2], sign) - columns) / step)
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
     n = len(f)
     for s in range(sensors):

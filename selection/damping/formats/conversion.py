@@ -162,7 +162,7 @@ def ask(found: Found, stated: Stated, file: str, *, force: bool | None) -> None:
         missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
     if len(missing) > 1:
         *first, last = missing
-        message = f"neither the file nor an option says the {', '.join(first)} and the {last}"
+        message = f"neither in the file nor stated: {', '.join(first)} and {last}"
         raise InputError(message, file=file, expected=" ".join(missing.values()))
 
 

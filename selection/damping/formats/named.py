@@ -90,7 +90,7 @@ _ABSCISSAS = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
 _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 _MOST_SWEEPS = 1000
 _UNIT_SAYS = {"response"}  # a unit says the type of a response better than a name
-#: Another sweep begins where the frequency steps by more than this share of the range so far ...
+#: Another sweep begins where the frequency goes back by more than this share of its range so far ...
 _RESTART = 0.5
 #: ... after so many rows at least.
 _FEWEST_ROWS = 4
@@ -183,14 +183,16 @@ def _rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     """Rows at which another sweep begins: the frequency goes back by half its range, or a constant force changes."""
-    starts = set()
-    low = high = frequency[0]
-    for row in range(1, len(frequency)):
-        step = frequency[row] - frequency[row - 1]
-        if abs(step) > _RESTART * (high - low) and high > low and row - max(starts, default=0) >= _FEWEST_ROWS:
-            starts.add(row)
-            low = high = frequency[row]
-        low, high = min(low, frequency[row]), max(high, frequency[row])
+    starts: set[int] = set()
+    rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
+    first = 0  # place of the current sweep's first row among ``rows``
+    for k in range(1, len(rows)):
+        here = frequency[rows[first:k]]
+        step = frequency[rows[k]] - here[-1]
+        back = step * (here[-1] - here[0]) < 0.0
+        if back and len(here) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(here):
+            starts.add(int(rows[k]))
+            first = k
     if force is not None:
         size = np.abs(force)
         changes = np.flatnonzero(size[1:] != size[:-1]) + 1

@@ -185,10 +185,11 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
         [0.0, log(0.01), 0.5, 1.0],
         bounds=([-0.05, log(1e-4), -0.5, 0.0], [0.05, log(0.3), 20.0, 60.0]),
         x_scale=[0.002, 0.2, 0.5, 1.0],
-        diff_step=1e-4,
+        diff_step=np.full(4, 1e-4),
     )
     freedom = max(len(found.fun) - 4, 1)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(found.fun @ found.fun) / freedom
+    jacobian = np.asarray(found.jac)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * float(found.fun @ found.fun) / freedom
     smallest = min(float(np.abs(a).max()) for _, a, _, _ in sweeps)
     least = float(np.exp(found.x[1])) * (1.0 + found.x[2] * smallest / largest)
     return Rate(
