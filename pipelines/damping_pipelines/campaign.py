@@ -81,7 +81,7 @@ def _show(found: Campaign, out: Path) -> None:
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
     table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in found.modes:
-        for at in mode.at:
+        for at in mode.places:
             table.add_row(*_row(mode.name, at))
     to.print(table)
     for mode in found.modes:

@@ -13,9 +13,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from damping.plots.style import GRID, INK, LINEAR, WIDTH, identifier, plain_rows, short, styled, to_svg, with_unit
 from damping.report.page import Block, Callout, FigureBlock, Footer, Heading, List, Section, Table, Text, page
 from damping.report.words import NOTHING, count, force_text, joined, number, percent, share, signed
-from damping.plots.style import GRID, INK, LINEAR, WIDTH, identifier, plain_rows, short, styled, to_svg, with_unit
 
 #: Colours and markers of studies, in order; there are not more of either.
 COLOURS = ("#0060a8", "#d55e00", "#009e73", "#882255", "#8c6d1f", "#5c6670", "#332288", "#d45fb0")

@@ -369,7 +369,9 @@ def test_what_is_of_no_format(tmp_path, imported):
     version_4 = path.read_bytes()
     for content in (version_4, np.random.default_rng(1).bytes(3000), b"PK\x03\x04" + bytes(100)):
         path.write_bytes(content)
-        with pytest.raises(InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5, TDMS, LVM nor text; expected .*-v7"):
+        with pytest.raises(
+            InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5, TDMS, LVM nor text; expected .*-v7"
+        ):
             imported(path)
     path.write_text("frequency,amplitude\n1,2\n", encoding="utf-16")
     with pytest.raises(InputError, match="looks like UTF-16"):

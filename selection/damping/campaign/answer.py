@@ -62,7 +62,7 @@ class ModeAnswer:
     name: str
     frequency: float
     law: str
-    at: tuple[At, ...]
+    places: tuple[At, ...]
     left_out: dict[str, str]
     record: Record
     mode: Mode
@@ -97,7 +97,7 @@ class Campaign:
         """A row a mode, level and sensor."""
         rows = []
         for mode in self.modes:
-            for at in mode.at:
+            for at in mode.places:
                 for one in at.response:
                     median, low, high = one.band
                     row = {"mode": mode.name, "frequency": at.frequency, "level": at.level, "tested": at.tested}
@@ -231,8 +231,8 @@ def _of_decays(
     names, modes = decay_modes(runs, frequencies)
     channel = runs[0].channels[0]
     answers = tuple(_decaying(names, runs[0], mode, design, seed) for mode in modes)
-    tested = sorted({at.level for answer in answers for at in answer.at if at.tested})
-    asked = tuple(design) or tuple(sorted({at.level for answer in answers for at in answer.at if not at.tested}))
+    tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
+    asked = tuple(design) or tuple(sorted({at.level for answer in answers for at in answer.places if not at.tested}))
     return Campaign(answers, tuple(tested), asked, channel.unit, summary)
 
 
@@ -298,7 +298,7 @@ def _band(band: tuple[float, float, float] | None) -> dict[str, float | None]:
 
 
 def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
-    lowest = min((at for at in mode.at if at.tested), key=lambda at: at.level)
+    lowest = min((at for at in mode.places if at.tested), key=lambda at: at.level)
     return {
         "name": mode.name,
         "frequency": mode.frequency,
@@ -318,6 +318,6 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
                 ],
                 "cautions": list(at.cautions),
             }
-            for at in mode.at
+            for at in mode.places
         ],
     }

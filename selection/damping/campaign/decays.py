@@ -32,6 +32,9 @@ FOLLOWS = 0.9
 #: Levels that a decay is cut into.
 LEVELS = 8
 PERIODS = 6.0
+_SAMPLES = 8.0  # a period must have more
+_HARMONIC = 0.02  # a multiple to the resolution of the spectrum
+_SAME_SHAPE = 0.98  # modal assurance criterion
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,20 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
         raise AnalysisError("no mode: no sensor has a peak in its spectrum above the noise")
     loudest = motions[int(np.argmax(size))]
     shapes = [_shape(*loudest, frequency) for frequency in at]
+    if not frequencies:
+        own = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
+        at, shapes = [at[k] for k in own], [shapes[k] for k in own]
     inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
-    modes = []
+    modes: list[DecayMode] = []
+    unusable: list[str] = []
     for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
-        found = _mode(runs, motions, inverse[k], frequency, order, f"mode-{k + 1}")
+        try:
+            found = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
+        except AnalysisError as error:
+            if frequencies:
+                raise
+            unusable.append(str(error))
+            continue
         left_out = _left_out(names, loudest[1], follows)
         kept = np.array([name not in left_out for name in names])
         tops, cautions, record, mode = found
@@ -86,7 +99,20 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
         modes.append(
             DecayMode(mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode)
         )
+    if not modes:
+        raise AnalysisError("; ".join(unusable))
     return names, modes
+
+
+def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
+    """Whether a peak is an odd multiple of a lower one's frequency and has its shape: what nonlinear damping adds."""
+    for j in range(k):
+        times = at[k] / at[j]
+        odd = 2 * round((times - 1.0) / 2.0) + 1
+        mac = float((shapes[k] @ shapes[j]) ** 2 / ((shapes[k] @ shapes[k]) * (shapes[j] @ shapes[j])))
+        if odd >= 3 and abs(times / odd - 1.0) < _HARMONIC and mac > _SAME_SHAPE:
+            return True
+    return False
 
 
 def _motions(run: Run, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -98,13 +124,13 @@ def _motions(run: Run, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
 
 
 def _peaks(t: FloatArray, x: FloatArray) -> list[float]:
-    """Frequencies of the peaks of the sum of all spectra, between four periods in a part and half the sampling rate."""
+    """Frequencies of the peaks of the sum of all spectra, between four periods in a part and an eighth of the sampling rate."""
     rate = (len(t) - 1) / (t[-1] - t[0])
     f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // PARTS * 2, axis=1)
     power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)
     places, _ = find_peaks(power, prominence=PROMINENCE)
     floor = np.median(power) + np.log(ABOVE)
-    return [float(f[k]) for k in places if power[k] > floor and f[k] > 4.0 * f[1]]
+    return [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k] < rate / _SAMPLES]
 
 
 def _shape(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, FloatArray]:

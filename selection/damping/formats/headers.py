@@ -79,13 +79,18 @@ def recognise(headers: Sequence[Header]) -> tuple[dict[str, int], str | None]:
         of = next((kind for kind, names in RESPONSE_NAMES.items() if header.name.lower() in names), None)
         if of and place not in places.values() and _may_be(of, header) and not {"response", "amplitude"} & set(places):
             places["response" if is_time else "amplitude"], response = place, of
-        elif not is_time and header.name.lower().startswith("phase") and "angle" not in places:
-            if header.angle or (header.name.lower() == "phase" and not header.unit):
-                places["angle"] = place
+        elif not is_time and "angle" not in places and _is_angle(header):
+            places["angle"] = place
     if not is_time and {"x", "y"} <= set(lower) and "z" not in lower and "amplitude" not in places:
         places |= {"x": lower.index("x"), "y": lower.index("y")}
         places.pop("angle", None)
     return places, response
+
+
+def _is_angle(header: Header) -> bool:
+    """Whether a column is a phase whose unit is known, or that of a record."""
+    name = header.name.lower()
+    return name.startswith("phase") and (bool(header.angle) or (name == "phase" and not header.unit))
 
 
 def _may_be(role: str, header: Header) -> bool:

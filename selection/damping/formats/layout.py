@@ -85,9 +85,9 @@ def _delimiter(lines: Sequence[str]) -> str:
         widths = {len(row) for row in rows[-5:]}
         last = rows[-1] if rows else []
         numbers = sum(bool(cell.strip()) and any(_NUMBER[d].fullmatch(cell.strip()) for d in DECIMALS) for cell in last)
-        if len(widths) == 1 and len(last) > 1 and numbers >= min(2, len(last)):
-            if name != "comma" or DELIMITERS["semicolon"] not in lines[0]:
-                return name
+        even = len(widths) == 1 and len(last) > 1 and numbers >= min(2, len(last))
+        if even and (name != "comma" or DELIMITERS["semicolon"] not in lines[0]):
+            return name
     heads = [name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]]
     return heads[0] if heads else "comma"
 

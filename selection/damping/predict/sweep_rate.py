@@ -38,7 +38,8 @@ _KNOWN, _LEAST_SENSED = 5.0, 0.1
 _BETTER = 0.6
 _FEWEST = 5  # rows of a sweep
 _MOST_ROWS = 3000  # in which an unknown rate is looked for: seconds
-_LARGEST_STEPS = 200_000
+_LARGEST_STEPS = 20_000
+_DECAYS, _LARGEST_LEAD = 4.0, 0.3  # time constants for which the sweep has run before; at most so much of ln f
 
 
 @dataclass(frozen=True)
@@ -67,20 +68,23 @@ def envelope(
 ) -> Complex:
     """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
 
-    Integrated exactly with frozen coefficients from step to step, from the steady state at the first frequency.
+    Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
+    frequency.
 
     Args:
         frequency: Hz (n,), in the order swept. force, mass: modal. natural: f_n in Hz. ratio, growth: damping ratio
             ratio (1 + growth |a|).
     """
     per_second = rate * log(2.0) / 60.0 * (1.0 if frequency[-1] >= frequency[0] else -1.0)
-    span = abs(log(frequency[-1] / frequency[0]))
     w_n = RAD_S_PER_HZ * natural
+    before = min(_DECAYS * abs(per_second) / (ratio * w_n), _LARGEST_LEAD)
+    start = frequency[0] * float(np.exp(-before if per_second > 0.0 else before))
+    span = abs(log(frequency[-1] / start))
     duration = span / max(abs(per_second), 1e-12)
     widest = RAD_S_PER_HZ * float(np.max(np.abs(frequency - natural)))
     steps = int(min(max(duration * widest / _STEP, 20 * len(frequency)), _LARGEST_STEPS))
-    x = np.linspace(0.0, log(frequency[-1] / frequency[0]), steps + 1)
-    w = RAD_S_PER_HZ * frequency[0] * np.exp(x)
+    x = np.linspace(0.0, log(frequency[-1] / start), steps + 1)
+    w = RAD_S_PER_HZ * start * np.exp(x)
     dt = duration / steps
     a = np.empty(steps + 1, dtype=complex)
     here = _steady(w[0], force / mass, w_n, ratio, growth)
@@ -93,7 +97,7 @@ def envelope(
         rest = -(force / mass) / lead / decay
         here = rest + (here - rest) * np.exp(decay * dt)
         a[k + 1] = here
-    at = np.log(frequency / frequency[0])
+    at = np.log(frequency / start)
     order = np.argsort(x)
     real, imag = (np.interp(at, x[order], part[order]) for part in (a.real, a.imag))
     return np.asarray(real + 1j * imag)
@@ -150,8 +154,8 @@ def _wrapped(phase: FloatArray) -> FloatArray:
 def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: bool = True) -> Rate:
     """The rate of a record whose sweeps were all run at one rate.
 
-    f_n, z1, b and the rate are fitted to ln a of the rows near the peaks of every sweep. A rate of 0 within two standard
-    errors says that the record is steady as far as can be told.
+    f_n, z1, b and the rate are fitted to ln a of the rows near the peaks of every sweep. A rate of 0 within two
+    standard errors says that the record is steady as far as can be told.
 
     Args:
         frequency: of the mode, Hz, to start from. upwards: the sense of the sweeps.

@@ -23,7 +23,7 @@ def campaign_page(
 def _overview(campaign: Campaign) -> Section:
     rows = []
     for mode in campaign.modes:
-        lowest, top = mode.at[0], mode.at[-1]
+        lowest, top = mode.places[0], mode.places[-1]
         rows.append(
             {
                 "mode": mode.name,
@@ -47,7 +47,7 @@ def _mode(mode: ModeAnswer, campaign: Campaign) -> Section:
         [
             {"level": at.level, "tested": at.tested, "frequency": at.frequency}
             | dict(zip(("median", "low", "high"), at.ratio, strict=True))
-            for at in sorted(mode.at, key=lambda at: at.level)
+            for at in sorted(mode.places, key=lambda at: at.level)
             if at.ratio
         ]
     )
@@ -56,7 +56,7 @@ def _mode(mode: ModeAnswer, campaign: Campaign) -> Section:
         words = f"Damping ratio and frequency of {mode.name} against the level in {campaign.unit}."
         svg = to_svg(mode_over_level(levels, campaign.unit), f"{mode.name}-levels", mode.name, words)
         blocks.append(FigureBlock(svg, words))
-    for at in (at for at in mode.at if not at.tested):
+    for at in (at for at in mode.places if not at.tested):
         rows = [
             {"sensor": one.sensor, "median": one.band[0], "low": one.band[1], "high": one.band[2], "unit": one.unit}
             for one in at.response
