@@ -193,7 +193,9 @@ def _responses(
         of = by_name[name]
         size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[of.quantity]) / unit(of.unit).factor
         spread = _NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
-        found.append(Response(name, of.quantity, of.unit, _widened(*map(float, size), spread)))
+        found.append(
+            Response(name, of.quantity, of.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread))
+        )
     return tuple(found)
 
 

@@ -32,6 +32,7 @@ FOLLOWS = 0.9
 #: Levels that a decay is cut into.
 LEVELS = 8
 PERIODS = 6.0
+_ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
 _SAMPLES = 8.0  # a period must have more
 _HARMONIC = 0.02  # a multiple to the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
@@ -82,14 +83,17 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
         at, shapes = [at[k] for k in own], [shapes[k] for k in own]
     inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
     modes: list[DecayMode] = []
-    unusable: list[str] = []
+    unusable: dict[float, str] = {}
     for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
         try:
             found = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
         except AnalysisError as error:
             if frequencies:
                 raise
-            unusable.append(str(error))
+            unusable[frequency] = str(error)
+            continue
+        if not frequencies and abs(found[3].frequency / frequency - 1.0) > _ELSEWHERE:
+            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {found[3].frequency:g} Hz"
             continue
         left_out = _left_out(names, loudest[1], follows)
         kept = np.array([name not in left_out for name in names])
@@ -100,7 +104,9 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
             DecayMode(mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode)
         )
     if not modes:
-        raise AnalysisError("; ".join(unusable))
+        raise AnalysisError("; ".join(unusable.values()))
+    if unusable:  # their shapes have no part in telling the others apart
+        return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
     return names, modes
 
 
@@ -186,7 +192,7 @@ def _mode(
     if not tables:
         raise AnalysisError(f"{name} near {frequency:g} Hz: {'; '.join(cautions)}")
     table = pd.concat(tables, ignore_index=True)
-    lowest = int(table["amplitude"].idxmin())
+    lowest = int(np.argmin(table["amplitude"].to_numpy()))
     at = float(table["frequency"].iloc[lowest])
     mode = Mode(name, at, 1.0, tolerance=Tolerance(mass=0.005), units=Units("N", "m", "s"))
     return np.array(tops), tuple(cautions), Record(table, name), mode

@@ -114,7 +114,7 @@ def tie_modes(names: Sequence[str], levels: Sequence[Level]) -> list[ModeFound]:
         AnalysisError: none is left.
     """
     out = _bad_sensors(names, levels)
-    found = []
+    found: list[ModeFound] = []
     for k in range(len(levels[0].fit.frequency)):
         mode = _tie(names, levels, k, dict(out), len(found) + 1)
         if mode is not None:

@@ -58,8 +58,8 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
     found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
-        header = "no header, columns by number" if found.layout.numbered else "columns by name"
-        layout = f"{found.layout.delimiter} between cells, decimal {found.layout.decimal}, {header}"
+        by = "no header, columns by number" if found.layout.numbered else "columns by name"
+        layout = f"{found.layout.delimiter} between cells, decimal {found.layout.decimal}, {by}"
         summary.add("table", layout, "found in the file")
     numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
     for role, header in found.headers.items():
@@ -289,7 +289,7 @@ def _channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary)
         start, step = found.steps[name]
         values = np.asarray(found.arrays[name][0], dtype=np.float64).reshape(-1)
         said = Found(units={"response": found.units[name]} if name in found.units else {})
-        t = start + step * np.arange(len(values))
+        t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
         series.append(Series(name, t, values, is_time=True, has_phase=False, found=said))
     return series
 
