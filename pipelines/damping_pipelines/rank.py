@@ -124,10 +124,28 @@ def print_loads(result: LoadsResult) -> None:
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
     out.print(shares)
     laws = ", ".join(f"{band.name} {band.weight:.2f}" for band in loads.by_model)
-    held = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
-    out.print(f"Laws by weight ({held}): {laws}.", highlight=False)
+    out.print(f"Laws by weight: {laws}.", highlight=False)
     if len(plan.trend.p):
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)
+    _print_what_if(result)
     notes.show(out)
     show_cautions(out, result.cautions)
+
+
+def _print_what_if(result: LoadsResult) -> None:
+    """Bands with other priors, and what to test next."""
+    out, further = console(), result.extrapolation.choose_next_level()
+    varied, forces = result.extrapolation.vary_priors(), result.extrapolation.loads.force
+    table = plain_table("The same with other priors", ("prior", "times", *(f"{force:g}" for force in forces)))
+    for (prior, factor), rows in varied.groupby(["prior", "factor"], sort=False):
+        ends = rows[["median", "low", "high"]].to_numpy(float)
+        bands = (f"{number(median)} ({number(low)} to {number(high)})" for median, low, high in ends)
+        table.add_row(str(prior), f"{factor:.2g}", *bands)
+    out.print(table)
+    if further is not None:
+        out.print(
+            f"One more level would shrink the band at {further.design:g} most at the force {further.force:.4g}: from "
+            f"high/low {further.width:.2f} to {further.expected:.2f} expected.",
+            highlight=False,
+        )

@@ -18,9 +18,9 @@ import numpy as np
 from damping import __version__
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe

@@ -226,6 +226,7 @@ class LoadsResult(Result):
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
         form = forms.loads_form(self.extrapolation.loads, self.extrapolation.plan)
+        form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
         values: dict[str, Any] = plain({**form, "audit": _findings(self.audit), "cautions": list(self.cautions)})
         return values
 

@@ -87,7 +87,7 @@ class BestFit:
             x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
             left -= force[i]
         scatter = np.sqrt(np.mean(self.n**2)) + 0.1 * SCATTER_MEDIAN
-        scatters = self.coordinates.dimension - parts - self.point.size
+        scatters = 1 + self.coordinates.with_level_scatter
         x[-scatters:] = np.clip(np.log(scatter / SCATTER_MEDIAN) / SCATTER_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
         return x
 

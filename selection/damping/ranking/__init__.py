@@ -219,7 +219,7 @@ def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
     tail = 50.0 * (1.0 - INTERVAL)
     rows = []
     for name, draws in row.coordinates.parameters(row.evidence.draws).items():
-        if name in ("scatter", "level_scatter"):
+        if name in ("doubt", "scatter", "level_scatter"):
             continue
         low, value, high = np.percentile(draws, [tail, 50.0, 100.0 - tail])
         error = float(np.std(draws))

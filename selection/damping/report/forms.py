@@ -15,6 +15,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.what_if import NextLevel
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations
@@ -169,7 +170,13 @@ def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
 def _plan_keys(plan: Plan) -> Form:
     p = plan.trend
     exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
-    return {"held_out_levels": plan.held_out, "local_exponents": exponents, "limit": plan.limit}
+    return {"local_exponents": exponents, "limit": plan.limit}
+
+
+def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
+    """Further keys of ``loads/1``: predictions with other priors, and the level that would most shrink the band."""
+    level = {**vars(further), "others": further.others.to_dict("records")} if further else None
+    return {"sensitivity": varied.to_dict("records"), "next_level": level}
 
 
 def explanations_table(diagnosis: Diagnosis) -> pd.DataFrame:
