@@ -102,8 +102,7 @@ def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0
             rate = 2.0 * rho * (elastic**2 + inertia * z**2) + 2.0 * rho**2 * inertia * z * ratio * slope
             rho = np.asarray(np.clip(rho - excess / rate, low, high), dtype=np.float64)
         z = np.maximum(ratio * (1.0 + slope * (rho - 1.0)), 0.0)
-    found: Complex = 1.0 / (elastic + 2j * z * w_k * w)
-    return found
+    return np.asarray(1.0 / (elastic + 2j * z * w_k * w), dtype=np.complex128)
 
 
 def find_peaks_of(f: FloatArray, H: Complex) -> list[float]:

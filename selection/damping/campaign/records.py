@@ -177,7 +177,9 @@ def _tie(
     name = f"mode-{number}"
     relative = float(error[reference] / abs(mean[reference]))
     tolerance = Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05)
-    mode = Mode(name=name, frequency=float(frequency[0]), mass=float(mass), tolerance=tolerance, units=Units("N", "m", "s"))
+    mode = Mode(
+        name=name, frequency=float(frequency[0]), mass=float(mass), tolerance=tolerance, units=Units("N", "m", "s")
+    )
     return ModeFound(
         name, k, reference, residues, error / np.abs(mean), frequency, ratio, ratio_sd, left_out, cautions, record, mode
     )
