@@ -211,6 +211,7 @@ class LoadsResult(Result):
     mode: Mode
     data: Observations
     audit: Audit | None = None
+    swept: tuple[str, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -220,7 +221,7 @@ class LoadsResult(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is odd about the mode beside the record."""
-        return tuple(forms.mode_cautions(self.extrapolation.plan.data, self.mode))
+        return (*self.swept, *forms.mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""

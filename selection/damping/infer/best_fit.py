@@ -173,6 +173,8 @@ def _solve(point: FloatArray, coordinates: Coordinates, data: Observations) -> t
     ]
     columns = np.stack([np.asarray(unit.quadrature(data.A, data.omega)) for unit in units], axis=1)
     slopes = np.stack([np.asarray(unit.slope(data.A, data.omega)) for unit in units], axis=1)
+    if data.amplitude_is_input:
+        slopes = columns
     scale = columns.max(axis=0)
     if not np.all(scale > 0.0):
         raise AnalysisError(f"{law.name}: a part of it is never met at the tested amplitudes")

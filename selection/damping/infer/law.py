@@ -18,6 +18,7 @@ Residual of a row, the distance of the measured phasor (ln A, phi) from the curv
 
     n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
 
+(Of a free decay, where amplitude is the input, g = C: the relative error of force, which constant friction has too.)
 (The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
 At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
 by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
@@ -211,7 +212,8 @@ def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray,
     """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
     with np.errstate(all="ignore"):
         C = force.quadrature(data.A, data.omega)
-        g = force.slope(data.A, data.omega) * np.minimum(1.0, np.abs(data.D / C))
+        grown = C if data.amplitude_is_input else force.slope(data.A, data.omega)
+        g = grown * np.minimum(1.0, np.abs(data.D / C))
         spread = g**2 + data.R**2
         n = (data.D - C) / np.sqrt(spread)
         known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
