@@ -100,9 +100,10 @@ def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0
             inertia = (2.0 * w_k * w) ** 2
             excess = rho**2 * (elastic**2 + inertia * z**2) - 1.0 / peak**2
             rate = 2.0 * rho * (elastic**2 + inertia * z**2) + 2.0 * rho**2 * inertia * z * ratio * slope
-            rho = np.asarray(np.clip(rho - excess / rate, low, high), dtype=np.float64)
+            rho = np.clip(rho - excess / rate, low, high)
         z = np.maximum(ratio * (1.0 + slope * (rho - 1.0)), 0.0)
-    return np.asarray(1.0 / (elastic + 2j * z * w_k * w), dtype=np.complex128)
+    found: Complex = np.asarray(1.0 / (elastic + 2j * z * w_k * w))
+    return found
 
 
 def find_peaks_of(f: FloatArray, H: Complex) -> list[float]:

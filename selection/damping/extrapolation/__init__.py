@@ -96,7 +96,7 @@ def extrapolate_loads(
     laws: Sequence[Law] | None = None,
     plan: Plan | None = None,
     estimate: Estimate = evidence,
-    sampler: Sampler = sample_chains,
+    sampler: Sampler = draw_evidence,
     least_weight: float = LEAST_WEIGHT,
     progress: Progress = silent,
 ) -> Extrapolation:
