@@ -20,7 +20,7 @@ from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.plan import Plan, load_candidates, plan_loads
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -41,6 +41,8 @@ from damping_pipelines.terminal import Advance, end_with_parent, progress
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
+#: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
+MOST_SAMPLED = 6
 PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
 
 
@@ -59,18 +61,16 @@ class Input:
 class Task:
     """One law to sample on one record, in a process of its own.
 
-    ``of_source`` marks a law of the source report; ``for_loads`` one that design loads average, on ``data`` that may be
-    the rows near resonance only.
+    ``of_source`` marks a law of the source report.
     """
 
     record: int
-    candidate: Candidate | Planned
+    candidate: Candidate
     data: Observations
     forces: np.ndarray
     level: float
     seed: int
     of_source: bool
-    for_loads: bool
     chains: Path
 
 
@@ -118,10 +118,9 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         started = [source_report().start(pool, settings.seed)] if settings.source_report else []
         rankings = _rank(inputs, settings.seed)
         plans = _plan(inputs, settings.seed)
-        tasks = [*_tasks(settings, inputs, rankings, chains), *_load_tasks(settings, inputs, plans, chains)]
-        sampled = _sample(pool, tasks)
+        sampled = _sample(pool, list(_tasks(settings, inputs, rankings, chains)))
         records = tuple(
-            _record_result(one, ranking, plan, [(t, s) for t, s in sampled if t.record == number], settings)
+            _record_result(one, ranking, plan, tuple(law for task, law in sampled if task.record == number), settings)
             for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
         )
         named = {record.name: record.ranking for record in records}
@@ -172,30 +171,19 @@ def _prefixed(done: Advance, prefix: str) -> Advance:
 
 
 def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking], chains: Path) -> Iterable[Task]:
-    """Laws to sample: those with weight and those the settings name, each once, best first."""
+    """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those the settings name, each once, best first."""
     for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True)):
         named = [ranking.find(Law(law)) for law in one.settings.laws]
         for candidate in ranking.candidates:
             of_source = any(candidate is other for other in named)
-            if candidate.evidence is not None and (candidate.weight > LEAST_WEIGHT or of_source):
+            leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
+            if candidate.evidence is not None and (leads or of_source):
                 forces = np.array(one.settings.design_forces)
-                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, False, chains)
-
-
-def _load_tasks(settings: StudySettings, inputs: list[Input], plans: list[Plan | None], chains: Path) -> Iterable[Task]:
-    """Laws that predict design loads, on the rows near resonance."""
-    for number, (one, plan) in enumerate(zip(inputs, plans, strict=True)):
-        forces = np.array(one.settings.design_forces)
-        for law in plan.laws if plan else ():
-            if plan and law.weight > LEAST_WEIGHT:
-                yield Task(number, law, plan.data, forces, settings.level, settings.seed, False, True, chains)
+                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, chains)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
-    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first.
-
-    Tasks whose chains would be the same (a record of peaks has all its rows at resonance) are run once.
-    """
+    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
     keys = [chain_key(task) for task in tasks]
     runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
     results: dict[str, LawPosterior] = {}
@@ -236,24 +224,15 @@ def _record_result(
     one: Input,
     ranking: Ranking,
     plan: Plan | None,
-    sampled: list[tuple[Task, LawPosterior]],
+    posteriors: tuple[LawPosterior, ...],
     settings: StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
     bands = loads = None
     if plan:
-        chains = {task.candidate.name: law.posterior for task, law in sampled if task.for_loads}
         design = np.array(one.settings.design_forces)
         largest = max(design.max(), one.data.tested_force.max())
-        predicted = extrapolate_loads(
-            plan.data,
-            design,
-            settings.level,
-            settings.seed,
-            mode=one.mode,
-            plan=plan,
-            sampler=lambda law, *_: chains[law.name],  # sampled before, in processes of their own
-        )
+        predicted = extrapolate_loads(plan.data, design, settings.level, settings.seed, mode=one.mode, plan=plan)
         loads = predicted.loads
         bands = predicted.predict_at(np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID))
     return RecordResult(
@@ -263,7 +242,7 @@ def _record_result(
         mode=one.mode,
         data=one.data,
         ranking=ranking,
-        posteriors=tuple(law for task, law in sampled if not task.for_loads),
+        posteriors=posteriors,
         bands=bands,
         design=loads,
         power_laws=_power_laws(one.data),

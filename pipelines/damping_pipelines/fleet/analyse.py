@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from damping.errors import DampingError, InputError
-from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
+from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
@@ -150,7 +150,7 @@ class _Analysis:
             seed,
             mode=self.mode,
             estimate=self.estimate,
-            sampler=draw_evidence if settings.fast else sample_chains,
+            sampler=draw_evidence,
         )
         bands = None
         if not settings.fast:
