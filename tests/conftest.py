@@ -14,10 +14,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.forces.contract import Force
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
+from damping.predict.steady import resonant_amplitude
 from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
+from damping.records.record import Record
 from damping_pipelines.cli import main
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_6 import printed_laws
@@ -205,3 +208,49 @@ def damping(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
 @pytest.fixture(scope="session")
 def saturn_data() -> Path:
     return data_folder() / "saturn-v"
+
+
+#: Mass and natural frequency (rad/s) of the mode whose sweeps tests make.
+M, OMEGA_N = 0.5, 10.0
+
+
+def swept_record(
+    force: Force,
+    levels: np.ndarray,
+    noise: float = 0.0,
+    offset: float = 0.0,
+    dropout: float = 0.0,
+    rows: int = 21,
+    seed: int = 0,
+) -> Record:
+    """Rows from phase 0.15 pi to 0.85 pi: C(A) = F sin(phase), M omega^2 = K + (S - F cos(phase))/A.
+
+    Args:
+        noise: relative, of amplitude, and in rad of phase. offset: added to every phase. dropout: share by which the
+            force is lower at resonance than far from it (the force column is the real one).
+    """
+    rng = np.random.default_rng(seed)
+    tables = []
+    for level in levels:
+        phase = np.linspace(0.15 * np.pi, 0.85 * np.pi, rows)
+        F = level * (1.0 - dropout * np.sin(phase) ** 4)
+        A = resonant_amplitude(force, F * np.sin(phase), OMEGA_N)
+        S = np.asarray(force.in_phase(A, OMEGA_N))
+        omega = np.sqrt(OMEGA_N**2 + (S - F * np.cos(phase)) / (M * A))
+        tables.append(
+            pd.DataFrame(
+                {
+                    "sweep": f"F{level:.3g}",
+                    "force": F,
+                    "frequency": omega / (2.0 * np.pi),
+                    "amplitude": A * np.exp(noise * rng.standard_normal(rows)),
+                    "phase": phase + offset + noise * rng.standard_normal(rows),
+                }
+            )
+        )
+    return Record(pd.concat(tables, ignore_index=True), "simulated")
+
+
+@pytest.fixture
+def swept() -> Callable[..., Record]:
+    return swept_record

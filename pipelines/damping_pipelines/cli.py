@@ -202,6 +202,30 @@ def gap(
     run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs, tuple(despite or ()))
 
 
+@app.command()
+def campaign(
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="UFF, HDF5 with a group a run, or tables of free decays.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
+    design: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--design", metavar="LEVEL", help="Design level in the drive's unit; repeat. Default: twice the top."
+        ),
+    ] = None,
+    modes: Annotated[
+        str | None, typer.Option("--modes", metavar="F1,F2,...", help="Frequencies of the modes, Hz; else looked for.")
+    ] = None,
+    seed: Seed = DEFAULT_SEED,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """A laboratory's files, several levels, modes and sensors, to the answer."""
+    from damping_pipelines.campaign import campaign as run
+
+    run(sources, out, tuple(design or ()), modes, seed, max_size)
+
+
 app.command("import")(files.import_)
 app.command("export")(files.export)
 app.command("compare")(results.compare)

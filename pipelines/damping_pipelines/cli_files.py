@@ -30,7 +30,9 @@ RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Reco
 ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
 
 
-_File = Annotated[Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, CSV or readings of a lock-in.")]
+_File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in readings.")
+]
 _Units = typer.Option("--units", metavar="si|us", help="Convert to N and m, or lbf and in.")
 
 
@@ -38,7 +40,7 @@ def import_(
     file: _File,
     out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
     file_format: Annotated[
-        str, typer.Option("--format", help="auto, uff, mat, hdf5, csv or lock-in; auto looks into the file.")
+        str, typer.Option("--format", help="auto, uff, mat, hdf5, tdms, lvm, csv or lock-in; auto looks inside.")
     ] = "auto",
     column: Annotated[
         list[str] | None, typer.Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeat.")
@@ -47,7 +49,14 @@ def import_(
         str | None,
         typer.Option("--response", help="receptance, mobility, accelerance, displacement, velocity or acceleration."),
     ] = None,
-    scaling: Annotated[str | None, typer.Option("--scaling", help="Amplitudes are peak, rms or peak-to-peak.")] = None,
+    scaling: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scaling",
+            metavar="[force=]X",
+            help="Amplitudes are peak, rms or peak-to-peak; force=X those of the force.",
+        ),
+    ] = None,
     unit: Annotated[
         list[str] | None,
         typer.Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy or mass; repeat."),
@@ -71,8 +80,8 @@ def import_(
     ] = None,
     band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Frequencies to take, Hz.")] = None,
     reverse: Annotated[bool, typer.Option("--reverse", help="The sensor is mounted against the force.")] = False,
-    delimiter: Annotated[str, typer.Option("--delimiter", help="comma, semicolon, tab or space.")] = "comma",
-    decimal: Annotated[str, typer.Option("--decimal", help="Mark in numbers: point or comma.")] = "point",
+    delimiter: Annotated[str, typer.Option("--delimiter", help="comma, semicolon, tab, space or auto.")] = "auto",
+    decimal: Annotated[str, typer.Option("--decimal", help="Mark in numbers: point, comma or auto.")] = "auto",
     skip: Annotated[int, typer.Option("--skip", min=0, help="Lines before the header of a CSV file.")] = 0,
     ring_down: Annotated[
         bool, typer.Option("--ring-down", help="Time histories are free decays of the mode of --mode.")
@@ -90,14 +99,16 @@ def import_(
 ) -> None:
     """A laboratory's file to a record; shows what was understood."""
     from damping.formats.series import Stated
-    from damping_pipelines.import_ import RingDown, import_file, pairs, scales
+    from damping_pipelines.import_ import RingDown, import_file, pairs, scales, scalings
     from damping_pipelines.import_ import band as of_band
 
+    of_response, of_force = scalings(scaling or ())
     stated = Stated(
         format=file_format,
         columns=pairs("--column", column or ()),
         response=response,
-        scaling=scaling,
+        scaling=of_response,
+        force_scaling=of_force,
         units=pairs("--unit", unit or ()),
         consistent=consistent,
         scale=scales(scale or ()),

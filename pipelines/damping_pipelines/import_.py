@@ -84,6 +84,16 @@ def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
+    """Scaling of the response and of the force of ``--scaling``. InputError for one that is given twice."""
+    plain = [word for word in words if "=" not in word]
+    named = pairs("--scaling", [word for word in words if "=" in word])
+    wrong = next((key for key in named if key not in ("response", "force")), None)
+    if wrong or len(plain) + ("response" in named) > 1:
+        raise InputError("--scaling is not understood", expected="--scaling X and --scaling force=X, each once")
+    return (plain[0] if plain else named.get("response")), named.get("force")
+
+
 def scales(words: Sequence[str]) -> dict[str, float]:
     """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
     found: dict[str, float] = {}

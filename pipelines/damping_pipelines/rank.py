@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 import damping
-from damping.extrapolation import check_loads
+from damping.extrapolation import LEAST_WEIGHT, check_loads
 from damping.extrapolation.prediction import PARTS
 from damping.ranking import Candidate
 from damping.records.mode import Mode, read_mode
@@ -47,7 +47,10 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     headings = ("avg |%|", "held-out %", "score", "weight", "notes")
     table = plain_table(f"{mode.name}: damping laws, best first", headings, ("", "law: coefficient (T-ratio)"))
     numbers = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
-    for c, errors in zip(result.ranking.candidates, numbers, strict=True):
+    shown = [(c, row) for c, row in zip(result.ranking.candidates, numbers, strict=True) if c.weight > LEAST_WEIGHT]
+    if result.ranking.fit.sentence:
+        out.print(result.ranking.fit.sentence.capitalize(), style="bold red")
+    for c, errors in shown:
         table.add_row(
             "-" if c.rank is None else str(c.rank),
             _law(c),
@@ -58,17 +61,21 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(table)
     criterion = result.ranking.criterion
     out.print(f"Criterion: {criterion}. Units: {units or 'one consistent system'}.", highlight=False)
+    rest = len(result) - len(shown)
+    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them", highlight=False)
     notes.show(out)
     show_cautions(out, result.cautions)
 
 
 def _law(c: Candidate) -> str:
-    """Each parameter with its T-ratio on a line."""
+    """Each parameter with its T-ratio on a line, and how many laws predict the same."""
     if not c.coefficients:
         return c.name
-    return "\n".join(
-        f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients
-    )
+    lines = [f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients]
+    if c.equivalents:
+        more = f" and {len(c.equivalents) - 1} more" if len(c.equivalents) > 1 else ""
+        lines.append(f"  same as {c.equivalents[0]}{more}")
+    return "\n".join(lines)
 
 
 def extrapolate(
@@ -117,10 +124,28 @@ def print_loads(result: LoadsResult) -> None:
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
     out.print(shares)
     laws = ", ".join(f"{band.name} {band.weight:.2f}" for band in loads.by_model)
-    held = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
-    out.print(f"Laws by weight ({held}): {laws}.", highlight=False)
+    out.print(f"Laws by weight: {laws}.", highlight=False)
     if len(plan.trend.p):
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)
+    _print_what_if(result)
     notes.show(out)
     show_cautions(out, result.cautions)
+
+
+def _print_what_if(result: LoadsResult) -> None:
+    """Bands with other priors, and what to test next."""
+    out, further = console(), result.extrapolation.choose_next_level()
+    varied, forces = result.extrapolation.vary_priors(), result.extrapolation.loads.force
+    table = plain_table("The same with other priors", ("prior", "times", *(f"{force:g}" for force in forces)))
+    for (prior, factor), rows in varied.groupby(["prior", "factor"], sort=False):
+        ends = rows[["median", "low", "high"]].to_numpy(float)
+        bands = (f"{number(median)} ({number(low)} to {number(high)})" for median, low, high in ends)
+        table.add_row(str(prior), f"{factor:.2g}", *bands)
+    out.print(table)
+    if further is not None:
+        out.print(
+            f"One more level would shrink the band at {further.design:g} most at the force {further.force:.4g}: from "
+            f"high/low {further.width:.2f} to {further.expected:.2f} expected.",
+            highlight=False,
+        )

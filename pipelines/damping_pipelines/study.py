@@ -15,9 +15,9 @@ import numpy as np
 
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import Member, amplitude_draws
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -137,7 +137,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
 
 
 def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
-    laws = [candidate_laws(one.data) for one in inputs]
+    laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
             rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))

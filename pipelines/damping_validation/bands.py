@@ -216,7 +216,6 @@ def _section(one: BandResult) -> str:
     force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
     exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
     laws = ", ".join(f"{law.name} {law.weight:.2f}" for law in plan.laws)
-    held = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
     said = dict.fromkeys(c for cautions in one.at.cautions for c in cautions)
     lines = [
         f"\n## {_title(one)}\n",
@@ -225,7 +224,7 @@ def _section(one: BandResult) -> str:
         + "".join(f" {name.replace('_', ' ')} % |" for name in PARTS),
         "|" + "---|" * (6 + len(PARTS)),
         *(_row(one.at, i) for i in range(len(RATIOS))),
-        f"\nLaws by weight, {held}: {laws}. Local exponent p from level to level: {exponents}.\n",
+        f"\nLaws by weight: {laws}. Local exponent p from level to level: {exponents}.\n",
         *(f"- {caution}" for caution in said),
         f"\nDerived from: {CITATIONS[one.name][1]}." if one.name in CITATIONS else "",
     ]

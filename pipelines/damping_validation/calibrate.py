@@ -26,19 +26,19 @@ from damping_validation import calibration_tables as tables
 from damping_validation.calibration import (
     CALIBRATED,
     LEVEL,
+    LEVELS,
+    NOISES,
     RANKED,
+    RATIOS,
+    SPANS,
     coverage_trial,
     ecdf,
     ecdf_band,
     rank_trial,
     rank_trial_of_sweeps,
-    structures,
 )
+from damping_validation.truths import TRUTHS
 
-#: Force levels of a trial: as few as laboratories make, and as many.
-LEVELS = (3, 5, 8)
-#: Noise of a trial, standard deviation of ln A.
-NOISES = (0.005, 0.01, 0.02, 0.04)
 #: Law of the trials with whole sweeps.
 SWEPT = Law(("viscous", "velocity-squared"))
 #: Law of the trials sampled by emcee.
@@ -52,15 +52,17 @@ _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
 @dataclass(frozen=True)
 class Sizes:
-    """Trials of each cell of the coverage table, of each posterior, and of the posterior sampled by emcee."""
+    """Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee."""
 
-    coverage: int
+    fast: int
+    importance: int
+    chained: int
     ranks: int
     chains: int
 
 
-LARGEST = FULL = Sizes(6, 120, 48)
-QUICK = Sizes(1, 12, 2)
+LARGEST = FULL = Sizes(8, 2, 0, 24, 4)
+QUICK = Sizes(1, 0, 0, 12, 2)
 
 
 @dataclass(frozen=True)
@@ -83,17 +85,16 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
     """Tables, figures and page of the results of all trials, by file name."""
     covered = {key[1:]: value for key, value in results.items() if key[0] == "coverage"}
     ranked = {key: value for key, value in results.items() if key[0] != "coverage"}
-    coverage, selection = tables.coverage_table(covered), tables.selection_table(covered)
-    winners = tables.winners_table(covered)
+    predictions = tables.predictions_table(covered)
     ranks = tables.ranks_table(ranked)
     summary = tables.rank_summary(ranks)
+    coverage = tables.coverage_table(predictions)
     files = {
         f"{name}.csv": record_to_csv(table).encode()
-        for name, table in (("coverage", coverage), ("selection", selection), ("winners", winners), ("ranks", summary))
+        for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
-    files |= {f"{name}.png": png(figure) for name, figure in figures(coverage, selection, ranks).items()}
-    text = page(coverage, summary, selection, winners, len(results), seed, quick)
-    return files | {"README.md": text.encode()}
+    files |= {f"{name}.png": png(figure) for name, figure in figures(predictions, ranks).items()}
+    return files | {"README.md": page(predictions, summary, len(results), seed, quick).encode()}
 
 
 def all_trials(sizes: Sizes, seed: int) -> list[Trial]:
@@ -107,11 +108,9 @@ def all_trials(sizes: Sizes, seed: int) -> list[Trial]:
 
 
 def _coverage_calls(sizes: Sizes) -> Iterable[tuple[tuple[Any, ...], Callable[..., Any]]]:
-    for structure in structures():
-        for levels in LEVELS:
-            for noise in NOISES:
-                call = partial(coverage_trial, structure, levels, noise)
-                yield from ((("coverage", structure.name, levels, noise, n), call) for n in range(sizes.coverage))
+    for way, trials in (("fast", sizes.fast), ("importance", sizes.importance), ("chains", sizes.chained)):
+        for name in TRUTHS:
+            yield from ((("coverage", way, name, n), partial(coverage_trial, name, way)) for n in range(trials))
 
 
 def _rank_calls(sizes: Sizes) -> Iterable[tuple[tuple[Any, ...], Callable[..., Any]]]:
@@ -143,7 +142,7 @@ def _batch(trials: list[Trial]) -> dict[tuple[Any, ...], Any]:
     return {trial.key: trial.call() for trial in trials}
 
 
-def figures(coverage: pd.DataFrame, selection: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
+def figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
     """The figures by name."""
     found: dict[str, dict[str, np.ndarray]] = {}
     beyond: dict[str, np.ndarray] = {}
@@ -157,9 +156,7 @@ def figures(coverage: pd.DataFrame, selection: pd.DataFrame, ranks: pd.DataFrame
             beyond[name] = values
     bands = {n: ecdf_band(n, tables.SURE) for n in set(counts.values())}
     return {
-        "coverage": plots.coverage(coverage, LEVEL),
-        "widths": plots.widths(coverage, tables.WIDTHS),
-        "selection": plots.selection_errors(selection),
+        "coverage": plots.coverage(tables.coverage_table(predictions[predictions["way"] == "fast"]), LEVEL),
         "ranks": plots.rank_histograms(beyond, tables.BINS, RANKED),
         "ecdf": plots.rank_ecdfs(found, bands, counts),
     }
@@ -172,36 +169,39 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def page(
-    coverage: pd.DataFrame,
-    ranks: pd.DataFrame,
-    selection: pd.DataFrame,
-    winners: pd.DataFrame,
-    trials: int,
-    seed: int,
-    quick: bool,
-) -> str:
-    """The page: goals beside what was measured, selection errors, figures."""
-    goals = tables.goals_table(coverage, ranks)
+def page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
+    """The page: goals beside what was measured, every structure, figures."""
+    goals = tables.goals_table(predictions, ranks)
     command = f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else "")
-    rows = [f"| {r.goal} | {r.measured} | {'yes' if r.met else 'no'} |" for r in goals.itertuples()]
-    by_noise = selection.groupby("noise")[["trials", "true_wins", "false_term"]].sum().reset_index()
-    by_noise["wins"], by_noise["false"] = (by_noise[name] / by_noise["trials"] for name in ("true_wins", "false_term"))
-    errors = [
-        f"| {100 * noise:g} % | {wins:.2f} | {false:.2f} | {n} |"
-        for noise, wins, false, n in by_noise[["noise", "wins", "false", "trials"]].itertuples(index=False)
-    ]
+    selection = tables.selection_table(predictions)
     return _PAGE.format(
         trials=trials,
         command=command,
-        goals="\n".join(rows),
-        errors="\n".join(errors),
+        goals="\n".join(f"| {r.goal} | {r.measured} | {'yes' if r.met else 'no'} |" for r in goals.itertuples()),
+        structures="\n".join(_structures(predictions[predictions["way"] == "fast"])),
+        leads="; ".join(f"{r.truth} {r.true_leads} of {r.trials}" for r in selection.itertuples()),
         outside=_outside(ranks),
-        winners="\n".join(_winners(str(name), rows) for name, rows in winners.groupby("structure", sort=False)),
         sure=f"{100 * tables.SURE:g}",
-        refused=int((coverage["trials"] - coverage["predicted"]).sum()),
-        predictions=int(coverage["trials"].sum()),
+        refused=int(predictions["refused"].sum()),
+        predictions=len(predictions),
+        levels=f"{LEVELS[0]} to {LEVELS[1]}",
+        spans=f"{SPANS[0]:g} to {SPANS[1]:g}",
+        noises=f"{100 * NOISES[0]:g} to {100 * NOISES[1]:g} %",
     )
+
+
+def _structures(predictions: pd.DataFrame) -> list[str]:
+    """A line a structure, worst first at the largest ratio: held and above at each ratio, widths."""
+    table = tables.coverage_table(predictions)
+    lines = []
+    for truth in table.loc[table["ratio"] == RATIOS[-1], "truth"]:  # the worst stands first
+        rows = table[table["truth"] == truth].sort_values("ratio")
+        held, above = (
+            " | ".join(f"{100 * share:.0f}" for share in rows[column]) for column in ("share_held", "share_above")
+        )
+        width, over = (float(rows[column].iloc[-1]) for column in ("width", "over_oracle"))
+        lines.append(f"| {truth} | {held} | {above} | {width:.2f} | {f'{over:.1f}' if np.isfinite(over) else ''} |")
+    return lines
 
 
 def _outside(ranks: pd.DataFrame) -> str:
@@ -210,21 +210,13 @@ def _outside(ranks: pd.DataFrame) -> str:
     return "; ".join(names) or "none"
 
 
-def _winners(structure: str, rows: pd.DataFrame) -> str:
-    """What won for one structure, most often first."""
-    said = [f"{'**' * true}{winner}{'**' * true} {n}" for _, winner, true, n in rows.itertuples(index=False)]
-    return f"| {structure} | {', '.join(said)} |"
-
-
 _PAGE = """# Calibration
 
 {trials} trials, by `{command}`. Every trial has a seed of its own; the same command gives the same tables.
 
 ## Goals beside what was measured
 
-In parentheses the {sure} % binomial interval over independent trials (predictions of one trial at several forces count
-once). A coverage goal is met when the interval reaches the level; bands may hold more than they promise, as they allow
-for laws that are not among the candidates.
+In parentheses the {sure} % binomial interval; cover is met when the interval reaches the goal.
 
 | goal | measured | met |
 |---|---|---|
@@ -232,33 +224,20 @@ for laws that are not among the candidates.
 
 ![Coverage of the bands](coverage.png)
 
-Structures: `pipelines/damping_validation/calibration.py`, tested at 3, 5 or 8 forces that span a factor of four,
-with the noise given; the Iwan joint is none of the candidates.
-Refused predictions are left out of the shares: {refused} of {predictions}
-([coverage.csv](coverage.csv)).
+Structures are drawn at random (`pipelines/damping_validation/truths.py`), tested at {levels} forces that span a factor
+of {spans}, with noise of {noises}, one in seven by whole sweeps. Refused predictions are left out of the shares:
+{refused} of {predictions} (two levels are no test of 2 and 4 times). Every prediction:
+[predictions.csv](predictions.csv); counts: [coverage.csv](coverage.csv).
 
-![Widths of the bands](widths.png)
+By structure, `--fast`, the worst at 4 times first: per cent of next tests held and above the band, median high/low, and
+its ln over that of a fitter who knows the form (least squares, Student's t).
 
-## Selection errors
+| structure | held 1.5 | 2 | 4 | above 1.5 | 2 | 4 | high/low at 4 | over the oracle's |
+|---|---|---|---|---|---|---|---|---|
+{structures}
 
-The winner is the law of largest marginal likelihood on the resonances. A term is false when the structure has no such
-force.
-
-| noise | true law wins | false term in the winner | trials |
-|---|---|---|---|
-{errors}
-
-![Selection errors](selection.png)
-
-By structure and number of levels: [selection.csv](selection.csv). What won how often, the true law in bold
-([winners.csv](winners.csv)):
-
-| structure | winners |
-|---|---|
-{winners}
-
-Over a factor of four in force some laws imitate others to within the noise, with fewer coefficients or other ones. A
-choice among them would be a guess, which is why bands average over laws by weight and hold nevertheless.
+The law of largest weight is the structure's own: {leads}. Over a narrow span some laws imitate others to within the
+noise; a choice among them would be a guess, which is why bands average over laws by weight.
 
 ## Posteriors
 

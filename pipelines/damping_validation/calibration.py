@@ -1,14 +1,12 @@
-"""Structures whose damping is known, to try predictions on: laws that compete, and one that does not.
+"""Are the bands and posteriors what they say? One trial each: coverage on known structures, ranks of true parameters.
 
-All carry the force 1 at the amplitude 1 and the frequency ``OMEGA``. The Iwan joint stands for what no candidate is:
-its microslip dissipates as a power of amplitude that no candidate has beside a viscous part, and it saturates when the
-whole joint slides.
+Coverage: a structure drawn at random (:mod:`damping_validation.truths`) is tested at a few levels with noise, resonant
+amplitudes beyond are predicted, and the next test is made. Simulation-based calibration (Talts et al. 2018): parameters
+are drawn from the prior, data from the likelihood; the rank of each true value among posterior draws must then be
+uniform.
 
-Are the bands and posteriors what they say? One trial each: coverage on known structures, ranks of true parameters.
-
-Coverage: a structure is tested at a few levels with noise, resonant amplitudes beyond are predicted, and the next test
-is made. Simulation-based calibration (Talts et al. 2018): parameters are drawn from the prior, data from the
-likelihood; the rank of each true value among posterior draws must then be uniform.
+Beside them fixed structures of the library's forces, which carry the force 1 at the amplitude 1 and ``OMEGA``, and one
+joint that no candidate is.
 """
 
 from __future__ import annotations
@@ -19,22 +17,23 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.stats import binom
+from scipy.stats import t as student
 
 from damping.arrays import BoolArray, FloatArray, Floats
-from damping.extrapolation import draw_evidence, extrapolate_loads
-from damping.extrapolation.prediction import Member, amplitude_draws
+from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
+from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.near import at_resonance
 from damping.forces import CATALOGUE, component
 from damping.forces.contract import AveragedForce, Force, Sum
 from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
 from damping.infer.chains import sample
-from damping.infer.evidence import evidence
+from damping.infer.evidence import evidence, laplace
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
-
-#: Frequency of every simulated resonance, rad/s.
-OMEGA = 10.0
+from damping_validation.truths import OMEGA, draw_truth, peaks, sweeps
 
 
 @dataclass(frozen=True)
@@ -116,27 +115,6 @@ def structures() -> tuple[KnownStructure, ...]:
     )
 
 
-def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
-    """One row a level, at phase resonance, both (levels,)."""
-    n = len(force)
-    zero = np.zeros(n)
-    omega = np.full(n, OMEGA)
-    return Observations(
-        A=amplitude,
-        omega=omega,
-        D=force,
-        R=zero,
-        sweep=np.arange(n),
-        sd_amplitude=zero,
-        sd_force=zero,
-        sd_phase=zero,
-        sweeps=tuple(f"level {i + 1}" for i in range(n)),
-        tested_force=force,
-        tested_amplitude=amplitude,
-        tested_omega=omega,
-    )
-
-
 def simulated_levels(
     structure: KnownStructure, levels: int, span: float, noise: float, rng: np.random.Generator
 ) -> Observations:
@@ -153,19 +131,28 @@ def simulated_levels(
 CANDIDATES = (
     *(Law((name,)) for name in ("viscous", "velocity-squared", "quadratic-displacement", "velocity-power")),
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
+    Law(("viscous", "velocity-squared", "coulomb")),
 )
-#: Largest over smallest tested force.
+#: Largest over smallest tested force of the fixed structures.
 SPAN = 4.0
 #: Forces predicted, relative to the largest tested one.
-RATIOS = (1.25, 1.5, 2.0, 4.0)
+RATIOS = (1.5, 2.0, 4.0)
 #: Probability content of the bands.
 LEVEL = 0.9
+#: Levels of a trial, fewest and most.
+LEVELS = (2, 6)
+#: Largest over smallest force of a trial, least and most.
+SPANS = (1.3, 4.0)
+#: Noise of a trial, standard deviation of ln A, least and most.
+NOISES = (0.003, 0.04)
+#: Share of trials tested by whole sweeps.
+SWEPT_SHARE = 0.15
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
-    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.beside_viscous),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
 )
 #: What the calibration data are taken to cover, for the priors of shapes.
 TESTED = Tested(0.5, 2.0, OMEGA)
@@ -180,34 +167,86 @@ class Coverage:
     """One trial of the bands; arrays over ``RATIOS``.
 
     Attributes:
-        inside: whether the next test fell into the band (False where refused). refused: no prediction.
-        width: high/low. error: ln(median/true amplitude). winner: law of largest marginal likelihood.
+        levels, span, noise: what was drawn. refused: no prediction. above, below: the next test lies beyond that end.
+        width: ln(high/low). oracle: that of a fitter who knows the form, NaN where the library has none.
+        error: ln(median/true amplitude). winner: law of largest weight; true: whether it is the structure's own.
     """
 
-    inside: BoolArray
+    levels: int
+    span: float
+    noise: float
     refused: BoolArray
+    above: BoolArray
+    below: BoolArray
     width: FloatArray
+    oracle: FloatArray
     error: FloatArray
-    winner: Law
+    winner: str
+    true: bool
 
 
-def coverage_trial(structure: KnownStructure, levels: int, noise: float, seed: int) -> Coverage:
-    """Test a structure at ``levels`` forces, predict, and make the next tests."""
+def coverage_trial(name: str, way: str, seed: int) -> Coverage:
+    """Test a structure drawn at random (``truths``), predict, and make the next tests.
+
+    Args:
+        way: ``fast`` (Laplace approximation), ``importance`` or ``chains``.
+    """
     rng = np.random.default_rng(seed)
-    data = simulated_levels(structure, levels, SPAN, noise, rng)
-    force = data.tested_force[data.top] * np.array(RATIOS)
-    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, sampler=draw_evidence, least_weight=0.0)
-    band = predicted.loads.average
-    true = structure.amplitude(force)
-    read = true * np.exp(noise * rng.standard_normal(len(force)))
-    refused = np.isnan(band.median)
+    truth = draw_truth(name, rng)
+    levels = int(rng.integers(LEVELS[0], LEVELS[1] + 1))
+    span, noise = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (SPANS, NOISES))
+    tested = np.geomspace(span**-0.5, span**0.5, levels)
+    swept = rng.random() < SWEPT_SHARE
+    read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
+    data = at_resonance(sweeps(truth, tested, noise, rng)) if swept else peaks(tested, read)
+    force = tested[-1] * np.array(RATIOS)
+    estimate, sampler = laplace if way == "fast" else evidence, sample_chains if way == "chains" else draw_evidence
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, estimate=estimate, sampler=sampler)
+    band, leading = predicted.loads.average, predicted.plan.laws[0].law
+    true = truth.amplitude(force)
+    next_test = true * np.exp(noise * rng.standard_normal(len(force)))
     return Coverage(
-        inside=(band.low <= read) & (read <= band.high),
-        refused=refused,
-        width=band.high / band.low,
+        levels=levels,
+        span=span,
+        noise=noise,
+        refused=np.isnan(band.median),
+        above=next_test > band.high,
+        below=next_test < band.low,
+        width=np.log(band.high / band.low),
+        oracle=oracle_width(truth.law, data, force) if truth.law else np.full(len(force), np.nan),
         error=np.log(band.median / true),
-        winner=max(predicted.plan.laws, key=lambda law: law.evidence.log_z).law,
+        winner=leading.name,
+        true=leading == truth.law,
     )
+
+
+def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
+    """ln(high/low) of the prediction interval of a fitter who knows the form and nothing else, (forces,).
+
+    Least squares of ln A over the parameters, Student's t with the levels' degrees of freedom; NaN without any.
+    """
+    coordinates = replace(Coordinates.of(law, data), with_level_scatter=False, with_doubt=False)
+    k = coordinates.dimension - 1  # the last is the scatter, which least squares has no use for
+    freedom = len(data.tested_force) - k
+    if freedom < 1:
+        return np.full(len(force), np.nan)
+
+    def log_amplitude(x: FloatArray, at: FloatArray) -> FloatArray:
+        return np.log(resonant_amplitude(coordinates.force(np.append(x, 0.0)[None]), at[None, :], OMEGA))[0]
+
+    def left(x: FloatArray) -> FloatArray:
+        value = log_amplitude(x, data.tested_force) - np.log(data.tested_amplitude)
+        return np.where(np.isfinite(value), value, 10.0)
+
+    starts = np.random.default_rng(0).standard_normal((4, k))
+    fits = [least_squares(left, start, diff_step=np.full(k, 1e-4)) for start in starts]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    steps = 1e-4 * np.eye(k)
+    slopes = np.array([log_amplitude(best.x + d, force) - log_amplitude(best.x - d, force) for d in steps]).T / 2e-4
+    jacobian = np.asarray(best.jac)
+    leverage = np.einsum("ij,jk,ik->i", slopes, np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-8), slopes)
+    scatter = np.sqrt(2.0 * best.cost / freedom)
+    return np.asarray(2.0 * student.ppf(0.5 + 0.5 * LEVEL, freedom) * scatter * np.sqrt(1.0 + leverage))
 
 
 def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""Calibration: coverage of bands, widths, selection errors against noise, ranks of true parameters.
+"""Calibration: coverage of bands, ranks of true parameters.
 
 Design-load bands of one real structure: bands beyond the test, higher levels left out and predicted, the parts.
 """
@@ -24,7 +24,6 @@ from damping.plots.style import (
     MUTED,
     PREDICTIVE,
     WIDTH,
-    law_style,
     plain_log,
     styled,
 )
@@ -32,101 +31,29 @@ from damping.plots.style import (
 
 @styled
 def coverage(table: pd.DataFrame, level: float) -> Figure:
-    """Share of next tests inside the band, by extrapolation ratio, levels, noise and structure, with 95 % intervals.
+    """Share of next tests inside the band and above it, a row a structure and a mark a ratio, with 95 % intervals.
 
     Args:
-        table: ``structure, levels, noise, ratio, predicted, inside`` (counts). level: content of the bands.
+        table: ``truth, ratio, given, held, above`` (counts). level: content of the bands.
     """
-    figure = Figure(figsize=(WIDTH, 4.8))
-    groups = {
-        "ratio": "force over largest tested",
-        "levels": "levels tested",
-        "noise": "noise, % of amplitude",
-        "structure": "structure",
-    }
-    grid = figure.add_gridspec(2, 3)
-    axes = [figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[0, 2], grid[1, :])]
-    for ax, (column, label) in zip(axes, groups.items(), strict=True):
-        counts = table.groupby(column, sort=False)[["inside", "predicted"]].sum()
-        _shares(ax, counts, 100.0 if column == "noise" else 1.0)
-        ax.axhline(level, color=ALERT, linewidth=1.0, linestyle="--")
-        ax.set_xlabel(label)
-        ax.set_ylim(min(0.8, axes[0].get_ylim()[0]), 1.01)
-    figure.supylabel(f"share of next tests inside the {100 * level:g} % band", fontsize=8.5)
-    return figure
-
-
-def _shares(ax: Axes, counts: pd.DataFrame, scale: float) -> None:
-    """Shares with Wilson intervals at equally spaced places."""
-    place = np.arange(len(counts))
-    found = [binomtest(int(k), int(n)) for k, n in counts.itertuples(index=False)]
-    limits = [result.proportion_ci(0.95, "wilson") for result in found]
-    ax.vlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE, linewidth=4)
-    ax.plot(place, [result.statistic for result in found], "o", color=AVERAGE, markersize=4)
-    labels = [
-        name.replace(" + ", " +\n").replace("-", "-\n") if isinstance(name, str) else f"{scale * name:g}"
-        for name in counts.index
-    ]
-    ax.set_xticks(place, labels)
-    ax.set_xlim(-0.6, len(counts) - 0.4)
-    ax.grid(visible=False, axis="x")
-
-
-@styled
-def widths(table: pd.DataFrame, goals: dict[float, float]) -> Figure:
-    """Median high/low against extrapolation ratio, a line for each number of levels and a panel for each noise.
-
-    Args:
-        table: ``levels, noise, ratio, width`` (medians over trials). goals: ratio to largest high/low wanted.
-    """
-    figure = Figure(figsize=(WIDTH, 2.8))
-    noises = sorted(table["noise"].unique())
-    axes = np.atleast_1d(figure.subplots(1, len(noises), sharey=True))
-    for ax, noise in zip(axes, noises, strict=True):
-        for line, (levels, rows) in zip(
-            ("-", "--", ":"), table[table["noise"] == noise].groupby("levels"), strict=False
-        ):
-            median = rows.groupby("ratio")["width"].median()
-            ax.plot(
-                median.index, median, marker="o", markersize=3, color=AVERAGE, linestyle=line, label=f"{levels} levels"
-            )
-        ax.plot(list(goals), list(goals.values()), "v", color=ALERT, label="goal: at most")
-        ax.set_title(f"noise {100 * noise:g} %")
-        ax.set_xlabel("force over tested")
-    axes[0].set_ylabel("high/low of the band")
-    axes[0].legend()
-    return figure
-
-
-@styled
-def selection_errors(table: pd.DataFrame) -> Figure:
-    """How often the true law wins and how often a false term enters, against noise, for each structure.
-
-    Args:
-        table: ``structure, noise, trials, true_wins, false_term`` (counts).
-    """
-    figure = Figure(figsize=(WIDTH, 3.4))
-    counts = (
-        table.groupby(["structure", "noise"], sort=False)[["trials", "true_wins", "false_term"]].sum().reset_index()
-    )
-    left, right = figure.subplots(1, 2, sharey=True, sharex=True)
-    for structure, rows in counts.groupby("structure", sort=False):
-        colour, line = law_style(str(structure))
-        for ax, column in ((left, "true_wins"), (right, "false_term")):
-            ax.plot(
-                100.0 * rows["noise"], rows[column] / rows["trials"], marker="o", markersize=3.5,
-                color=colour, linestyle=line, label=structure if ax is left else None,
-            )  # fmt: skip
-    for ax, title in ((left, "the true law wins"), (right, "a false term is in the winner")):
-        ax.set_title(title)
-        ax.set_xscale("log")
-        ax.set_xticks(100.0 * np.sort(counts["noise"].unique()))
-        ax.xaxis.set_major_formatter(lambda value, position: f"{value:g}")
-        ax.minorticks_off()
-        ax.set_xlabel("noise, % of amplitude")
-        ax.set_ylim(-0.03, 1.03)
-    left.set_ylabel("share of trials")
-    figure.legend(loc="outside lower center", ncols=3)
+    names = list(dict.fromkeys(table["truth"]))[::-1]
+    figure = Figure(figsize=(WIDTH, 0.28 * len(names) + 1.0))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, column, goal in ((left, "held", level), (right, "above", 0.5 * (1.0 - level))):
+        ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
+        for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
+            rows = table[table["ratio"] == ratio]
+            place = np.array([names.index(name) for name in rows["truth"]]) + shift
+            found = [binomtest(int(k), int(n)) for k, n in zip(rows[column], rows["given"], strict=True)]
+            limits = [result.proportion_ci(0.95, "wilson") for result in found]
+            ax.hlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE)
+            ax.plot([result.statistic for result in found], place, "o", markersize=2 + ratio / 2, color=AVERAGE,
+                    label=f"{ratio:g} times")  # fmt: skip
+        ax.set_xlim(-0.02, 1.02)
+    left.set_yticks(np.arange(len(names)), names)
+    left.set_xlabel(f"share inside the {100 * level:g} % band")
+    right.set_xlabel("share above it")
+    right.legend()
     return figure
 
 
@@ -187,7 +114,7 @@ _PARTS = {
     "measurement_noise": ("measurement noise", "#999933"),
     "parameters": ("parameters", "#56b4e9"),
     "between_model": ("between models", "#d55e00"),
-    "level_to_level": ("level to level", "#0b2545"),
+    "discrepancy": ("discrepancy", "#0b2545"),
 }
 
 

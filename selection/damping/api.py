@@ -20,6 +20,7 @@ from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
+from damping.predict.sweep_rate import as_steady
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -96,7 +97,7 @@ def rank(
     """
     findings = _admit(record, mode, despite)
     data = observe(record)
-    laws = candidate_laws(data)
+    laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
         return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
 
@@ -125,8 +126,9 @@ def extrapolate(
     _check_kind(mode, Mode, "mode")
     asked = check_loads(forces, level)
     findings = _admit(record, mode, despite)
-    found = extrapolate_loads(near_resonance(record), asked, level, seed, mode=mode, progress=progress)
-    return LoadsResult(found, mode, found.plan.data, findings)
+    steady, swept = as_steady(record, mode.mass, mode.frequency)
+    found = extrapolate_loads(near_resonance(steady), asked, level, seed, mode=mode, progress=progress)
+    return LoadsResult(found, mode, found.plan.data, findings, tuple(swept))
 
 
 @single_threaded

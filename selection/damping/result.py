@@ -144,9 +144,10 @@ class RankingResult(Result):
     audit: Audit | None = None
 
     def __getitem__(self, law: str) -> RankedLaw:
-        """The law of a row, by the text in its column ``law``, its forces in any order."""
+        """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
+        asked = set(str(law).split(" + "))
         for candidate in self.ranking.candidates:
-            if set(candidate.name.split(" + ")) == set(str(law).split(" + ")):
+            if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
                 return RankedLaw(candidate, self.ranking.data)
         names = [candidate.name for candidate in self.ranking.candidates]
         raise InputError(f"no law {law!r}", expected=f"{nearest(str(law), names)} or another of the column law")
@@ -163,8 +164,10 @@ class RankingResult(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What is odd about the mode beside the record."""
-        return tuple(forms.mode_cautions(self.ranking.data, self.mode)) if self.mode else ()
+        """Whether any law fits, where none does; and what is odd about the mode beside the record."""
+        verdict = self.ranking.fit.sentence
+        odd = forms.mode_cautions(self.ranking.data, self.mode) if self.mode else ()
+        return (*([verdict] if verdict else ()), *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
@@ -208,6 +211,7 @@ class LoadsResult(Result):
     mode: Mode
     data: Observations
     audit: Audit | None = None
+    swept: tuple[str, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -217,11 +221,12 @@ class LoadsResult(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is odd about the mode beside the record."""
-        return tuple(forms.mode_cautions(self.extrapolation.plan.data, self.mode))
+        return (*self.swept, *forms.mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
         form = forms.loads_form(self.extrapolation.loads, self.extrapolation.plan)
+        form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
         values: dict[str, Any] = plain({**form, "audit": _findings(self.audit), "cautions": list(self.cautions)})
         return values
 

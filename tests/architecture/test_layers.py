@@ -22,6 +22,7 @@ LAYERS = (
     "extrapolation",
     "gap",
     "formats",
+    "campaign",
     "plots",
     "report",
     "result",

@@ -8,7 +8,7 @@ HEAD = "| where | what |\n|---|---|\n"
 #: The arrow of imports, in which the table lists the parts of the library.
 ORDER = [
     *("errors", "arrays", "forces", "effects", "records", "signals", "predict", "regression"),
-    *("infer", "ranking", "extrapolation", "gap", "formats", "plots", "report", "api"),
+    *("infer", "ranking", "extrapolation", "gap", "formats", "campaign", "plots", "report", "api"),
 ]
 HOUSES = (
     "selection/damping",

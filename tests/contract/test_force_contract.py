@@ -208,11 +208,11 @@ def test_every_force_says_what_it_is(force: Force) -> None:
 @every_force
 @every_state
 def test_facts_are_what_the_averages_do(force: Force, A: float, omega: float) -> None:
-    levels = A * np.array([0.5, 1.0, 2.0, 4.0])
+    levels = A * np.array([0.5, 1.0, 2.0, 100.0])
     S, C = force.in_phase(levels, omega), force.quadrature(levels, omega)
     assert force.restores or np.all(S == 0.0)
-    # what sets a resonance has a C that changes with amplitude; friction does not. A spring and nothing at all have none
-    if force.name in CATALOGUE and force.name not in ("slip", "velocity-power", "displacement-velocity-power"):
+    # what sets a resonance has a C that grows with amplitude; a spring, or nothing at all, has no C
+    if np.any(C != 0.0):
         assert force.resonates == (C[-1] > C[0] * (1.0 + 1e-12))
     if force.linear:
         np.testing.assert_allclose(C, C[0] * levels / levels[0], rtol=1e-13, atol=0.0)  # rounding

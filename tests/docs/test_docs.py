@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 import typer
 
-from damping import api, extrapolation, ranking
+from damping import api, extrapolation
 from damping.forces import CATALOGUE
 from damping.infer.law import Law
 from damping_pipelines import study
@@ -65,7 +65,7 @@ def folder(tmp_path, monkeypatch) -> Path:
         thin = 2 if "two-plane" in str(record) else 3
         pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
-    for module in (api, study, ranking):
+    for module in (api, study):
         monkeypatch.setattr(module, "candidate_laws", lambda data: RANKED)
     for module in (extrapolation, study):
         monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)

@@ -153,7 +153,9 @@ def test_decimal_commas(truth, tmp_path, imported):
     record = imported(path, decimal="comma", **stated).record
     np.testing.assert_array_equal(record.column("amplitude"), truth.amplitude)  # digits are kept, only the mark differs
     with pytest.raises(InputError, match=r"is --decimal comma meant\?\).*a number with a decimal point"):
-        imported(path, **stated)
+        imported(path, decimal="point", **stated)
+    found = imported(path, response="displacement", consistent=True).record  # both marks are seen in the lines
+    np.testing.assert_array_equal(found.column("amplitude"), truth.amplitude)
     table.to_csv(path, index=False, sep=";")
     with pytest.raises(InputError, match=r"is --decimal point meant"):
         imported(path, decimal="comma", **stated)
@@ -163,7 +165,7 @@ def test_decimal_commas(truth, tmp_path, imported):
             imported(path, decimal=decimal, **stated)
         assert "meant" not in caught.value.message
     with pytest.raises(InputError, match="--decimal comma beside --delimiter comma"):
-        imported(path, decimal="comma", response="displacement", consistent=True)
+        imported(path, decimal="comma", delimiter="comma", response="displacement", consistent=True)
 
 
 def test_statements_that_nothing_heeds_are_refused(tmp_path, imported):
@@ -327,7 +329,7 @@ def test_two_lock_in_channels(truth, tmp_path, imported):
         ("f,a\n1,x\n", {"frequency": "f", "amplitude": "a"}, "line 2, column a: 'x' is not a number"),
         ("f,a\n", {"frequency": "f", "amplitude": "a"}, "no data rows"),
         ("f,a\n1,2\n", {"frequency": "f"}, "no response"),
-        ("f,a\n1,2\n", {"amplitude": "a"}, "no abscissa"),
+        ("g,a\n1,2\n", {"amplitude": "a"}, "no abscissa"),
         ("f,a\n1,2\n", {"frequency": "f", "omega": "f", "amplitude": "a"}, "both frequency and omega"),
         ("f,a\n1,2\n", {"frequency": "f", "x": "a"}, "x and y need each other"),
         ("f,a\n1,2\n", {"frequency": "f", "response": "a"}, "a response of real values"),
@@ -367,7 +369,9 @@ def test_what_is_of_no_format(tmp_path, imported):
     version_4 = path.read_bytes()
     for content in (version_4, np.random.default_rng(1).bytes(3000), b"PK\x03\x04" + bytes(100)):
         path.write_bytes(content)
-        with pytest.raises(InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5 nor text; expected .*-v7"):
+        with pytest.raises(
+            InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5, TDMS, LVM nor text; expected .*-v7"
+        ):
             imported(path)
     path.write_text("frequency,amplitude\n1,2\n", encoding="utf-16")
     with pytest.raises(InputError, match="looks like UTF-16"):

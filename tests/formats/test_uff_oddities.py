@@ -232,9 +232,12 @@ def test_missing_quantities_are_asked_for(read: Read, tmp_path: Path, imported):
     found = read(header(numerator=blank, denominator=blank) + SINGLE + END)
     assert found.found.response is None
     path = tmp_path / "file.unv"
-    with pytest.raises(InputError, match="type of the response is neither in the file nor stated"):
+    with pytest.raises(
+        InputError, match="neither in the file nor stated: type of the response, unit of the response"
+    ) as caught:
         imported(path, forces=(1.0,))
-    with pytest.raises(InputError, match="unit of the response is neither in the file nor stated"):
+    assert caught.value.expected.count("--") == 3  # one message names an option for each of the three
+    with pytest.raises(InputError, match="neither in the file nor stated: unit of the response and unit of the force"):
         imported(path, forces=(1.0,), response="mobility")
     with pytest.raises(InputError, match="unit of the force is neither"):
         imported(path, forces=(1.0,), response="mobility", units={"response": "m/s/N"})
@@ -274,7 +277,7 @@ def test_units_code_that_names_no_units(read: Read, tmp_path: Path, imported, co
     blank = {"numerator": "        12    0    0    0", "denominator": "        13    0    0    0"}
     found = read(UNITS_164.format(code=code, name="units", two=2) + header(**blank) + SINGLE + END)
     assert not found.found.units
-    with pytest.raises(InputError, match="unit of the response is neither"):
+    with pytest.raises(InputError, match="neither in the file nor stated: unit of the response and unit of the force"):
         imported(tmp_path / "file.unv", forces=(1.0,))
 
 
@@ -349,12 +352,11 @@ def test_a_line_at_0_hz(tmp_path: Path, imported):
 def test_a_sensor_mounted_against_the_force(truth, by_pyuff, imported):
     w = 2 * np.pi * truth.f
     path = by_pyuff({"x": truth.f.copy(), "data": w**2 * truth.H, "rsp_dir": -3, "binary": 1, "abscissa_spacing": 0})
-    plain = imported(path, forces=(truth.F,))
-    assert any("directions are opposite" in note for note in plain.summary.notes)
-    assert any("--reverse" in note for note in plain.summary.notes)
+    with pytest.raises(InputError, match=r"gives energy back.*--reverse"):
+        imported(path, forces=(truth.F,))
     turned = imported(path, forces=(truth.F,), reverse=True)
     np.testing.assert_allclose(turned.record.column("phase"), truth.lag, rtol=0, atol=1e-12)  # a few roundings
-    assert not any("--reverse" in note for note in turned.summary.notes)
+    assert any("directions are opposite" in note for note in turned.summary.notes)
 
 
 def test_abscissas_in_rad_per_second_and_rpm(read: Read):

@@ -32,7 +32,7 @@ def _loads() -> Figure:
         ]
     )
     tested = pd.DataFrame({"sweep": ["A", HOSTILE], "force": [20.0, 30.0], "amplitude": [6.0, 7.7]})
-    design = band.iloc[[10, 19]].assign(overprediction=[10.0, 60.0]).reset_index(drop=True)
+    design = band.iloc[[10, 19]].assign(linear_overprediction_percent=[10.0, 60.0]).reset_index(drop=True)
     return design_loads(band, models, tested, design, 0.9, "lb", HOSTILE)
 
 
@@ -178,7 +178,7 @@ def test_design_loads_says_where_it_stops() -> None:
         band[name] = np.where(FORCE <= 60.0, FORCE**0.6, np.nan)
     models = band[["force", "median"]].assign(law="viscous", weight=1.0)
     tested = pd.DataFrame({"sweep": ["A"], "force": [20.0], "amplitude": [6.0]})
-    design = band.iloc[[10, 19]].assign(overprediction=[10.0, np.nan])
+    design = band.iloc[[10, 19]].assign(linear_overprediction_percent=[10.0, np.nan])
     axes = design_loads(band, models, tested, design, 0.9, limit=60.0).axes[0]
     assert "no prediction" in [text.get_text() for text in axes.texts]
 
@@ -189,7 +189,7 @@ def test_design_loads_without_any_prediction() -> None:
     band = pd.DataFrame({"force": FORCE, "linear": FORCE / 7.0, **dict.fromkeys(columns, nothing)})
     models = pd.DataFrame({"law": "viscous", "weight": 1.0, "force": FORCE, "median": nothing})
     tested = pd.DataFrame({"sweep": ["A"], "force": [20.0], "amplitude": [6.0]})
-    design = band.iloc[[19]].assign(overprediction=np.nan)
+    design = band.iloc[[19]].assign(linear_overprediction_percent=np.nan)
     assert to_svg(design_loads(band, models, tested, design, 0.9), "figure", "t", "d")
 
 

@@ -82,9 +82,9 @@ def test_command_line(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"forces": [-1.0]}, "--force -1.0; expected positive numbers"),
-        ({"forces": [float("nan")]}, "--force nan"),
-        ({"forces": [2.0, 2.0]}, "the same --force twice"),
+        ({"forces": [-1.0]}, "force -1.0; expected positive numbers"),
+        ({"forces": [float("nan")]}, "force nan"),
+        ({"forces": [2.0, 2.0]}, "the same force twice"),
         ({"frequency": "1.6:1.7"}, "LO:HI:N"),
         ({"frequency": "1.6:1.7:x"}, "LO:HI:N"),
         ({"frequency": "1.7:1.6:5"}, "0 < LO < HI"),
@@ -105,7 +105,7 @@ def test_bad_options_write_nothing(model: Path, tmp_path: Path, change: dict, me
 
 def test_an_effect_that_is_not_integrated_is_refused(model: Path, tmp_path: Path) -> None:
     with_tables(model, "\n[effects.planar-coupling]\nangle = 0.5\nfrequency_ratio = 1.01\n")
-    with pytest.raises(AnalysisError, match=r"--method time cannot simulate \[effects.planar-coupling\]"):
+    with pytest.raises(AnalysisError, match=r"method time cannot simulate \[effects.planar-coupling\]"):
         sweep(model, [5.0], "1.6:1.7:5", tmp_path / "record.csv", "up", "time")
     assert not (tmp_path / "record.csv").exists()
 

@@ -1,4 +1,4 @@
-"""Records whose truth is known, right and wrong: steady states of laws and springs, noise, what goes wrong in a lab.
+"""Records whose truth is known, right and wrong: steady states of laws and springs, noise, and mishaps of a lab.
 
 Nothing here knows the audit: steady states come from ``damping.predict``, linear modes from their modal sum, fast
 sweeps from the equation of motion integrated in time.

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.extrapolation.prediction import Member, amplitude_draws, predict
+from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.prediction import predict
 from damping.infer.chains import Settings, sample
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
-from damping.extrapolation.prediction import Member, predict
+from damping.extrapolation.prediction import predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping_validation.calibration import (
@@ -22,6 +23,7 @@ from damping_validation.calibration import (
     simulated_levels,
     structures,
 )
+from damping_validation.truths import TRUTHS
 
 #: One group: the trials that every test looks at are made once.
 pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]
@@ -33,20 +35,19 @@ AT = RATIOS.index(1.5)
 
 @pytest.fixture(scope="module")
 def trials():
-    """Each structure at three and five levels with 2 % of noise."""
-    return [coverage_trial(s, levels, 0.02, 100 * i + levels) for i, s in enumerate(structures()) for levels in (3, 5)]
+    """Each kind of structure twice, by the fast way."""
+    return [coverage_trial(name, "fast", 100 * i + n) for i, name in enumerate(TRUTHS) for n in (1, 2)]
 
 
 def test_bands_hold_the_next_test(trials):
     given = [t for t in trials if not t.refused[AT]]
-    # at least 90 % wanted: bands allow for laws that are not among the candidates, so there is no upper bound
-    assert sum(t.inside[AT] for t in given) >= binom.ppf(ALARM, len(given), LEVEL)
-    assert len(given) >= binom.ppf(ALARM, len(trials), 0.9)  # all these structures are smooth: refusals are mistakes
+    assert len(given) == len(trials)  # 1.5 times is allowed whatever the levels
+    # at least 86 % wanted of structures in and out of the library
+    assert sum(not t.above[AT] and not t.below[AT] for t in given) >= binom.ppf(ALARM, len(given), 0.86)
 
 
-def test_bands_are_no_wider_than_needed(trials):
-    assert np.nanmedian([t.width[AT] for t in trials]) < 1.35
-    assert np.nanmedian([t.width[RATIOS.index(4.0)] for t in trials]) < 1.8
+def test_two_levels_are_no_test_of_farther_forces(trials):
+    assert all(t.refused[AT + 1 :].all() == (t.levels < 3) for t in trials)
 
 
 def test_a_band_of_linear_damping_misses():

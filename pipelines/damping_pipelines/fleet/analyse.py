@@ -144,9 +144,7 @@ class _Analysis:
 
     def _rank(self) -> Ranking:
         fast = self.task.settings.fast
-        return rank_laws(
-            self.data, self.task.seed, candidate_laws(self.data), estimate=self.estimate, hold_out=not fast
-        )
+        return rank_laws(self.data, self.task.seed, candidate_laws(), estimate=self.estimate, hold_out=not fast)
 
     def _gap(self) -> Diagnosis:
         return diagnose(self.record, self.mode)

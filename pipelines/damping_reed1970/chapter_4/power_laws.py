@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtr, ndtri
 
-from damping.extrapolation.prediction import Loads, Member, predict
+from damping.extrapolation.draws import Member
+from damping.extrapolation.prediction import Loads, predict
 from damping.ranking import Ranking
 from damping.regression.power_law import Form, PowerLaw, fit_power_law
 from damping_reed1970.chapter_4 import (

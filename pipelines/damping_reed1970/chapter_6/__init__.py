@@ -20,8 +20,7 @@ from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
-from damping.ranking import Candidate, Ranking
-from damping.ranking.candidates import natural_force
+from damping.ranking import Candidate, Ranking, rank_laws
 from damping_reed1970 import chapter_3, chapter_4
 from damping_reed1970.chapter_4.coefficients import IV, coefficients_against_amplitude, report_method
 from damping_reed1970.chapter_4.power_laws import fit_mode
@@ -106,7 +105,7 @@ def recomputed(law: PrintedLaw) -> PrintedLaw:
 def ours(law: PrintedLaw, candidate: Candidate) -> Sum:
     """The fitted force of the ranking for the same law."""
     assert candidate.fit is not None  # every law of the report can be fitted to its own record
-    return natural_force(candidate.law, candidate.fit.values)
+    return candidate.fit.force
 
 
 def section_6_1(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
@@ -208,7 +207,11 @@ def _summary(law: PrintedLaw, errors: pd.DataFrame) -> dict[str, float | bool]:
 
 
 def _find(law: PrintedLaw, ranking: Ranking) -> Candidate:
-    return ranking.find(Law(law.forces))
+    """The row of the law in the ranking, or its own where another that predicts the same stands for it."""
+    candidate = ranking.find(Law(law.forces))
+    if set(candidate.law.components) == set(law.forces):
+        return candidate
+    return rank_laws(ranking.data, laws=[Law(law.forces)], hold_out=False).candidates[0]
 
 
 def _recomputed(law: PrintedLaw) -> FloatArray:

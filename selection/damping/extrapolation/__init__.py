@@ -17,15 +17,16 @@ import numpy as np
 import pandas as pd
 
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
-from damping.extrapolation.prediction import Loads, Member, amplitude_draws, predict
+from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.what_if import NextLevel, choose_next_level, vary_priors
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import Advance, Progress, silent
 from damping.ranking import Candidate
-from damping.ranking.weights import FEWEST_BELOW
 from damping.records.mode import Mode
 from damping.records.resonance import number_levels
 
@@ -33,6 +34,8 @@ from damping.records.resonance import number_levels
 LEAST_WEIGHT = 0.01
 #: Sizes of the chains, and the steps after which one that has not converged is given up.
 SETTINGS = Settings()
+#: Levels below a held-out one, at least.
+FEWEST_BELOW = 2
 #: Effective importance draws that may stand for a chain that does not converge: they give the end of a 90 % band to 7 %
 #: of the standard deviation, sqrt(0.05 * 0.95 / n) / 0.103.
 INSTEAD = 200
@@ -69,6 +72,19 @@ class Extrapolation:
         """Predictions at other forces (forces,), of the same draws."""
         return _predict(self.plan, self.members, forces, self.loads.level, self.seed, self.mode)
 
+    def vary_priors(self) -> pd.DataFrame:
+        """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
+        return vary_priors(
+            self.members, self.loads.force, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
+        )
+
+    def choose_next_level(self) -> NextLevel | None:
+        """The further level that would most shrink the band at the largest force asked for and allowed."""
+        design = min(float(self.loads.force.max()), self.plan.limit)
+        return choose_next_level(
+            self.members, design, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
+        )
+
 
 def extrapolate_loads(
     data: Observations,
@@ -80,7 +96,7 @@ def extrapolate_loads(
     laws: Sequence[Law] | None = None,
     plan: Plan | None = None,
     estimate: Estimate = evidence,
-    sampler: Sampler = sample_chains,
+    sampler: Sampler = draw_evidence,
     least_weight: float = LEAST_WEIGHT,
     progress: Progress = silent,
 ) -> Extrapolation:
@@ -148,8 +164,8 @@ def _sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advan
 def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:
     """A law with its draws, and what is to be said of them; None where there are too few."""
     if posterior is not None and posterior.converged:
-        return Member(law.name, law.weight, posterior.coordinates, posterior.draws, law.kappa), ""
-    instead = Member(law.name, law.weight, law.coordinates, law.evidence.draws, law.kappa)
+        return Member(law.name, law.weight, posterior.coordinates, posterior.draws), ""
+    instead = Member(law.name, law.weight, law.coordinates, law.evidence.draws)
     if posterior is None:
         return instead, ""
     said = f"{law.name}: the chain did not converge ({posterior.failure}), "
@@ -162,8 +178,12 @@ def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, s
 def _predict(
     plan: Plan, members: Sequence[Member], forces: np.ndarray, level: float, seed: int, mode: Mode | None
 ) -> Loads:
-    repeatability = (mode.repeatability.amplitude if mode else None) or 0.0
-    return predict(members, forces, plan.data, level, seed, plan, repeatability)
+    return predict(members, forces, plan.data, level, seed, plan, _repeatability(mode))
+
+
+def _repeatability(mode: Mode | None) -> float:
+    """Stated relative standard uncertainty of a level's amplitude; 0 where nothing is known."""
+    return (mode.repeatability.amplitude if mode else None) or 0.0
 
 
 def sample_candidate(

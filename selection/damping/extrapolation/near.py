@@ -1,38 +1,30 @@
 """What of a record bears on resonant amplitudes: rows near resonance, free of a constant phase offset.
 
 Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level.
-
-How much a law errs per e-fold of force beyond what it was fitted to: learnt from held-out levels, with a prior.
-
-No law of a few terms is the structure's own. At a force F the logarithm of the resonant amplitude misses the law's by
-
-    delta ~ N(0, (kappa d)^2),      d = |ln(F/F_nearest)| beyond the tested forces, d_1 d_2/(d_1 + d_2) between two,
-
-beside the scatter from level to level that tests show at one force. ``kappa`` has a log-normal prior and is learnt, for
-each law, from every level predicted from fewer levels below (all pairs; the pairs of one level count as one level).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import norm
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.observations import Observations, observe
-from damping.ranking.weights import HeldOut
 from damping.records.record import Record
 from damping.records.resonance import number_levels, resonances
 
+#: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
+#: response does not.
+TELLING = 1.1
 #: Rows with |cot phase| up to this are near: those between the half-power points of their sweep.
 NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """Observations of the rows near resonance.
+    """One row a sweep, its phase resonance; all rows near resonance where one level alone says how damping changes.
+
+    Rows of one sweep share their error, so counting them one by one would single out a law falsely.
 
     A constant phase offset rotates the energy of a row by offset times cot(phase), relative: what
     :func:`damping.records.resonance.resonances` finds of it is taken off first (not where the record has energies of
@@ -43,7 +35,9 @@ def near_resonance(record: Record) -> Observations:
         AnalysisError: no row says anything about damping.
     """
     data = observe(without_offset(record))
-    return _rows(data, _near(data))
+    data = _rows(data, _near(data))
+    one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
+    return data if one_telling else at_resonance(data)
 
 
 def without_offset(record: Record) -> Record:
@@ -172,48 +166,3 @@ def bistability(data: Observations, mass: float) -> str:
         f"the resonance moved by {moved:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
         "and what it reaches depends on how it is driven there"
     )
-
-
-#: Prior of kappa: median and log standard deviation. 90 % lies between 1.5 % and 17 % of amplitude per e-fold of force.
-KAPPA_MEDIAN, KAPPA_LOG_SD = 0.05, 0.75
-#: Values of kappa, equally spaced in the logarithm over 3.5 standard deviations of the prior either way.
-KAPPA = KAPPA_MEDIAN * np.exp(KAPPA_LOG_SD * np.linspace(-3.5, 3.5, 57))
-
-
-def prior() -> FloatArray:
-    """Prior probability of each of ``KAPPA``."""
-    density = norm.pdf(np.log(KAPPA / KAPPA_MEDIAN) / KAPPA_LOG_SD)
-    return np.asarray(density / density.sum())
-
-
-def posterior(predictions: Sequence[HeldOut]) -> FloatArray:
-    """Posterior probability of each of ``KAPPA`` from one law's predictions; the prior where there are none."""
-    levels = [prediction.level for prediction in predictions]
-    log_p = np.log(prior())
-    for prediction in predictions:
-        density = prediction.log_density(KAPPA)
-        log_p = log_p + np.where(np.isfinite(density), density, 0.0) / levels.count(prediction.level)
-    return np.asarray(np.exp(log_p - logsumexp(log_p)))
-
-
-def log_density(prediction: HeldOut) -> float:
-    """Log predictive density of a held-out level, kappa averaged over its prior."""
-    return float(logsumexp(prediction.log_density(KAPPA), b=prior()))
-
-
-def draw(probability: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
-    """Draws of kappa (n,) from probabilities of ``KAPPA``, spread over its cells."""
-    step = np.log(KAPPA[1] / KAPPA[0])
-    chosen = rng.choice(len(KAPPA), size=n, p=probability)
-    return np.asarray(KAPPA[chosen] * np.exp(step * (rng.random(n) - 0.5)))
-
-
-def distance(force: FloatArray, tested: FloatArray) -> FloatArray:
-    """Distance d of each force (forces,) from the tested ones (sweeps,) in ln F; 0 at a tested force."""
-    log_F, known = np.log(force), np.unique(np.log(tested))
-    above = np.searchsorted(known, log_F)
-    to_lower = np.abs(log_F - known[np.maximum(above - 1, 0)])
-    to_upper = np.abs(known[np.minimum(above, len(known) - 1)] - log_F)
-    between = (above > 0) & (above < len(known))
-    both = np.where(between, to_lower + to_upper, 1.0)
-    return np.where(between, to_lower * to_upper / both, np.minimum(to_lower, to_upper))

@@ -1,12 +1,7 @@
-"""Before any prediction: which laws take part, with what weight, how much each errs beyond its data, how far to go.
+"""Before any prediction: which laws take part, with what weight, and how far to go.
 
-1. Plausible laws: those whose marginal likelihood on the resonances alone is within a factor ``PLAUSIBLE`` of the best
-   physical one. (Rows of one sweep share their error, so counting them one by one would single out a law falsely.)
-2. Weights: every level with two or more below it (the highest ``MOST_HELD_OUT``) predicted from those below
-   (``damping.ranking.weights``).
-3. Discrepancy of each law: kappa, from all those predictions (``damping.extrapolation.near``).
-4. A limit, where the law is changing at the top of the test: p rises there, and the laws that explain the lower levels
-   did not foresee the highest one.
+Weights are posterior probabilities on the rows near resonance, the same evidence that ranks: straying exponents are in
+it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
 """
 
 from __future__ import annotations
@@ -17,43 +12,32 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
-from damping.extrapolation import near as discrepancy
-from damping.extrapolation.near import Trend, at_resonance, bistability, trend
+from damping.extrapolation.near import Trend, bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.ranking.candidates import candidate_laws, fit
-from damping.ranking.weights import FEWEST_BELOW, HeldOut, held_out, pseudo_bma, resonance_scatter
+from damping.ranking import prior_masses
+from damping.ranking.candidates import candidate_laws, fit_distinct
 from damping.records.resonance import number_levels
 
-#: Bayes factor against the best law beyond which a law takes no part ("strong", Jeffreys 1961).
-PLAUSIBLE = 10.0
-#: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
-#: response does not.
-TELLING = 1.1
-#: Probability below which the highest level was not foreseen by the laws of the lower ones.
-UNFORESEEN = 0.10
-#: Levels held out at most, the highest ones: what lies far below the design load says little of it.
-MOST_HELD_OUT = 12
+#: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
+ENOUGH_LEVELS = 3
+#: Times the largest tested force that fewer levels allow.
+NEAREST = 1.5
+#: Relative excess of a force over the limit that still counts as the limit.
+ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A law that takes part.
-
-    Attributes:
-        weight: share in the average. evidence: of the law on the rows near resonance. predictions: of held-out levels.
-        kappa: posterior probability of each of ``discrepancy.KAPPA``.
-    """
+    """A law that takes part: its share in the average and its evidence on the rows near resonance."""
 
     law: Law
     weight: float
     coordinates: Coordinates
     evidence: Evidence
-    predictions: tuple[HeldOut, ...]
-    kappa: FloatArray
 
     @property
     def name(self) -> str:
@@ -62,45 +46,29 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Change:
-    """The law changes at the top of the test.
-
-    Attributes:
-        limit: largest force at which a prediction is given: half as far beyond the test, in ln F, as the highest level
-            lies above the one below it. foreseen: probability that the laws of the lower levels gave to so small an
-            amplitude there.
-    """
-
-    limit: float
-    foreseen: float
-
-
-@dataclass(frozen=True)
 class Plan:
     """What predictions rest on.
 
     Attributes:
-        data: rows near resonance. laws: by weight, largest first. held_out: number of levels held out. trend: local
-            exponents. change: None where the law is not changing at the top. bistable: caution, empty where there is
-            none or the mass is not known.
+        data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
+            prediction is given; infinite where there is none. bistable: caution, empty where there is none or the mass
+            is not known.
     """
 
     data: Observations
     laws: tuple[Planned, ...]
-    held_out: int
     trend: Trend
-    change: Change | None
+    limit: float
     bistable: str = ""
 
-    @property
-    def limit(self) -> float:
-        """Force beyond which no prediction is given; infinite where there is none."""
-        return self.change.limit if self.change else np.inf
+    def allows(self, force: FloatArray) -> BoolArray:
+        """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
+        return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
 def load_candidates(data: Observations) -> list[Law]:
-    """Candidates on what laws are judged on."""
-    return candidate_laws(_judged(data))
+    """The candidates that predict differently on the rows near resonance."""
+    return [fit.law for fit in fit_distinct(candidate_laws(), data)]
 
 
 def plan_loads(
@@ -121,96 +89,32 @@ def plan_loads(
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
-    laws = load_candidates(data) if laws is None else laws
-    chosen = _plausible(data, laws, seed, done, estimate)
-    top = int(number_levels(data.tested_force).max())
-    splits = range(max(FEWEST_BELOW, top + 1 - MOST_HELD_OUT), top + 1)
-    predictions = [
-        tuple(p for below in splits for p in _held_out(law, data, below, seed, estimate)) for law, _, _ in chosen
-    ]
-    weights = pseudo_bma(np.array([_log_densities(found, len(splits)) for found in predictions]))
-    planned = [
-        Planned(law, float(weight), coordinates, own, found, discrepancy.posterior(found))
-        for (law, coordinates, own), found, weight in zip(chosen, predictions, weights, strict=True)
-    ]
-    best = max(planned, key=lambda p: p.evidence.log_z)
-    exponents = trend(data, float(np.median(resonance_scatter(best.coordinates, best.evidence.draws))))
+    chosen, reasons = [], []
+    for law in load_candidates(data) if laws is None else laws:
+        try:
+            chosen.append(_judge(law, data, seed, estimate))
+        except AnalysisError as error:
+            reasons.append(str(error))
+        done(law.name)
+    if not chosen:
+        raise AnalysisError("no damping law could be fitted: " + "; ".join(reasons))
+    prior = np.log(prior_masses([c.law for c, _ in chosen]))
+    weights = softmax(np.array([own.log_z for _, own in chosen]) + prior)
+    planned = [Planned(c.law, float(w), c, own) for (c, own), w in zip(chosen, weights, strict=True)]
+    best = max(planned, key=lambda p: p.weight)
+    few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     return Plan(
         data=data,
         laws=tuple(sorted(planned, key=lambda p: -p.weight)),
-        held_out=len(splits),
-        trend=exponents,
-        change=_change(data, laws, seed, estimate) if exponents.rising else None,
+        trend=trend(data, float(np.median(np.hypot(*best.coordinates.scatter(best.evidence.draws))))),
+        limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         bistable=bistability(data, mass) if mass else "",
     )
 
 
-def _log_densities(predictions: Sequence[HeldOut], levels: int) -> list[float]:
-    """Log predictive density of each held-out level from all below it; minus infinity where the law has none."""
-    found = [discrepancy.log_density(p) for p in predictions if p.level == p.below]
-    return found if len(found) == levels else [-np.inf] * levels
-
-
-def _judged(data: Observations) -> Observations:
-    """What laws are judged on: the resonances alone, or all rows of one level whose amplitudes differ enough."""
-    one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
-    return data if one_telling else at_resonance(data)
-
-
-def _plausible(
-    data: Observations, laws: Sequence[Law], seed: int, done: Callable[[str], None], estimate: Estimate
-) -> list[tuple[Law, Coordinates, Evidence]]:
-    """Laws within a factor of the best, each with its evidence on all rows near resonance."""
-    judged, rows, reasons = _judged(data), [], []
-    for law in laws:
-        try:
-            rows.append(_judge(law, judged, seed, estimate))
-        except AnalysisError as error:
-            reasons.append(str(error))
-        done(law.name)
-    physical = [row for row in rows if row[2]] or rows
-    best = max((own.log_z for _, own, _ in physical), default=0.0)
-    chosen = []
-    for law, own, _ in physical:
-        if own.log_z <= best - np.log(PLAUSIBLE):
-            continue
-        coordinates = Coordinates.of(law, data)
-        try:
-            chosen.append((law, coordinates, estimate(coordinates, data, seed) if data.has_repeats else own))
-        except AnalysisError as error:
-            reasons.append(str(error))
-    if not chosen:
-        raise AnalysisError("no damping law could be fitted: " + "; ".join(reasons))
-    return chosen
-
-
-def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Law, Evidence, bool]:
-    """A law's evidence, and whether its unconstrained coefficients are all >= 0."""
+def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Coordinates, Evidence]:
+    """A law's evidence on the rows near resonance."""
     if not law.has_resonance:
         raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
     coordinates = Coordinates.of(law, data)
-    own = estimate(coordinates, data, seed)
-    if len(law.parts) == 1:  # one force carries what was measured with a coefficient > 0
-        return law, own, True
-    return law, own, bool(np.all(fit(coordinates, data, own.mode).values[: len(law.parts)] >= 0.0))
-
-
-def _held_out(law: Law, data: Observations, below: int, seed: int, estimate: Estimate) -> tuple[HeldOut, ...]:
-    """Predictions of the higher levels; none where the law cannot carry the lower ones."""
-    try:
-        return held_out(law, data, below, seed, estimate)
-    except AnalysisError:
-        return ()
-
-
-def _change(data: Observations, laws: Sequence[Law], seed: int, estimate: Estimate) -> Change | None:
-    """Whether the laws of the lower levels, by their own evidence there, foresaw the highest."""
-    levels = number_levels(data.tested_force)
-    top = int(levels.max())
-    fits = [p for law in laws if law.has_resonance for p in _held_out(law, data, top, seed, estimate)]
-    weights = softmax(np.array([p.log_z for p in fits]))
-    foreseen = float(sum(w * p.probability_below() for w, p in zip(weights, fits, strict=True)))
-    if foreseen >= UNFORESEEN:
-        return None
-    highest, next_highest = data.tested_force.max(), data.tested_force[levels == top - 1].max()
-    return Change(float(highest * np.sqrt(highest / next_highest)), foreseen)
+    return coordinates, estimate(coordinates, data, seed)

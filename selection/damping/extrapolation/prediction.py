@@ -1,17 +1,12 @@
-"""What to know before using a prediction, in words.
-
-Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
+"""Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
 
 For a law the amplitude at phase resonance solves C(A, omega) = F, at the frequency of the resonance at the largest
 tested force. What the next test would read is made of four parts, added in ln A draw by draw:
 
-- parameters: posterior draws of the law's own;
-- between-model: which law, by weights from held-out levels;
-- level-to-level: a test does not repeat itself from level to level (scatter of the likelihood), and no law holds
-  beyond its data (kappa, growing with the distance from the test: :mod:`damping.extrapolation.near`);
-- measurement noise: scatter of a reading, and the uncertainties that the record states.
-
-With one row a level, noise and scatter from level to level cannot be told apart; both are then in the noise.
+- parameters: posterior draws of the law's own, as the tested levels correct it;
+- between-model: which law, by its posterior probability;
+- discrepancy: how far the structure strays from a law's exponent beyond the test (:mod:`damping.infer.doubt`);
+- measurement noise: scatter of a level and of a reading, and the uncertainties that the record states.
 """
 
 from __future__ import annotations
@@ -22,12 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.extrapolation import near as discrepancy
-from damping.extrapolation.plan import Plan
-from damping.infer.law import Coordinates, by_blocks, residuals
+from damping.extrapolation.draws import Member, Spread, draw_spread, pool
+from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
-from damping.predict.steady import resonant_amplitude
-from damping.ranking.weights import ENOUGH
 from damping.records.resonance import number_levels
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
@@ -43,11 +35,11 @@ def cautions(
     """
     largest = data.tested_force[data.top]
     said = _of_plan(force, plan) if plan else []
-    if not predicted and not (plan and force > plan.limit):
+    if not predicted and not (plan and not plan.allows(np.asarray(force))):
         said.append("no prediction: the damping force does not reach this force at any amplitude")
     if force > largest:
         said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
-    return tuple(said + _of_test(force, data) + _of_weights(weights, plan))
+    return tuple(said + _of_test(force, data) + _of_weights(weights))
 
 
 def _of_plan(force: float, plan: Plan) -> list[str]:
@@ -56,15 +48,14 @@ def _of_plan(force: float, plan: Plan) -> list[str]:
 
 
 def _of_trend(force: float, plan: Plan) -> list[str]:
-    p, change = plan.trend, plan.change
-    if change:
-        foreseen = f"the laws of the lower levels gave the highest one a probability of {100.0 * change.foreseen:.0f} %"
-        if force > change.limit:
-            return [f"no prediction beyond {change.limit:.4g}: p is rising ({p.words}), and {foreseen}"]
-        return [f"p is rising ({p.words}), and {foreseen}: no prediction beyond {change.limit:.4g}"]
+    p = plan.trend
+    if not plan.allows(np.asarray(force)):
+        return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
     if p.falling:
-        return [f"p is falling at the top of the test ({p.words}): amplitudes may grow faster than any law here says"]
-    return [f"p is rising with level ({p.words}), as the laws here foresee"] if p.rising else []
+        return [
+            f"p is falling at the top of the test ({p.words}): damping may stop growing, and the band allows for it"
+        ]
+    return [f"p is rising with level ({p.words})"] if p.rising else []
 
 
 def _of_test(force: float, data: Observations) -> list[str]:
@@ -81,39 +72,18 @@ def _of_test(force: float, data: Observations) -> list[str]:
     return said
 
 
-def _of_weights(weights: Sequence[float], plan: Plan | None) -> list[str]:
+def _of_weights(weights: Sequence[float]) -> list[str]:
     """How well the laws are told apart."""
     said = []
     if weights and max(weights) < 0.5 * sum(weights):
         said.append("no law has more than half of the weight")
-    if plan and plan.held_out < ENOUGH and len(plan.laws) > 1:
-        levels = f"{plan.held_out} level{'s' * (plan.held_out != 1)} held out"
-        said.append(f"{levels}: weights drawn towards equal ones over {len(plan.laws)} plausible laws")
     return said
 
 
-#: Draws of the average over models: the 5 % and 95 % points are then known to 1 % of the band's width.
-AVERAGE_DRAWS = 20_000
 #: Share of draws without a resonance above which no prediction is given.
 REFUSED_SHARE = 0.05
 #: Names of the parts of a predictive distribution.
-PARTS = ("measurement_noise", "parameters", "between_model", "level_to_level")
-
-
-@dataclass(frozen=True)
-class Member:
-    """A law that takes part: its weight and posterior draws x, (draws, dimension).
-
-    ``kappa``: posterior probability of each of ``discrepancy.KAPPA``; the prior where None. ``cautions``: what to know
-    of the draws.
-    """
-
-    name: str
-    weight: float
-    coordinates: Coordinates
-    draws: FloatArray
-    kappa: FloatArray | None = None
-    cautions: tuple[str, ...] = ()
+PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
 
 
 @dataclass(frozen=True)
@@ -164,12 +134,6 @@ def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     return data.tested_amplitude[data.top] * force / data.tested_force[data.top]
 
 
-def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:
-    """Amplitude of each draw at each force, (draws, forces); NaN where a draw has no resonance."""
-    damping = member.coordinates.force(member.draws)
-    return np.asarray(resonant_amplitude(damping, force[None, :], data.tested_omega[data.top]))
-
-
 def predict(
     members: Sequence[Member],
     force: FloatArray,
@@ -186,16 +150,11 @@ def predict(
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
     """
     rng = np.random.default_rng(seed)
-    spreads = [_spread(member, force, data, repeatability, rng) for member in members]
-    allowed = force <= (plan.limit if plan else np.inf)
+    spreads = [draw_spread(member, force, data, repeatability, rng) for member in members]
+    allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    counts = rng.multinomial(AVERAGE_DRAWS, weights)
-    rows = [rng.integers(len(s.law), size=count) for s, count in zip(spreads, counts, strict=True)]
-    pooled = _Spread(
-        *(np.concatenate([getattr(s, part)[r] for s, r in zip(spreads, rows, strict=True)]) for part in _DRAWN)
-    )
-    average = _band("average over models", 1.0, pooled, allowed, level)
+    average = _band("average over models", 1.0, pool(spreads, weights, rng), allowed, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -219,40 +178,7 @@ def predict(
     )
 
 
-_DRAWN = ("law", "level", "noise")
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """Draws in ln A, (draws, forces): of the law's amplitude, of the level's departure from it, of the noise."""
-
-    law: FloatArray
-    level: FloatArray
-    noise: FloatArray
-
-
-def _spread(
-    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
-) -> _Spread:
-    """Draws of one law's parts; NaN where a draw has no resonance."""
-    amplitude = np.log(amplitude_draws(member, force, data))
-    row, level = member.coordinates.scatter(member.draws)
-    if member.coordinates.with_level_scatter:
-        level = np.maximum(level, repeatability)
-    else:
-        row = np.maximum(row, repeatability)
-    known = by_blocks(
-        lambda x: np.mean(residuals(member.coordinates.force(x), data)[2], axis=1), member.draws, len(data.A)
-    )
-    kappa = discrepancy.draw(discrepancy.prior() if member.kappa is None else member.kappa, len(row), rng)
-    beyond = kappa[:, None] * discrepancy.distance(force, data.tested_force)
-    sd_level, sd_noise = np.hypot(level[:, None], beyond), np.sqrt(row**2 + known)[:, None]
-    # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
-    normal = rng.standard_normal((2, len(row), 1))
-    return _Spread(amplitude, sd_level * normal[0], sd_noise * normal[1])
-
-
-def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatArray]:
+def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
     laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
     mean = np.array([np.nanmean(law, axis=0) for law in laws])
@@ -261,20 +187,20 @@ def _parts(spreads: Sequence[_Spread], weights: FloatArray) -> dict[str, FloatAr
         "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "level_to_level": weights @ np.array([np.mean(s.level**2, axis=0) for s in spreads]),
+        "discrepancy": weights @ np.array([np.nanvar(s.stray, axis=0) for s in spreads]),
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
-def _band(name: str, weight: float, spread: _Spread, allowed: np.ndarray, level: float) -> Band:
+def _band(name: str, weight: float, spread: Spread, allowed: np.ndarray, level: float) -> Band:
     """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
-    refused = (np.mean(~np.isfinite(spread.law), axis=0) > REFUSED_SHARE) | ~allowed
+    refused = (np.mean(~spread.resonates, axis=0) > REFUSED_SHARE) | ~allowed
     tail = 50.0 * (1.0 - level)
 
     def quantiles(draws: FloatArray, q: list[float]) -> FloatArray:
         filled = np.where(refused, 0.0, draws)
         return np.where(refused, np.nan, np.exp(np.nanpercentile(filled, q, axis=0)))
 
-    low, median, high = quantiles(spread.law + spread.level + spread.noise, [tail, 50.0, 100.0 - tail])
+    low, median, high = quantiles(spread.total, [tail, 50.0, 100.0 - tail])
     credible_low, credible_high = quantiles(spread.law, [tail, 100.0 - tail])
     return Band(name, weight, median, low, high, credible_low, credible_high)

@@ -110,8 +110,8 @@ def component(name: str) -> Component:
 
 def term_name(m: float, n: float) -> str:
     """Name of the force whose energy per cycle is a A^m omega^n, or of the term where no force is known for it."""
-    named = (name for name, kind in CATALOGUE.items() if kind.energy_exponents == (m, n))
-    return next(named, EnergyTerm(1.0, m, n).name)
+    fixed = (component(name) for name in CATALOGUE if not component(name).free_shapes)
+    return next((part.name for part in fixed if part.example.energy_exponents == (m, n)), EnergyTerm(1.0, m, n).name)
 
 
 def make(name: str, **parameters: Floats) -> Force:

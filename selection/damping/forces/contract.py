@@ -44,8 +44,8 @@ class Force(ABC):
 
     #: Whether it is C q': what a simulation calls its damping where no more is known (3.1.28).
     viscous: ClassVar[bool] = False
-    #: Whether it also competes beside a viscous part. A free exponent there adds nothing that data can show.
-    beside_viscous: ClassVar[bool] = True
+    #: Whether it is a term of sums, too. A free exponent beside another force would imitate that one.
+    sums: ClassVar[bool] = True
 
     @property
     @abstractmethod

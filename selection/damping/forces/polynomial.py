@@ -27,7 +27,6 @@ class Viscous(Force):
     coefficient: Floats
 
     viscous: ClassVar[bool] = True
-    beside_viscous: ClassVar[bool] = False
     name: ClassVar[str] = "viscous"
     label: ClassVar[str] = "viscous (case I)"
     formula: ClassVar[str] = "C1 q'"

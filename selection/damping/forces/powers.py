@@ -68,7 +68,7 @@ class VelocityPower(Force):
     label: ClassVar[str] = "velocity power (4.3.3)"
     formula: ClassVar[str] = "alpha |q'|^p sgn q'"
     shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * (TIME / LENGTH) ** "exponent"), EXPONENT)
-    beside_viscous: ClassVar[bool] = False
+    sums: ClassVar[bool] = False
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats]:
@@ -102,7 +102,7 @@ class DisplacementVelocityPower(Force):
     label: ClassVar[str] = "displacement times velocity power (4.3.4)"
     formula: ClassVar[str] = "alpha |q| |q'|^p sgn q'"
     shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE / LENGTH * (TIME / LENGTH) ** "exponent"), EXPONENT)
-    beside_viscous: ClassVar[bool] = False
+    sums: ClassVar[bool] = False
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats]:

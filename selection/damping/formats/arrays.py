@@ -1,4 +1,4 @@
-"""Named arrays of MAT files (versions 5 and 7.3) and HDF5 files, read by ``worker`` in a process of its own.
+"""Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files, read by ``worker`` in a process of its own.
 
 The process may use so much memory and time and no more; when it dies, the file is to blame and an error says so.
 """
@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.records.text import shortened
 
 Array: TypeAlias = npt.NDArray[Any]  # of float64 or complex128
@@ -32,22 +32,25 @@ _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside thre
 
 @dataclass(frozen=True)
 class Arrays:
-    """Arrays by name, the units that the file gives for them, and the shape of every array in the file by name."""
+    """Arrays by name (several where a name stands for several), the units that the file gives for them, the shape of
+    every array in the file by name, and start and step in s of those that are channels against time."""
 
-    arrays: dict[str, Array]
+    arrays: dict[str, list[Array]]
     units: dict[str, str]
     known: dict[str, tuple[int, ...]]
+    steps: dict[str, tuple[float, float]]
 
 
 def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int) -> Arrays:
     """The arrays ``names`` that the file has, and what is in it.
 
     Args:
-        path: the file. kind: ``mat5``, ``mat73`` or ``hdf5``.
-        names: names of variables (``structure.field``) or paths of data sets (``group/name``).
+        path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
+        names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
         max_size: largest file read, bytes.
 
     Raises:
+        AnalysisError: the package that reads the format is not installed.
         InputError: the file cannot be read, is too large, is not of its kind, or holds objects in place of numbers.
     """
     size = _size(path, max_size)
@@ -72,14 +75,23 @@ def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int
     answer = json.loads(head)
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])
+    if answer["missing"]:
+        raise AnalysisError(
+            f"{path}: a {kind.upper()} file needs the package {answer['missing']}, which is not installed "
+            "(pip install 'damping-selection[formats]')"
+        )
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
-    return Arrays(_unpacked(answer["loaded"], body), answer["units"], known)
+    units = {name: text for name, text in answer["units"].items() if text}
+    steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
+    return Arrays(_unpacked(answer["loaded"], body), units, known, steps)
 
 
 _EXPECTED = {
     "mat5": "a whole MAT file of version 5 to 7.2",
     "mat73": "a whole MAT file of version 7.3",
     "hdf5": "a whole HDF5 file with arrays of numbers",
+    "tdms": "a whole TDMS file of National Instruments",
+    "lvm": "a whole LabVIEW measurement file",
 }
 
 
@@ -95,13 +107,13 @@ def _size(path: str | Path, max_size: int) -> int:
     return found.st_size
 
 
-def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, Array]:
+def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Array]]:
     """The arrays out of their bytes."""
-    arrays: dict[str, Array] = {}
+    arrays: dict[str, list[Array]] = {}
     place = 0
     for name, of, shape in loaded:
         pair = 2 if of == "complex" else 1
         values = np.frombuffer(body, dtype=np.float64, count=pair * math.prod(shape), offset=place)
-        arrays[name] = (values.view(np.complex128) if pair == 2 else values).reshape(shape)
+        arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
         place += values.nbytes
     return arrays

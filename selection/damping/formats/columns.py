@@ -9,7 +9,7 @@ import csv
 import io
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,29 +17,34 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.headers import Header, parse_header, recognise
+from damping.formats.layout import DELIMITERS, Layout, find_layout
 from damping.records.keys import nearest
 from damping.records.text import decode, shortened, unguarded
 
-DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
-_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
-#: Marks that separate the decimals of a number.
-DECIMALS = ("point", "comma")
 #: Numbers as they look with the other mark than the stated one.
 _OTHER_MARK = {
     mark: re.compile(rf"[+-]?\d*{other}\d*([eE][+-]?\d+)?") for mark, other in (("point", ","), ("comma", r"\."))
 }
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
+_LOOKED_AT = 60  # lines by which the layout is told
+#: Roles that the names of columns give even where others are stated: what a row belongs to.
+_SETTING = ("frequency", "omega", "time")
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Mapped columns by role: numbers (n,), text for the role ``sweep``, and the units their headers name."""
+    """ColumnMap that have a role: ``numbers`` (n,) and ``headers`` by role, text for the role ``sweep``.
+
+    ``response`` is the type of response that a name says, ``layout`` how the table is laid out.
+    """
 
     numbers: Mapping[str, FloatArray]
     sweep: tuple[str, ...] | None
-    units: Mapping[str, str]
-    names: Mapping[str, str]
+    headers: Mapping[str, Header]
+    response: str | None
+    layout: Layout
 
 
 def read_columns(
@@ -47,33 +52,37 @@ def read_columns(
     file: str | Path,
     mapped: Mapping[str, str],
     known: Mapping[str, Iterable[str]],
-    delimiter: str,
-    skip: int,
-    decimal: str = "point",
+    delimiter: str = "auto",
+    skip: int = 0,
+    decimal: str = "auto",
 ) -> ColumnMap:
     """The columns of a CSV file that have a role.
 
     Args:
         data: the file. file: its name, for messages.
-        mapped: column of each role as the user states it, with or without its unit; empty: by name.
-        known: names, in lower case and without units, that columns of each role have; used where nothing is mapped.
-        delimiter: a name of ``DELIMITERS``; with ``space`` several count as one.
-        skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers.
+        mapped: column of each role as the user states it, with or without its unit, or its number from 1; what is not
+            stated of frequency, time and sweep is found by name; empty: all by name.
+        known: names, in lower case and without units, that columns of each role have; these go before those that
+            tables of laboratories have (``headers.recognise``).
+        delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
+        skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
     Raises:
         InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number
             belongs (an empty cell and NaN are no measurement there), or no rows.
     """
-    rows = _Rows(data, file, delimiter)
-    for _ in range(skip):
+    layout = _layout(data, file, delimiter, skip, decimal)
+    rows = _Rows(data, file, layout.delimiter, comments=layout.comments)
+    whole = not (layout.comments or layout.numbered)  # a header of quoted cells may span lines
+    for _ in range(skip + (layout.header - 1 if whole else layout.header)):
         rows.skip()
-    header = next(rows, None)
+    header = next(rows, None) if whole else list(layout.names)
     if header is None:
         raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
-    places = _places(names, mapped, known, file, rows.line)
+    places, response = _places(names, mapped, known, file, rows.line)
     if not places:
-        raise _no_role(names, file, rows.line)
+        raise _no_role(names, layout, file, rows.line)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
     for row in rows:
@@ -82,23 +91,32 @@ def read_columns(
                 f"{len(row)} cells in the row", file=file, line=rows.line, expected=f"{len(names)} as in the header"
             )
         for role, column in values.items():
-            column.append(_number(row[places[role]], decimal, file, rows.line, names[places[role]]))
+            column.append(_number(row[places[role]], layout.decimal, file, rows.line, names[places[role]]))
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
     numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
     if not numbers:
         raise InputError("no data rows", file=file, expected="at least one row below the header")
-    units = {role: match[2] for role, place in places.items() if (match := _UNIT.match(names[place]))}
-    return ColumnMap(
-        numbers, None if labels is None else tuple(labels), units, {r: names[p] for r, p in places.items()}
-    )
+    headers = {role: parse_header(names[place]) for role, place in places.items()}
+    return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
+
+
+def _layout(data: bytes, file: str | Path, delimiter: str, skip: int, decimal: str) -> Layout:
+    """The layout by the first lines. InputError where there are none."""
+    start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
+    pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
+    lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
+    found = find_layout(lines, delimiter, decimal)
+    if found is None:
+        raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
+    return found
 
 
 class _Rows:
     """Iterator over the rows of a file as lists of cells, blank ones passed over; ``line`` is that of the last."""
 
-    def __init__(self, data: bytes, file: str | Path, delimiter: str) -> None:
-        self.file, self.line = file, 0
+    def __init__(self, data: bytes, file: str | Path, delimiter: str, *, comments: bool = False) -> None:
+        self.file, self.line, self._comments = file, 0, comments
         data = data.removeprefix(b"\xef\xbb\xbf")
         self._stream = io.BytesIO(data if b"\n" in data else data.replace(b"\r", b"\n"))  # old Macintosh line ends
         self._reader = csv.reader(
@@ -115,6 +133,8 @@ class _Rows:
             text, broken = decode(line, self.file)
             if broken is not None:
                 raise InputError(broken.message, file=self.file, line=self.line, expected=broken.expected)
+            if self._comments and text.lstrip().startswith(("#", "%")):
+                continue
             yield text.rstrip(" \r\n") + "\n"
 
     def skip(self) -> None:
@@ -159,32 +179,66 @@ def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -
 
 def _places(
     names: list[str], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], file: str | Path, line: int
-) -> dict[str, int]:
-    """Position of the column of each role; stated ones by name, else those whose name is known."""
-    bare = [_UNIT.sub(r"\1", name).strip() for name in names]
+) -> tuple[dict[str, int], str | None]:
+    """Position of the column of each role, stated ones first, and the type of response that a name says."""
+    headers = [parse_header(name) for name in names]
+    by_name, response = _by_name(headers, known, file, line)
     if not mapped:
-        lower = [name.lower() for name in bare]
-        found = {role: [name for name in named if name in lower] for role, named in known.items()}
-        for first in (matches[0] for matches in found.values() if matches):
-            if lower.count(first) > 1:
-                expected = "one, or --column ROLE=NAME"
-                raise InputError(f"several columns are {shortened(first)!r}", file=file, line=line, expected=expected)
-        return {role: lower.index(matches[0]) for role, matches in found.items() if matches}
-    places: dict[str, int] = {}
-    for role, name in mapped.items():
-        matches = [i for i, pair in enumerate(zip(names, bare, strict=True)) if name.strip() in pair]
-        exact = [i for i in matches if names[i] == name.strip()]
-        if len(exact or matches) != 1:
-            alike = nearest(name, names, likeness=0.5)
-            meant = f" (is {shortened(alike)!r} meant?)" if alike else ""
-            hint = "" if matches else _other_delimiter(names) or meant
-            message = f"{'several columns are' if matches else 'no column'} {shortened(name)!r}{hint}"
-            raise InputError(message, file=file, line=line, expected=f"one of {shortened(', '.join(names), 100)}")
-        places[role] = (exact or matches)[0]
-    return places
+        return by_name, response
+    places = {role: _stated_place(name, headers, file, line) for role, name in mapped.items()}
+    taken, setting = set(places.values()), not set(_SETTING) & set(places)
+    for role, place in by_name.items():
+        if place not in taken and role not in places and (role == "sweep" or (role in _SETTING and setting)):
+            places[role] = place
+    return places, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
 
 
-def _no_role(names: list[str], file: str | Path, line: int) -> InputError:
+def _by_name(
+    headers: Sequence[Header], known: Mapping[str, Iterable[str]], file: str | Path, line: int
+) -> tuple[dict[str, int], str | None]:
+    """ColumnMap by role where their names are those of roles, or else what tables of laboratories call them."""
+    lower = [header.name.lower() for header in headers]
+    found = {role: [name for name in named if name in lower] for role, named in known.items()}
+    for first in (matches[0] for matches in found.values() if matches):
+        if lower.count(first) > 1 and first != "f":
+            expected = "one, or --column ROLE=NAME"
+            raise InputError(f"several columns are {shortened(first)!r}", file=file, line=line, expected=expected)
+    own = {role: lower.index(matches[0]) for role, matches in found.items() if matches}
+    usual, response = recognise(headers)
+    if "x" in own and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
+        own = {role: place for role, place in own.items() if role not in ("x", "y")}
+    if "phase" in own and "angle" in usual:
+        own.pop("phase")
+    motions = {"response", "x", "y", "amplitude"}
+    if motions & set(own):
+        usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}
+        response = None
+    places = {role: place for role, place in usual.items() if place not in own.values() and role not in own} | own
+    if not {"amplitude"} & set(places) or {"lead_deg", "lag_deg", "lead"} & set(places):
+        places.pop("angle", None)
+    return places, response
+
+
+def _stated_place(name: str, headers: Sequence[Header], file: str | Path, line: int) -> int:
+    """The column of a stated name, with or without its unit, or of a number from 1 where no name is that number."""
+    matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.name)]
+    exact = [k for k in matches if headers[k].text == name.strip()]
+    if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
+        matches = [int(name) - 1]
+    if len(exact or matches) == 1:
+        return (exact or matches)[0]
+    names = [header.text for header in headers]
+    alike = nearest(name, names, likeness=0.5)
+    meant = f" (is {shortened(alike)!r} meant?)" if alike else ""
+    hint = "" if matches else _other_delimiter(names) or meant
+    message = f"{'several columns are' if matches else 'no column'} {shortened(name)!r}{hint}"
+    raise InputError(message, file=file, line=line, expected=f"one of {shortened(', '.join(names), 100)}")
+
+
+def _no_role(names: list[str], layout: Layout, file: str | Path, line: int) -> InputError:
+    if layout.numbered:
+        expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
+        return InputError("the table has no header", file=file, expected=expected)
     expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
     message = f"no column has the name of a role{_other_delimiter(names)}"
     return InputError(message, file=file, line=line, expected=expected)

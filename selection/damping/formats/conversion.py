@@ -62,12 +62,16 @@ def conversion(found: Found, stated: Stated, file: str, summary: Summary) -> Con
         summary.add(f"unit of {what}", texts[what] or "", _STATED if stated.units.get(what) else _FOUND)
     whole = _response_unit(name, units, file)
     force, length = (unit(text) for text in SYSTEMS[stated.system])
-    per = force.factor if per_force else 1.0
-    of_force = units["force"].factor / force.factor if "force" in units else None
+    angular = whole.powers == (0, 0, -order)  # a rotation in rad: its force is a moment, its mass one of inertia
+    if angular:
+        summary.note(f"a rotation: amplitudes in rad, forces in {force.text} {length.text}")
+    arm = length.factor if angular else 1.0
+    per = force.factor * arm if per_force else 1.0
+    of_force = units["force"].factor / (force.factor * arm) if "force" in units else None
     return Conversion(
         order,
         per_force,
-        whole.factor / length.factor * per * stated.scale.get("response", 1.0),
+        whole.factor / (1.0 if angular else length.factor) * per * stated.scale.get("response", 1.0),
         None if of_force is None else of_force * stated.scale.get("force", 1.0),
     )
 
@@ -83,7 +87,9 @@ def _response_type(found: Found, stated: Stated, units: dict[str, Unit], file: s
             raise InputError(f"the response is {kind} and {name} is stated", file=file, expected=_choices(found))
         return name
     if "response" in units:
-        fits = [name for name in _fitting(found) if _powers(name) == units["response"].powers]
+        powers = units["response"].powers
+        fits = [n for n in _fitting(found) if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
+        fits = [n for n in fits if not RESPONSES[n][1]] if powers[:2] == (0, 0) else fits
         if not fits and found.per_force and "force" in units:
             fits = [name for name in _fitting(found) if _powers(name) == units["response"].per(units["force"]).powers]
         if len(fits) == 1:
@@ -120,7 +126,7 @@ def _response_unit(name: str, units: dict[str, Unit], file: str) -> Unit:
     found = units["response"]
     if found.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
         found = found.per(units["force"])
-    if found.powers != _powers(name):
+    if found.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
         raise InputError(
             f"{units['response'].text} is no unit of {name}", file=file, expected=f"such as {_EXAMPLES[name]}"
         )
@@ -137,13 +143,47 @@ _EXAMPLES = {
 }
 
 
-def scaling(found: Found, stated: Stated, file: str, summary: Summary) -> float:
-    """Amplitudes of the sine in one unit of what was recorded.
+def ask(found: Found, stated: Stated, file: str, *, force: bool | None) -> None:
+    """One InputError that names everything that neither the file nor the user says, where that is more than one thing.
+
+    Args:
+        force: whether a force is there, None where none is wanted (a free decay).
+    """
+    missing: dict[str, str] = {}
+    texts = {what: stated.units.get(what) or found.units.get(what) for what in ("response", "force")}
+    typed = stated.response or found.response
+    if typed is None and (stated.consistent or not texts["response"]):
+        missing["type of the response"] = f"--response {_choices(found)}"
+    if not stated.consistent:
+        units = [what for what in texts if not texts[what] and (what == "response" or force is not None)]
+        for what in units:
+            example = _EXAMPLES.get(typed or "", "m/s^2") if what == "response" else "N"
+            missing[f"unit of the {what}"] = f"--unit {what}={example}"
+    if force is False:
+        missing["force"] = "--force AMPLITUDE of each sweep"
+    ratio = found.per_force or (stated.response in RESPONSES and RESPONSES[stated.response][1])
+    if force is not None and not ratio and not (stated.scaling or found.scaling):
+        missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
+    if len(missing) > 1:
+        *first, last = missing
+        message = f"neither in the file nor stated: {', '.join(first)} and {last}"
+        raise InputError(message, file=file, expected=" ".join(missing.values()))
+
+
+def scaling(found: Found, stated: Stated, file: str, summary: Summary, *, of_force: bool = False) -> float:
+    """Amplitudes of the sine in one unit of what was recorded; a force of real numbers has a scaling of its own.
 
     Raises:
         InputError: neither stated nor found.
     """
     name = stated.scaling or found.scaling
+    if of_force and (stated.force_scaling or found.force_scaling):
+        name = stated.force_scaling or found.force_scaling
+        if name != found.scaling or stated.scaling:
+            summary.add("amplitudes of force", name or "", _STATED if stated.force_scaling else _OF_ROLE)
+            if stated.scaling not in (None, name) and not stated.force_scaling:
+                summary.note(f"--scaling is that of the response; the force is {name} (--scaling force=... to say so)")
+        return SCALINGS[name or "peak"]
     if name is None:
         raise InputError(
             "whether amplitudes are peak or rms is neither in the file nor stated",
@@ -202,6 +242,7 @@ def time_histories(series: Sequence[Series], stated: Stated, file: str | Path, s
     for k, one in enumerate(series):
         if not one.is_time:
             raise InputError(f"{one.label!r} is no time history", file=file, expected="a signal against time")
+        ask(one.found, stated, str(file), force=None)
         to = conversion(one.found, stated, str(file), summary)
         if to.per_force:
             raise InputError("a time history is no ratio to force", file=file, expected="--response acceleration")

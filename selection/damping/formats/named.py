@@ -10,6 +10,7 @@ Named arrays and columns to series: which array plays which role, whatever file 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import pi
 from pathlib import Path
 from typing import cast
@@ -20,7 +21,7 @@ import numpy.typing as npt
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import Array
-from damping.formats.series import Found, Samples, Series
+from damping.formats.series import Found, Samples, Series, Summary
 
 #: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
 COLUMNS: dict[str, tuple[str, ...]] = {
@@ -73,6 +74,7 @@ ROLES: dict[str, str] = {
     "lag_deg": "lag of the response behind the force, degrees",
     "lead": "lead of the response before the force or the reference, rad",
     "lead_deg": "the same in degrees",
+    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
     "force": "amplitude of the force, or complex force",
     "force_x": "real part or in-phase reading of the force",
     "force_y": "imaginary part or quadrature reading of the force",
@@ -85,56 +87,130 @@ ROLES: dict[str, str] = {
 }
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _ABSCISSAS = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-_PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0}
+_PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 _MOST_SWEEPS = 1000
+_UNIT_SAYS = {"response"}  # a unit says the type of a response better than a name
+#: Another sweep begins where the frequency goes back by more than this share of its range so far ...
+_RESTART = 0.5
+#: ... after so many rows at least.
+_FEWEST_ROWS = 4
+
+
+@dataclass(frozen=True)
+class Said:
+    """What names and headers say beside the numbers: units as texts by quantity, the type of response, scalings.
+
+    ``degrees``: roles whose header says degrees.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict)
+    response: str | None = None
+    scaling: str | None = None
+    force_scaling: str | None = None
+    degrees: Sequence[str] = ()
 
 
 def to_series(
     arrays: Mapping[str, Array],
     labels: Sequence[str] | None,
-    units: Mapping[str, str],
+    said: Said,
     file: str | Path,
     name: str,
+    summary: Summary,
     *,
     peak: bool,
 ) -> list[Series]:
-    """One series for each sweep.
+    """One series for each sweep; a table without labels is cut where the frequency starts again or the force changes.
 
     Args:
         arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
             a force is one number, (k,), (n,) or of the shape of the response.
         labels: sweep of each row (n,), or None.
-        units: units found with the arrays, by ``force``, ``response``, ``energy``, ``mass``.
-        file: for messages. name: label of the only sweep.
+        said: what headers and names say.
+        file: for messages. name: label of the only sweep. summary: grows by what was cut.
         peak: the role ``amplitude`` has its meaning, an amplitude of the sine (not so for readings of an amplifier).
 
     Raises:
         InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
+    arrays = _in_radians(arrays, said)
     role, x = _abscissa(arrays, file)
     n = len(x)
     response, phased = _response(arrays, n, role == "time", file)
     force = _force(arrays, n, response.shape[1], file)
     extra = {key: _column(arrays[key], n, key, file) for key in _EXTRA if key in arrays}
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
+    own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
-    found = Found(scaling="peak" if of_role else None, units=dict(units))
+    found = Found(
+        response=None if _UNIT_SAYS & set(said.units) else said.response,
+        scaling=said.scaling or ("peak" if of_role else None),
+        force_scaling=said.force_scaling or ("peak" if own else None),
+        units=dict(said.units),
+        turn="angle" in arrays,
+    )
+    is_time = role == "time"
     if response.shape[1] > 1:
         return [
-            Series(f"{name} {k + 1}", x, response[:, k], _of(force, k), role == "time", phased, extra, found)
+            Series(f"{name} {k + 1}", x, response[:, k], _of(force, k), is_time, phased, extra, found)
             for k in range(response.shape[1])
         ]
+    whole = Series(name, x, response[:, 0], _of(force, 0), is_time, phased, extra, found)
+    if labels is None and not is_time:
+        cuts = _cuts(x, whole.force)
+        if cuts:
+            summary.note(f"{len(cuts) + 1} sweeps one below the other are told apart by frequency and force")
+        labels = [f"{name} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in range(n)] if cuts else None
     if labels is None:
-        return [Series(name, x, response[:, 0], _of(force, 0), role == "time", phased, extra, found)]
-    series = []
+        return [whole]
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
-    for label, rows in by_label.items():
-        of_sweep = {key: column[rows] for key, column in extra.items()}
-        one = None if force is None else force[rows, 0]
-        series.append(Series(label or name, x[rows], response[rows, 0], one, role == "time", phased, of_sweep, found))
-    return series
+    return [_rows(whole, label or name, rows) for label, rows in by_label.items()]
+
+
+def _rows(whole: Series, label: str, rows: list[int]) -> Series:
+    """Some rows of a series."""
+    return replace(
+        whole,
+        label=label,
+        abscissa=whole.abscissa[rows],
+        response=whole.response[rows],
+        force=None if whole.force is None else whole.force[rows],
+        extra={key: column[rows] for key, column in whole.extra.items()},
+    )
+
+
+def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
+    """Rows at which another sweep begins: the frequency goes back by half its range, or a constant force changes."""
+    starts: set[int] = set()
+    rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
+    first = 0  # place of the current sweep's first row among ``rows``
+    for k in range(1, len(rows)):
+        here = frequency[rows[first:k]]
+        step = frequency[rows[k]] - here[-1]
+        back = step * (here[-1] - here[0]) < 0.0
+        if back and len(here) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(here):
+            starts.add(int(rows[k]))
+            first = k
+    if force is not None:
+        size = np.abs(force)
+        changes = np.flatnonzero(size[1:] != size[:-1]) + 1
+        if len(changes) < len(size) / _FEWEST_ROWS:  # a force that is kept, not one that is measured row by row
+            starts |= {int(row) for row in changes}
+    return sorted(starts)
+
+
+def _in_radians(arrays: Mapping[str, Array], said: Said) -> dict[str, Array]:
+    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad."""
+    turned = dict(arrays)
+    for role in ("phase", "lead", "angle"):
+        if role not in turned or np.iscomplexobj(turned[role]):
+            continue
+        large = role == "angle" and np.nanmax(np.abs(turned[role]), initial=0.0) > 2.0 * pi
+        if role in said.degrees or large:
+            turned[role] = np.asarray(turned[role]) * (pi / 180.0)
+    return turned
 
 
 def _of(force: Samples | None, sweep: int) -> Samples | None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from math import pi
 
 import pandas as pd
 
@@ -43,6 +44,8 @@ _NAMES: dict[str, tuple[tuple[int, int, int], float]] = {
     "inch": ((0, 1, 0), INCH_M),
     "mil": ((0, 1, 0), 1e-3 * INCH_M),
     "ft": ((0, 1, 0), 12.0 * INCH_M),
+    "rad": ((0, 0, 0), 1.0),
+    "deg": ((0, 0, 0), pi / 180.0),
     "s": ((0, 0, 1), 1.0),
     "sec": ((0, 0, 1), 1.0),
     "ms": ((0, 0, 1), 1e-3),

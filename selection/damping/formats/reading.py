@@ -8,19 +8,23 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from damping.errors import InputError
-from damping.formats.arrays import read_arrays
-from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
+from damping.formats.arrays import Array, Arrays, read_arrays
+from damping.formats.columns import read_columns
+from damping.formats.layout import DECIMALS, DELIMITERS
 from damping.formats.named import COLUMNS as LOCKIN_COLUMNS
-from damping.formats.named import ROLES, once, to_series
-from damping.formats.quantity import SYSTEMS
-from damping.formats.series import RESPONSES, SCALINGS, Series, Stated, Summary
+from damping.formats.named import ROLES, Said, once, to_series
+from damping.formats.quantity import SYSTEMS, unit
+from damping.formats.series import RESPONSES, SCALINGS, Found, Series, Stated, Summary
 from damping.formats.uff import read_uff
 from damping.records.keys import nearest
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes, shortened
 
-FORMATS = ("auto", "uff", "mat", "hdf5", "csv", "lock-in")
+FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 #: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
 _OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
@@ -46,23 +50,42 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     summary = Summary()
     kind = _format(path, stated, summary)
     _heeded(stated, kind, path)
-    if kind in ("mat5", "mat73", "hdf5"):
+    if kind in _ARRAYS:
         return _arrays(path, kind, stated, summary, max_size), summary
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, path, summary, stated.datasets, stated.labels), summary
     known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
     found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    if "auto" in (stated.delimiter, stated.decimal):
+        by = "no header, columns by number" if found.layout.numbered else "columns by name"
+        layout = f"{found.layout.delimiter} between cells, decimal {found.layout.decimal}, {by}"
+        summary.add("table", layout, "found in the file")
     numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
-    for role, name in found.names.items():
+    for role, header in found.headers.items():
         if role in numbers or role == "sweep":
-            whence = "stated" if stated.columns else "by its name"
-            summary.add(f"column {shortened(name)!r}", f"{role}: {ROLES[role]}", whence)
+            whence = "stated" if role in stated.columns else "by its name"
+            summary.add(f"column {shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
+    headers = {role: header for role, header in found.headers.items() if role in numbers}
+    said = Said(
+        units=_units({role: header.unit for role, header in headers.items() if header.unit}),
+        response=found.response,
+        scaling=next(
+            (h.scaling for role, h in headers.items() if _UNIT_OF.get(role) == "response" and h.scaling), None
+        ),
+        force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
+        degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
+    )
+    return to_series(numbers, found.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
+
+
+def _units(of_roles: Mapping[str, str]) -> dict[str, str]:
+    """The first unit of each quantity that the columns or arrays of some roles name."""
     units: dict[str, str] = {}
-    for role, text in found.units.items():
-        if role in numbers and role in _UNIT_OF:
+    for role, text in of_roles.items():
+        if role in _UNIT_OF:
             units.setdefault(_UNIT_OF[role], text)
-    return to_series(numbers, found.sweep, units, path, Path(path).stem, peak=kind == "csv"), summary
+    return units
 
 
 def check(stated: Stated) -> None:
@@ -71,9 +94,10 @@ def check(stated: Stated) -> None:
     _one_of("--response", stated.response, RESPONSES)
     _one_of("--scaling", stated.scaling, SCALINGS)
     _one_of("--to", stated.system, SYSTEMS)
-    _one_of("--delimiter", stated.delimiter, DELIMITERS)
-    _one_of("--decimal", stated.decimal, DECIMALS)
-    if stated.decimal == stated.delimiter:
+    _one_of("--scaling force", stated.force_scaling, SCALINGS)
+    _one_of("--delimiter", stated.delimiter, ("auto", *DELIMITERS))
+    _one_of("--decimal", stated.decimal, ("auto", *DECIMALS))
+    if stated.decimal == stated.delimiter == "comma":
         raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
     for option, known, given in (
         ("--column", tuple(ROLES), stated.columns),
@@ -94,7 +118,7 @@ def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
     if kind == "uff":
         unheeded = {"columns": "--column"} | layout
     else:
-        unheeded = {"datasets": "--dataset"} | (layout if kind in ("mat5", "mat73", "hdf5") else {})
+        unheeded = {"datasets": "--dataset"} | (layout if kind in _ARRAYS else {})
     for name, option in unheeded.items():
         if getattr(stated, name) != getattr(Stated(), name):
             raise InputError(f"{option} means nothing in a file of format {kind}", file=path, expected=f"no {option}")
@@ -108,7 +132,7 @@ def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[
 
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
-    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``csv`` or ``lock-in``."""
+    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
     start = _start(path)
     hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
@@ -118,12 +142,16 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         found = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
     elif first == b"-1":
         found = "uff"
+    elif start.startswith(b"TDSm"):
+        found = "tdms"
+    elif first.startswith(b"LabVIEW Measurement"):
+        found = "lvm"
     else:
         found = "csv"
     if stated.format == "auto":
         if found == "csv" and _is_binary(start):
             raise InputError(
-                "neither UFF, MAT 5 to 7.3, HDF5 nor text",
+                "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
                 file=path,
                 expected="a file of one of these (save a MAT file of version 4 again with -v7)",
             )
@@ -149,6 +177,8 @@ _TITLES = {
     "mat5": "MAT file, version 5",
     "mat73": "MAT file, version 7.3",
     "hdf5": "HDF5",
+    "tdms": "TDMS of National Instruments",
+    "lvm": "LabVIEW measurement file",
     "csv": "CSV",
     "lock-in": "readings of a lock-in amplifier",
 }
@@ -168,14 +198,24 @@ def _start(path: str | Path) -> bytes:
 
 
 def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
-    names = dict(stated.columns) or {role: name for role, own in _OWN_NAMES.items() for name in own}
-    wanted = list(names.values()) if stated.columns else [name for own in _OWN_NAMES.values() for name in own]
+    """Series of a file of named arrays or channels."""
+    channels = kind in ("tdms", "lvm")
+    own = [name for names in _OWN_NAMES.values() for name in names]
+    wanted = [] if channels else list(stated.columns.values()) or own
     found = read_arrays(path, kind, wanted, max_size)
+    if channels or not found.arrays:
+        everything = found if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else found
+        if everything.steps or channels:
+            return _channels(everything, stated, path, summary)
     arrays, known = found.arrays, found.known
+    names = dict(stated.columns)
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {shortened(missing)!r}", file=path, expected=_has(known))
+        names = _with_setting(names, known)
+        if len(names) > len(stated.columns):
+            arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
         names = {role: name for role, own in _OWN_NAMES.items() for name in own if name in arrays}
         if not names:
@@ -183,22 +223,75 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
                 "no array has the name of a role", file=path, expected=f"--column ROLE=NAME; it has {_has(known)}"
             )
     for role, name in names.items():
-        shape = " x ".join(str(n) for n in arrays[name].shape) or "1"
+        shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
+        many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
+        whence = "stated" if role in stated.columns else "by its name"
+        summary.add(f"array {shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
+    said = Said(units=_units({role: found.units[name] for role, name in names.items() if name in found.units}))
+    return _each(names, arrays, said, path, summary)
+
+
+def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
+    """The roles with the abscissa that the file has by its own name, where none is stated."""
+    abscissas = ("frequency", "omega", "time")
+    if set(abscissas) & set(names):
+        return names
+    return names | {role: role for role in abscissas if known.get(role)}
+
+
+def _each(
+    names: Mapping[str, str],
+    arrays: Mapping[str, list[Array]],
+    said: Said,
+    path: str | Path,
+    summary: Summary,
+) -> list[Series]:
+    """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
+    count = max(len(arrays[name]) for name in names.values())
+    odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
+    if odd is not None:
+        number = len(arrays[names[odd]])
+        raise InputError(f"{number} arrays of {odd} beside {count} of others", file=path, expected=f"1 or {count}")
+    stem, series = Path(path).stem, []
+    for k in range(count):
+        of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
+        label = stem if count == 1 else f"{stem} {k + 1}"
+        labels = None
+        if "sweep" in of_role:
+            labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
+        series += to_series(of_role, labels, said, path, label, summary, peak=True)
+    return series
+
+
+def _channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
+    """Time histories of a file that says the time step of each of its channels."""
+    unheeded = next((role for role in stated.columns if role != "response"), None)
+    if unheeded:
+        raise InputError(f"--column {unheeded} of a file of channels", file=path, expected="--column response=NAME")
+    asked = stated.columns.get("response")
+    names = [name for name in found.arrays if asked in (None, name) or name.split("/")[-1] == asked]
+    if not names:
+        raise InputError(f"no channel {shortened(asked or '')!r}", file=path, expected=_has(found.known))
+    for name in names:
+        if name not in found.steps:
+            raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
         summary.add(
-            f"array {shortened(name)!r}",
-            f"{role}: {ROLES[role]} ({shape})",
-            "stated" if stated.columns else "by its name",
+            f"channel {shortened(name)!r}",
+            f"{found.arrays[name][0].size} samples, step {found.steps[name][1]:g} s",
+            "found in the file",
         )
-    labels = None
-    if "sweep" in names:
-        labels = [f"{value:g}" for value in arrays[names["sweep"]].real.reshape(-1)]
-        names = {role: name for role, name in names.items() if role != "sweep"}
-    units: dict[str, str] = {}
-    for role, name in names.items():
-        if role in _UNIT_OF and name in found.units:
-            units.setdefault(_UNIT_OF[role], found.units[name])
-    of_role = {role: arrays[name] for role, name in names.items()}
-    return to_series(of_role, labels, units, path, Path(path).stem, peak=True)
+    kinds = {unit(found.units[name]).powers for name in names if name in found.units} if not stated.units else set()
+    if len(kinds) > 1:
+        listed = ", ".join(f"{name} ({found.units.get(name, 'no unit')})" for name in names[:8])
+        raise InputError(f"channels of several kinds: {listed}", file=path, expected="--column response=NAME")
+    series = []
+    for name in names:
+        start, step = found.steps[name]
+        values = np.asarray(found.arrays[name][0], dtype=np.float64).reshape(-1)
+        said = Found(units={"response": found.units[name]} if name in found.units else {})
+        t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
+        series.append(Series(name, t, values, is_time=True, has_phase=False, found=said))
+    return series
 
 
 def _has(known: Mapping[str, tuple[int, ...]]) -> str:

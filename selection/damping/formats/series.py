@@ -36,12 +36,15 @@ class Found:
     """What a file says of a series; None where it says nothing.
 
     ``response`` is a name of ``RESPONSES``, ``per_force`` whether it is a ratio to force, ``scaling`` a name of
-    ``SCALINGS``, ``units`` are texts by ``force``, ``response``, ``energy`` and ``mass``.
+    ``SCALINGS`` (``force_scaling`` of the force where it has its own), ``units`` are texts by ``force``,
+    ``response``, ``energy`` and ``mass``; ``turn``: whether the phase leads or lags is told by its turn alone.
     """
 
     response: str | None = None
     per_force: bool | None = None
     scaling: str | None = None
+    force_scaling: str | None = None
+    turn: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -69,10 +72,10 @@ class Stated:
     """What the user says of a file.
 
     Attributes:
-        format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``csv`` or ``lock-in``.
+        format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
         columns: name of the column or array of each role (``named.ROLES``).
         response: a name of ``RESPONSES``, or None.
-        scaling: a name of ``SCALINGS``, or None.
+        scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
         units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.
         scale: factors that turn values of ``force`` and ``response`` into their units (sensitivities).
         system: ``si`` or ``us``: the units of the record.
@@ -81,14 +84,15 @@ class Stated:
         datasets: numbers (from 1) of the data sets to take; empty: all.
         band: lowest and highest frequency to take, Hz.
         reverse: turn the sign of the response (a sensor mounted against the force).
-        delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab`` or ``space``.
-        skip: lines before the header of a CSV file. decimal: ``point`` or ``comma``, the mark in its numbers.
+        delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``, or ``auto``: as its lines show.
+        skip: lines before the header of a CSV file. decimal: ``point``, ``comma`` or ``auto``: mark in its numbers.
     """
 
     format: str = "auto"
     columns: Mapping[str, str] = field(default_factory=dict)
     response: str | None = None
     scaling: str | None = None
+    force_scaling: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     consistent: bool = False
     scale: Mapping[str, float] = field(default_factory=dict)
@@ -98,9 +102,9 @@ class Stated:
     datasets: tuple[int, ...] = ()
     band: tuple[float, float] | None = None
     reverse: bool = False
-    delimiter: str = "comma"
+    delimiter: str = "auto"
     skip: int = 0
-    decimal: str = "point"
+    decimal: str = "auto"
 
 
 @dataclass

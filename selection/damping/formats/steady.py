@@ -10,7 +10,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError
-from damping.formats.conversion import Conversion, conversion, other_factor, scaling
+from damping.formats.conversion import Conversion, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import Imported, Series, Stated, Summary
 from damping.records.keys import record_schema
@@ -48,7 +48,7 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
             "record", f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}", "stated"
         )
     summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
-    _phases(table, summary)
+    _phases(table, file, summary)
     return Imported(Record(table, str(file)), summary)
 
 
@@ -93,12 +93,15 @@ def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -
 
 def _table(one: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary) -> pd.DataFrame:
     """Rows of one sweep."""
+    ask(one.found, stated, file, force=level is not None or one.force is not None)
     to = conversion(one.found, stated, file, summary)
     frequency = np.asarray(one.abscissa, dtype=np.float64)
     keep = _usable(one, stated, label, file, summary)
     omega = RAD_S_PER_HZ * frequency[keep]
     F = _force(one, keep, level, to, stated, file, summary)
     X = one.response[keep] * (to.response * (-1.0 if stated.reverse else 1.0)) / (1j * omega) ** to.order
+    if one.found.turn:
+        X = _turned(one.response[keep], X, frequency[keep], to.order, label, file, summary)
     X = X * (np.abs(F) if to.per_force else scaling(one.found, stated, file, summary))
     columns: dict[str, FloatArray | list[str]] = {
         "sweep": [label] * len(omega),
@@ -175,7 +178,7 @@ def _force(
         return np.full(int(np.count_nonzero(keep)), level * to.force)
     summary.add("force", "measured at every row", "found in the file")
     assert one.force is not None  # checked above
-    values: FloatArray = one.force[keep] * to.force * scaling(one.found, stated, file, summary)
+    values: FloatArray = one.force[keep] * to.force * scaling(one.found, stated, file, summary, of_force=True)
     return values
 
 
@@ -206,16 +209,48 @@ def _wrapped(phase: FloatArray) -> FloatArray:
     return (phase + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
 
 
-def _phases(table: pd.DataFrame, summary: Summary) -> None:
-    """Say so when the response mostly moves with the wrong sign."""
+def _turned(
+    response: FloatArray, X: FloatArray, frequency: FloatArray, order: int, label: str, file: str, summary: Summary
+) -> FloatArray:
+    """The displacement, its phase taken as a lead or as a lag, whichever lets the structure take energy.
+
+    The lag of the displacement of a passive structure lies between 0 and pi and rises through pi/2 with frequency.
+    """
+    other = np.conj(response) * (X / response)  # X of the conjugate response
+    passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
+    if len(passive) != 1:
+        raise InputError(
+            f"whether the phase of {label!r} leads or lags cannot be told from its turn",
+            file=file,
+            expected="--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)",
+        )
+    says = "a lead of the response" if passive[0] is X else "a lag of the response"
+    summary.add("phase", says, "follows: a passive structure takes energy")
+    return passive[0]
+
+
+def _is_passive(lag: FloatArray, size: FloatArray, frequency: FloatArray) -> bool:
+    """Whether a lag lies within 0..pi for most of the motion and rises with frequency."""
+    order = np.argsort(frequency, kind="stable")
+    lag, weight, f = np.unwrap(lag[order]), size[order] ** 2, frequency[order]
+    inside = float(np.sum(weight * (np.sin(lag) > 0.0)) / np.sum(weight))
+    centre = float(np.sum(weight * f) / np.sum(weight))
+    rises = float(np.sum(weight * (f - centre) * lag)) > 0.0 or len(f) == 1
+    return inside > 0.5 and rises
+
+
+def _phases(table: pd.DataFrame, file: str | Path, summary: Summary) -> None:
+    """Say so when there are no phases. InputError where the response mostly gives energy back."""
     if "phase" not in table:
         summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
         return
     wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
     if wrong > len(table) / 2:
-        summary.note(
+        raise InputError(
             f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
-            "mounted against the force, or the phase of the other sign? --reverse turns the response"
+            "mounted against the force, or the phase of the other sign?",
+            file=file,
+            expected="--reverse, or the phase as lead in place of lag (or the other way round)",
         )
 
 

@@ -106,6 +106,46 @@ def read_uff(
     return _with_forces(series, forces, data, file, summary)
 
 
+@dataclass(frozen=True)
+class Function:
+    """A data set 58 as it stands: ID line, response and reference (node, direction), type, abscissa and ordinate.
+
+    ``quantity`` is what the ordinate is, ``per`` what it is divided by ('' where nothing), ``units`` their labels.
+    """
+
+    title: str
+    response: tuple[int, int]
+    reference: tuple[int, int]
+    is_time: bool
+    quantity: str
+    per: str
+    units: tuple[str, str]
+    x: FloatArray
+    y: Samples
+
+
+def read_functions(data: bytes, file: str | Path, summary: Summary) -> list[Function]:
+    """Every function of time or frequency of a universal file, whatever the points and quantities.
+
+    Raises:
+        InputError: no data set 58, or a broken one.
+    """
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    sets, _ = _sets(data, file)
+    if not sets:
+        raise InputError("no data set 58", file=file, expected="a universal file with functions at nodal DOF")
+    taken = []
+    for one in (one for one in sets if one.header.function in (*_TAKEN, 5)):
+        head = one.header
+        x, y = values(data, one.block, head, file)
+        at = abscissa(x, head.abscissa, one.is_time, file, summary)
+        labels = (head.numerator.unit, head.denominator.unit if one.per else "")
+        points = (head.response_point, head.reference_point)
+        taken.append(Function(head.title, *points, one.is_time, one.quantity, one.per, labels, at, y))
+    return taken
+
+
 def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
     """The data sets 58, and the numbers of all other data sets."""
     sets: list[_Set] = []

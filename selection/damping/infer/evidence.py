@@ -1,7 +1,7 @@
 """Posterior mode and the Gaussian at it, from values of the log density only.
 
-Quasi-Newton descents from the best of many prior points find the mode; Newton steps whose difference quotients are
-scaled to the posterior's own width then polish it, which matters where data are so good that the width is tiny.
+Newton steps from the best fit of the law find the mode; their difference quotients are scaled to the posterior's own
+width, which matters where data are so good that the width is tiny.
 
 Marginal likelihood of a law on observations, by importance sampling around its posterior mode.
 
@@ -19,16 +19,15 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
+from damping.infer.best_fit import fit_law
 from damping.infer.importance import Evidence, Proposal, importance, sobol
 from damping.infer.law import REACH, Coordinates, log_posterior
 from damping.infer.observations import Observations
 
-_STARTS_POWER = 9  # 512 prior points: enough to meet every mode of a slip joint or an exponent
 _STEP = 1e-4  # of a standard normal variable, for the descents
 BARRIER = 1e8  # stands for an impossible law in the minimiser, which needs finite numbers
 _WIDTHS = (1e-5, 1e-2)  # least and largest step of a difference quotient
@@ -38,22 +37,18 @@ _MOST_STEPS = 20
 Negative = Callable[[FloatArray], FloatArray]
 
 
-def find_mode(coordinates: Coordinates, data: Observations, starts: int = 3) -> FloatArray:
-    """Posterior mode in the standard normal variables, (dimension,).
+def find_mode(coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Posterior mode in the standard normal variables, (dimension,): Newton steps from the best fit.
 
     Raises:
         AnalysisError: the law cannot carry the measured forces at any parameter value tried.
     """
     negative = negative_log_posterior(coordinates, data)
-    points = ndtri(sobol(coordinates.dimension, _STARTS_POWER, seed=0))
-    order = np.argsort(negative(points))
-    if not negative(points[order[:1]])[0] < BARRIER:
+    fit = fit_law(coordinates.law, data)
+    start = fit.variables if np.isfinite(fit.squares) else np.zeros(coordinates.dimension)
+    if not negative(start[None, :])[0] < BARRIER:
         raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
-    found = [
-        minimize(_value_and_gradient, points[i], (negative,), "L-BFGS-B", jac=True, options={"maxiter": 200})
-        for i in order[:starts]
-    ]
-    return _polished(np.asarray(min(found, key=lambda result: float(result.fun)).x), negative)
+    return _polished(start, negative)
 
 
 def covariance_at(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -69,14 +64,6 @@ def negative_log_posterior(coordinates: Coordinates, data: Observations) -> Nega
         return np.where(np.isfinite(value), value, BARRIER + np.sum(x**2, axis=-1))
 
     return negative
-
-
-def _value_and_gradient(x: FloatArray, negative: Negative) -> tuple[float, FloatArray]:
-    """Value and central-difference gradient from one vectorised call."""
-    d = x.size
-    steps = _STEP * np.eye(d)
-    values = negative(np.vstack([x, x + steps, x - steps]))
-    return float(values[0]), (values[1 : 1 + d] - values[1 + d :]) / (2.0 * _STEP)
 
 
 def _polished(x: FloatArray, negative: Negative) -> FloatArray:
@@ -128,6 +115,8 @@ def evidence(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evi
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
+    data = data.scaled()
+    coordinates = Coordinates.of(coordinates.law, data)
     mode = find_mode(coordinates, data)
     density = partial(log_posterior, coordinates=coordinates, data=data)
     return importance(density, mode, covariance_at(mode, coordinates, data), seed)
@@ -167,6 +156,8 @@ def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evid
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
+    data = data.scaled()
+    coordinates = Coordinates.of(coordinates.law, data)
     negative = negative_log_posterior(coordinates, data)
     near = _descended(coordinates, negative)
     gradient, covariance, _ = derivatives(near, negative, np.full(near.size, _LAPLACE_STEP))

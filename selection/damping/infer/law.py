@@ -18,6 +18,7 @@ Residual of a row, the distance of the measured phasor (ln A, phi) from the curv
 
     n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
 
+(Of a free decay, where amplitude is the input, g = C: the relative error of force, which constant friction has too.)
 (The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
 At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
 by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
@@ -40,6 +41,7 @@ from damping.arrays import FloatArray
 from damping.forces import Component, component
 from damping.forces.contract import Force, Sum
 from damping.forces.shapes import Shape, Tested
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, stray_covariance
 from damping.infer.observations import Observations
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
@@ -96,12 +98,14 @@ class Coordinates:
     Attributes:
         law: the candidate. reference: amplitude, omega, damping force. tested: what the test covers.
         with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
+        with_doubt: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`).
     """
 
     law: Law
     reference: tuple[float, float, float]
     tested: Tested
     with_level_scatter: bool
+    with_doubt: bool = False
 
     @classmethod
     def of(cls, law: Law, observations: Observations) -> Coordinates:
@@ -109,14 +113,15 @@ class Coordinates:
         amplitude = observations.tested_amplitude
         tested = Tested(float(amplitude.min()), float(amplitude.max()), observations.reference[1])
         scatters = observations.has_repeats and len(observations.sweeps) > 1
-        return cls(law, observations.reference, tested, scatters)
+        return cls(law, observations.reference, tested, scatters, len(observations.sweeps) > 1)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the variables, in order."""
         shares = [f"share {part.name}" for part in self.law.parts[:-1]]
         scatters = ["scatter", "level_scatter"] if self.with_level_scatter else ["scatter"]
-        return ("total", *shares, *self.law.free_shapes, *scatters)
+        doubt = ["doubt"] if self.with_doubt else []
+        return ("total", *shares, *self.law.free_shapes, *doubt, *scatters)
 
     @property
     def dimension(self) -> int:
@@ -174,6 +179,12 @@ class Coordinates:
             return value(-2), value(-1)
         return value(-1), np.zeros(x.shape[:-1])
 
+    def doubt(self, x: FloatArray) -> FloatArray:
+        """Standard deviation of the exponent's straying, 0 where it is not a parameter; array ``x.shape[:-1]``."""
+        if not self.with_doubt:
+            return np.zeros(x.shape[:-1])
+        return np.asarray(DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2]))
+
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""
         values: dict[str, FloatArray] = {}
@@ -181,6 +192,8 @@ class Coordinates:
             values[part.name] = coefficient
             values |= {f"{part.name} {name}": value for name, value in shapes.items()}
         row, level = self.scatter(x)
+        if self.with_doubt:
+            values["doubt"] = self.doubt(x)
         values["scatter"] = row
         if self.with_level_scatter:
             values["level_scatter"] = level
@@ -199,7 +212,8 @@ def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray,
     """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
     with np.errstate(all="ignore"):
         C = force.quadrature(data.A, data.omega)
-        g = force.slope(data.A, data.omega) * np.minimum(1.0, np.abs(data.D / C))
+        grown = C if data.amplitude_is_input else force.slope(data.A, data.omega)
+        g = grown * np.minimum(1.0, np.abs(data.D / C))
         spread = g**2 + data.R**2
         n = (data.D - C) / np.sqrt(spread)
         known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
@@ -221,18 +235,43 @@ def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int
 
 def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     n, h, known = residuals(coordinates.force(x), data)
-    row, level = coordinates.scatter(x)
-    variance = row[:, None] ** 2 + known
+    variance = coordinates.scatter(x)[0][:, None] ** 2 + known
     with np.errstate(all="ignore"):
-        value = -0.5 * np.sum(n**2 / variance + np.log(2.0 * np.pi * variance), axis=-1)
-        if coordinates.with_level_scatter:
-            hh, hn = _by_sweep(h**2 / variance, data), _by_sweep(h * n / variance, data)
-            gain = level[:, None] ** 2 / (1.0 + level[:, None] ** 2 * hh)
-            value += 0.5 * np.sum(hn**2 * gain - np.log1p(level[:, None] ** 2 * hh), axis=-1)
+        value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
+        if coordinates.with_level_scatter or coordinates.with_doubt:
+            nn, hh, hn = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
+            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data))
+        else:
+            value -= 0.5 * np.sum(n**2 / variance, axis=-1)
     return np.where(np.isfinite(value), value, -np.inf)
 
 
-def _by_sweep(values: FloatArray, data: Observations) -> FloatArray:
+def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Covariance of ln A of the levels about the law: scatter of each and straying of the exponent, (points, s, s)."""
+    z = np.log(data.tested_force)
+    strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
+    level, doubt = coordinates.scatter(x)[1], coordinates.doubt(x)
+    return level[:, None, None] ** 2 * np.eye(len(z)) + doubt[:, None, None] ** 2 * strays
+
+
+def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Quadratic form and determinant of rows whose levels have a covariance K, (points,): Woodbury, B = I + S K S.
+
+    Args:
+        nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
+    """
+    root = np.sqrt(hh)
+    B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
+    fine = np.asarray(np.isfinite(B).all(axis=(1, 2)))
+    factor = np.linalg.cholesky(np.where(fine[:, None, None], B, np.eye(hh.shape[1])))
+    u = np.where(root > 0.0, hn / root, 0.0)
+    white = np.linalg.solve(factor, u[..., None])[..., 0]
+    half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
+    return np.asarray(np.where(fine, -0.5 * np.sum(within + white**2, axis=1) - half_log_det, -np.inf))
+
+
+def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
     if len(data.sweeps) <= _FEW:
         return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])

@@ -32,6 +32,7 @@ class Observations:
         A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
         sweep: index of the row's sweep into ``sweeps``.
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
+        amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
     """
 
@@ -47,6 +48,7 @@ class Observations:
     tested_force: FloatArray
     tested_amplitude: FloatArray
     tested_omega: FloatArray
+    amplitude_is_input: bool = False
 
     @property
     def rows_per_sweep(self) -> IntArray:
@@ -74,6 +76,20 @@ class Observations:
         """Index of the sweep with the largest tested force."""
         return int(np.argmax(self.tested_force))
 
+    def scaled(self) -> Observations:
+        """The same without dimension: over the ``reference``, to 12 digits, so that units cannot move a result."""
+        amplitude, omega, force = self.reference
+        return replace(
+            self,
+            A=_round_bits(self.A / amplitude),
+            omega=_round_bits(self.omega / omega),
+            D=_round_bits(self.D / force),
+            R=_round_bits(self.R / force),
+            tested_amplitude=_round_bits(self.tested_amplitude / amplitude),
+            tested_omega=_round_bits(self.tested_omega / omega),
+            tested_force=_round_bits(self.tested_force / force),
+        )
+
     def keep_sweeps(self, keep: BoolArray) -> Observations:
         """The rows of the sweeps marked in ``keep`` (shape (sweeps,)); order is kept."""
         rows = keep[self.sweep]
@@ -82,6 +98,12 @@ class Observations:
         per_sweep = {name: getattr(self, name)[keep] for name in _PER_SWEEP}
         labels = tuple(label for label, kept in zip(self.sweeps, keep, strict=True) if kept)
         return replace(self, **per_row, **per_sweep, sweep=number[self.sweep[rows]], sweeps=labels)
+
+
+def _round_bits(values: FloatArray, bits: int = 40) -> FloatArray:
+    """Values rounded to a number of binary digits."""
+    mantissa, exponent = np.frexp(values)
+    return np.asarray(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
 
 
 _PER_ROW = ("A", "omega", "D", "R", "sd_amplitude", "sd_force", "sd_phase")
@@ -127,6 +149,7 @@ def observe(record: Record) -> Observations:
         tested_force=peaks["force"].to_numpy(float),
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
+        amplitude_is_input=record.is_decay,
     )
 
 

@@ -1,44 +1,48 @@
-"""Candidates, fits and the ranking of damping laws.
+"""One table that lists every distinct damping law, best first, and says whether any fits.
 
-One table that lists every candidate damping law, best first.
+Candidates are every sum of up to ``MAX_TERMS`` forces of the library and the power laws, by rule and not by the rows.
+Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each number of terms
+has the same prior probability, shared equally by the distinct laws of that number. With the priors of
+:mod:`damping.infer.law` and coefficients >= 0,
 
-Candidates are sorted by ``score`` = -2 ln(marginal likelihood): coefficients >= 0, equal prior probability of every
-candidate, priors of :mod:`damping.infer.law`. Weights are posterior probabilities over the physical candidates,
-those whose unconstrained coefficients come out >= 0; a candidate with a negative coefficient is a simpler law with a
-force that is not there, and gets none.
+    score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.errors import AnalysisError
+from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
-    Fit,
     candidate_laws,
-    fit,
-    fitted_force,
+    group_equivalents,
     held_out_errors,
+    learn_noise,
     percent_errors,
     root_mean_square,
 )
+from damping.ranking.verdict import FitVerdict, judge_fit
 
-CRITERION = "-2 ln(marginal likelihood), coefficients >= 0"
+CRITERION = "-2 ln(evidence x prior), coefficients >= 0; prior equal for each number of terms, shared by its laws"
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
+#: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
+FEW_DRAWS = 200
 #: A fitted shape within this of an end of its range is said to be at the edge of it.
 EDGE = 0.01
 
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One parameter of a candidate: least-squares value, standard error and T-ratio; credible ``low`` and ``high``.
+    """One parameter of a law: posterior median, standard deviation, their ratio, and the ``INTERVAL`` interval.
 
     ``shape`` is empty for the coefficient of a force and names the parameter (``exponent``, ``limit``) otherwise.
     """
@@ -54,25 +58,27 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A candidate's row of the table; numbers that do not exist are NaN.
+    """A law's row of the table; numbers that do not exist are NaN.
 
     Attributes:
         rank: 1 is best; None where the candidate could not be fitted. score, weight: see the module.
         held_out_error: root mean square percent error of resonant amplitudes, each predicted from the other levels.
         average_absolute_percent: mean absolute percent error of resonant amplitudes as fitted.
-        physical: unconstrained coefficients all >= 0. fit, evidence: where the numbers come from.
+        physical: coefficients all >= 0, as every fit here has them. equivalents: names of laws that predict the same.
+        fit, evidence, coordinates: where the numbers come from.
     """
 
     law: Law
-    rank: int | None
-    coefficients: tuple[Coefficient, ...]
-    score: float
-    weight: float
-    held_out_error: float
-    average_absolute_percent: float
-    physical: bool
-    cautions: tuple[str, ...]
-    fit: Fit | None = None
+    rank: int | None = None
+    coefficients: tuple[Coefficient, ...] = ()
+    score: float = np.nan
+    weight: float = 0.0
+    held_out_error: float = np.nan
+    average_absolute_percent: float = np.nan
+    physical: bool = False
+    cautions: tuple[str, ...] = ()
+    equivalents: tuple[str, ...] = ()
+    fit: BestFit | None = None
     evidence: Evidence | None = None
     coordinates: Coordinates | None = None
 
@@ -84,20 +90,21 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All candidates, best first, those that could not be fitted last."""
+    """All distinct laws, best first, those that could not be fitted last; ``fit``: whether the leading one fits."""
 
     criterion: str
     candidates: tuple[Candidate, ...]
     data: Observations
+    fit: FitVerdict
 
     def weighted(self, least: float = 0.0) -> tuple[Candidate, ...]:
         """Candidates with a weight above ``least``."""
         return tuple(c for c in self.candidates if c.weight > least)
 
     def find(self, law: Law) -> Candidate:
-        """The row of a law. KeyError if it is no candidate."""
+        """The row of a law, or of the law that predicts the same. KeyError if it is no candidate."""
         for candidate in self.candidates:
-            if set(candidate.law.components) == set(law.components):
+            if set(candidate.law.components) == set(law.components) or law.name in candidate.equivalents:
                 return candidate
         raise KeyError(law.name)
 
@@ -119,57 +126,83 @@ def rank_laws(
     Raises:
         AnalysisError: no candidate could be fitted.
     """
-    rows = []
-    for law in candidate_laws(data) if laws is None else laws:
-        rows.append(_candidate(law, data, seed, estimate, hold_out))
-        done(law.name)
-    fitted = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
-    if not fitted:
+    fits, failed = _fit_laws(candidate_laws() if laws is None else laws, data, done)
+    if not fits:
+        raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in failed for c in row.cautions))
+    groups = group_equivalents(fits, data, learn_noise(fits, data))
+    prior = prior_masses([group[0].law for group in groups])
+    rows = [_weigh(group, mass, data, seed, estimate) for group, mass in zip(groups, prior, strict=True)]
+    ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
+    if not ranked:
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
-    weights = _weights(fitted)
-    ranked = [replace(row, rank=i + 1, weight=w) for i, (row, w) in enumerate(zip(fitted, weights, strict=True))]
-    return Ranking(CRITERION, tuple(ranked + [row for row in rows if not np.isfinite(row.score)]), data)
+    scores = np.array([row.score for row in ranked])
+    weights = np.exp(-0.5 * (scores - scores[0]))
+    ranked = [
+        replace(_describe(row, data, hold_out), rank=i + 1, weight=float(w))
+        for i, (row, w) in enumerate(zip(ranked, weights / weights.sum(), strict=True))
+    ]
+    best = [row.fit for row in ranked if row.fit is not None]
+    unranked = [row for row in rows if not np.isfinite(row.score)]
+    return Ranking(CRITERION, (*ranked, *unranked, *failed), data, judge_fit(best[0], best[1:], data, seed))
 
 
-def _weights(fitted: Sequence[Candidate]) -> list[float]:
-    """Posterior probabilities over the physical candidates (over all when none is)."""
-    physical = np.array([row.physical for row in fitted])
-    score = np.array([row.score for row in fitted])
-    allowed = physical if physical.any() else np.ones_like(physical)
-    w = np.where(allowed, np.exp(-0.5 * (score - score[allowed].min())), 0.0)
-    return [float(v) for v in w / w.sum()]
+def prior_masses(laws: Sequence[Law]) -> list[float]:
+    """Prior probability of each law: equal for each number of terms, shared equally by the laws of that number."""
+    sizes = Counter(len(law.parts) for law in laws)
+    return [1.0 / (len(sizes) * sizes[len(law.parts)]) for law in laws]
 
 
-def _candidate(law: Law, data: Observations, seed: int, estimate: Estimate, hold_out: bool) -> Candidate:
-    """Fit one law; what cannot be done becomes a caution."""
-    nothing = Candidate(law, None, (), np.nan, 0.0, np.nan, np.nan, False, ())
-    if not law.has_resonance:
-        return replace(nothing, cautions=("friction alone sets no resonant amplitude",))
-    coordinates = Coordinates.of(law, data)
+def _fit_laws(
+    laws: Sequence[Law], data: Observations, done: Callable[[str], None]
+) -> tuple[list[BestFit], list[Candidate]]:
+    """The best fit of every law that can be fitted, and rows that say why the others cannot."""
+    fits, failed = [], []
+    for law in laws:
+        try:
+            if not (law.has_resonance or data.amplitude_is_input):
+                raise AnalysisError("friction alone sets no resonant amplitude")
+            fit = fit_law(law, data)
+            if not np.isfinite(fit.squares):
+                raise AnalysisError(f"{law.name}: no coefficient makes it carry the measured forces")
+            fits.append(fit)
+        except AnalysisError as error:
+            failed.append(Candidate(law, cautions=(str(error),)))
+        done(law.name)
+    return fits, failed
+
+
+def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int, estimate: Estimate) -> Candidate:
+    """The row of a group of equivalent laws with its score; what cannot be done becomes a caution."""
+    fit, names = group[0], tuple(other.law.name for other in group[1:])
     try:
-        found = estimate(coordinates, data, seed)
+        weighed = estimate(fit.coordinates, data, seed)
     except AnalysisError as error:
-        return replace(nothing, cautions=(str(error),))
-    least_squares = fit(coordinates, data, found.mode)
-    errors = percent_errors(fitted_force(coordinates, least_squares, found.mode), data)
-    held_out, held_out_caution = _held_out(law, data) if hold_out else (np.nan, ())
+        return Candidate(fit.law, cautions=(str(error),), equivalents=names)
     return Candidate(
-        law=law,
-        rank=None,
-        coefficients=_coefficients(coordinates, least_squares, found),
-        score=-2.0 * found.log_z,
-        weight=0.0,
-        held_out_error=held_out,
-        average_absolute_percent=float(np.mean(np.abs(errors))),
-        physical=least_squares.physical,
-        cautions=(*_cautions(law, least_squares, found, data), *held_out_caution),
-        fit=least_squares,
-        evidence=found,
-        coordinates=coordinates,
+        fit.law,
+        score=-2.0 * (weighed.log_z + float(np.log(prior))),
+        physical=True,
+        equivalents=names,
+        fit=fit,
+        evidence=weighed,
+        coordinates=fit.coordinates,
     )
 
 
-def _held_out(law: Law, data: Observations) -> tuple[float, tuple[str, ...]]:
+def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
+    """The row with its coefficients, errors and cautions."""
+    assert row.fit is not None  # a row with a score was fitted
+    held_out, said = _hold_levels_out(row.law, data) if hold_out else (np.nan, ())
+    return replace(
+        row,
+        coefficients=_tabulate_coefficients(row),
+        held_out_error=held_out,
+        average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
+        cautions=(*_list_cautions(row, data), *said),
+    )
+
+
+def _hold_levels_out(law: Law, data: Observations) -> tuple[float, tuple[str, ...]]:
     """Held-out error in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
         return np.nan, ("one level: nothing to hold out",)
@@ -179,47 +212,43 @@ def _held_out(law: Law, data: Observations) -> tuple[float, tuple[str, ...]]:
         return np.nan, ("with a level left out it cannot carry the other forces",)
 
 
-def _coefficients(coordinates: Coordinates, least_squares: Fit, found: Evidence) -> tuple[Coefficient, ...]:
-    """Rows of the coefficient table: least squares beside the credible interval."""
-    draws = coordinates.parameters(found.draws)
+def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
+    """Posterior median, standard deviation and interval of every parameter but the scatters."""
+    assert row.evidence is not None
+    assert row.coordinates is not None
     tail = 50.0 * (1.0 - INTERVAL)
-    kinked = {name for name, shape in coordinates.law.free_shapes.items() if not shape.smooth}
     rows = []
-    for name, value, error, t in zip(
-        least_squares.names, least_squares.values, least_squares.std_errors, least_squares.t_ratios, strict=True
-    ):
-        low, high = np.percentile(draws[name], [tail, 100.0 - tail])
+    for name, draws in row.coordinates.parameters(row.evidence.draws).items():
+        if name in ("doubt", "scatter", "level_scatter"):
+            continue
+        low, value, high = np.percentile(draws, [tail, 50.0, 100.0 - tail])
+        error = float(np.std(draws))
         force, _, shape = name.partition(" ")
-        if name in kinked:  # least squares has a kink at every measured amplitude: the posterior's spread instead
-            error = np.std(draws[name])
-            t = value / error
-        rows.append(Coefficient(force, shape, float(value), float(error), float(t), float(low), float(high)))
-    return tuple(rows)
+        t_ratio = float(value / error) if error > 0.0 else np.nan
+        rows.append(Coefficient(force, shape, float(value), error, t_ratio, float(low), float(high)))
+    # coefficients first, each force's shapes after it in the table of a reader
+    return tuple(sorted(rows, key=lambda c: bool(c.shape)))
 
 
-def _cautions(law: Law, least_squares: Fit, found: Evidence, data: Observations) -> tuple[str, ...]:
+def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     """What a reader of the row should know, in words."""
+    assert row.fit is not None
+    assert row.evidence is not None
     said = []
-    for name, value in zip(law.components, least_squares.values, strict=False):
-        if value < 0.0:
-            said.append(f"coefficient of {name} is negative: not a damping force; left out of the weights")
-    freedom = least_squares.rows - least_squares.parameters
+    freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
-        points = f"{least_squares.rows} point{'s' * (least_squares.rows != 1)}"
-        said.append(f"{points}, {_degrees(freedom)}: standard errors rest on the stated scatter")
-    if np.isnan(least_squares.std_errors).any():
-        said.append("the data cannot tell its parameters apart")
-    fitted = dict(zip(least_squares.names, least_squares.values, strict=True))
-    for name, shape in law.free_shapes.items():
+        points = f"{len(data.A)} point{'s' * (len(data.A) != 1)}"
+        degrees = (
+            f"{freedom} degree{'s' * (freedom != 1)} of freedom" if freedom >= 0 else "more parameters than points"
+        )
+        said.append(f"{points}, {degrees}: the spread rests on the prior")
+    fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
+    for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
         edges = shape.prior.range if shape.prior else None
-        if edges is not None and not edges[0] + EDGE < fitted[name] < edges[1] - EDGE:
+        if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
             said.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
         said.append(f"{len(data.sweeps)} force level{'s' * (len(data.sweeps) > 1)}: amplitude dependence hardly tested")
-    if found.effective_draws < 200:
-        said.append(f"marginal likelihood uncertain by {200 * found.standard_error:.0f} % (2 standard errors)")
+    if row.evidence.effective_draws < FEW_DRAWS:
+        said.append(f"marginal likelihood uncertain by {200 * row.evidence.standard_error:.0f} % (2 standard errors)")
     return tuple(said)
-
-
-def _degrees(freedom: int) -> str:
-    return f"{freedom} degree{'s' * (freedom != 1)} of freedom" if freedom >= 0 else "more parameters than points"

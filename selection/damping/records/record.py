@@ -77,6 +77,16 @@ class Record:
         """Whether phases were recorded."""
         return "phase" in self.table.columns
 
+    @property
+    def is_decay(self) -> bool:
+        """Whether rows were taken from free decays: so labelled, or one-row sweeps whose amplitude falls with time."""
+        if "decay" in self.table.columns:
+            return True
+        if "time" not in self.table.columns or len(self.sweeps) != len(self) or len(self) < 2:
+            return False
+        order = np.argsort(self.column("time"), kind="stable")
+        return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
+
     def column(self, name: str) -> FloatArray:
         """A numeric column as a new array (n,)."""
         return self.table[name].to_numpy(dtype=np.float64, copy=True)
@@ -181,9 +191,8 @@ def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():
             row = int(np.argmin(good))
-            raise InputError(
-                f"{shortened(str(cells.iloc[row]))!r} in row {row}", file=file, column=name, expected=expected
-            )
+            message = f"{shortened(str(cells.iloc[row]))!r} in row {row}"
+            raise InputError(message, file=file, column=name, expected=expected)
     return typed
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.what_if import NextLevel
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations
@@ -47,8 +48,8 @@ def candidates_table(ranking: Ranking) -> pd.DataFrame:
             "score_standard_error": 2.0 * candidate.evidence.standard_error if candidate.evidence else np.nan,
             "held_out_error": candidate.held_out_error,
             "average_absolute_percent": candidate.average_absolute_percent,
-            **{name: getattr(candidate.fit, name) if candidate.fit else np.nan for name in ("aic", "aicc", "bic")},
             "physical": candidate.physical,
+            "equivalents": "; ".join(candidate.equivalents),
             "cautions": "; ".join(candidate.cautions),
         }
         for candidate in ranking.candidates
@@ -58,7 +59,6 @@ def candidates_table(ranking: Ranking) -> pd.DataFrame:
 
 #: Keys of a model of ``rank/1`` that are columns of the table, in the order of the form.
 _RANK_KEYS = ("score", "weight", "held_out_error", "average_absolute_percent", "physical")
-_CRITERIA_KEYS = ("aic", "aicc", "bic")
 
 
 def rank_form(ranking: Ranking) -> Form:
@@ -67,6 +67,7 @@ def rank_form(ranking: Ranking) -> Form:
     return {
         "format": "rank/1",
         "criterion": ranking.criterion,
+        "fit": {"verdict": ranking.fit.verdict, "p_value": ranking.fit.p_value},
         "models": [_model(row, c) for row, c in zip(rows, ranking.candidates, strict=True)],
     }
 
@@ -78,7 +79,7 @@ def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
         "forces": _forces(candidate),
         **{key: row[key] for key in _RANK_KEYS},
         "cautions": list(candidate.cautions),
-        **{key: row[key] for key in _CRITERIA_KEYS},
+        "equivalents": list(candidate.equivalents),
     }
 
 
@@ -169,7 +170,13 @@ def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
 def _plan_keys(plan: Plan) -> Form:
     p = plan.trend
     exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
-    return {"held_out_levels": plan.held_out, "local_exponents": exponents, "limit": plan.limit}
+    return {"local_exponents": exponents, "limit": plan.limit}
+
+
+def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
+    """Further keys of ``loads/1``: predictions with other priors, and the level that would most shrink the band."""
+    level = {**vars(further), "others": further.others.to_dict("records")} if further else None
+    return {"sensitivity": varied.to_dict("records"), "next_level": level}
 
 
 def explanations_table(diagnosis: Diagnosis) -> pd.DataFrame:

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.extrapolation.near import KAPPA_LOG_SD, KAPPA_MEDIAN
-from damping.extrapolation.prediction import AVERAGE_DRAWS
+from damping.extrapolation.draws import AVERAGE_DRAWS
 from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
 from damping.report.answer import largest
@@ -96,10 +96,11 @@ def _steps(study: StudyResult) -> list[str]:
         f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
         f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",
         "Prediction: each posterior draw is solved for its resonant amplitude at the frequency of the largest "
-        "tested level (credible band). The predictive band adds, draw by draw and in ln A, the scatter from level "
-        "to level, the noise of a reading, and what the law errs beyond its data: normal, with standard deviation κ "
-        f"|ln(F/F_nearest)| from the nearest tested force, κ log-normal about {KAPPA_MEDIAN:g} with standard "
-        f"deviation {KAPPA_LOG_SD:g} of its logarithm, updated where levels could be held out. Models are averaged "
+        "tested level (credible band). The predictive band adds, draw by draw and in ln A, the noise of a level and of "
+        "a reading, and how far the slope d ln A/d ln F strays from the law's: an Ornstein-Uhlenbeck process in ln F "
+        f"that forgets itself over {LENGTH:g}, its standard deviation log-normal about {DOUBT_MEDIAN:g} with "
+        f"standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from the levels with the law's parameters; "
+        f"slopes stay within {SLOPES[0]:.2g} and {SLOPES[1]:g}. Models are averaged "
         f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
         "cent.",
         "Linear prediction: the viscous coefficient of the sweep with the largest tested force, so amplitude in "

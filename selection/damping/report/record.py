@@ -28,26 +28,23 @@ def _ranking(result: RecordResult, svgs: Svgs) -> list[Block]:
     table.insert(2, "coefficients", [_coefficients(result, law) for law in table["law"]])
     headings = {
         "coefficients": "coefficients (T-ratio)",
-        "score": "−2 ln Z",
+        "score": "−2 ln Zπ",
         "held_out_error": "held-out error (%)",
         "average_absolute_percent": "mean |%|",
-        "aic": "AIC",
-        "aicc": "AICc",
-        "bic": "BIC",
     }
-    one_decimal = dict.fromkeys(("score", "aic", "aicc", "bic"), _decimals)
-    formats = {"weight": share, "held_out_error": percent, "average_absolute_percent": percent, **one_decimal}
+    formats = {"weight": share, "held_out_error": percent, "average_absolute_percent": percent, "score": _decimals}
     caption = (
-        f"Every candidate, sorted by {result.ranking.criterion} (Z is the marginal likelihood). Coefficients are "
-        "least squares, free to be negative; held-out error: root mean square per cent error of resonant amplitude, "
-        "each level predicted from the others; mean |%|: as fitted."
+        f"Every distinct law, sorted by {result.ranking.criterion} (Z is the marginal likelihood, π the prior). "
+        "Coefficients are posterior medians, T-ratios their ratio to the posterior's standard deviation; held-out "
+        "error: root mean square per cent error of resonant amplitude, each level predicted from the others; mean |%|: "
+        "as fitted. Equivalents predict the same on this record."
     )
     blocks: list[Block] = [
         Heading("Ranking"),
         *figure(
             svgs,
             file_stem(result, "ranking"),
-            "Weight of each candidate: its posterior probability among the physical ones, equal before the test. "
+            "Weight of each distinct law: its posterior probability, before the test equal for each number of terms. "
             "Hatched: with a viscous part. Right: error of the resonant amplitude at the tested forces, fitted and "
             "with the level held out.",
         ),

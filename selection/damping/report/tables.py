@@ -13,7 +13,6 @@ from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
-from damping.ranking.candidates import fitted_force
 from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 from damping.report.words import parameter_unit
@@ -260,5 +259,5 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
     assert candidate.coordinates is not None  # a candidate with a rank was fitted
     assert candidate.evidence is not None
     assert candidate.fit is not None
-    force = fitted_force(candidate.coordinates, candidate.fit, candidate.evidence.mode)
+    force = candidate.fit.force
     return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)

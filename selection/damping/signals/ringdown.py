@@ -24,6 +24,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import AnalysisError, InputError
@@ -48,6 +49,7 @@ LARGEST_LOSS = 1.1
 
 _FEWEST_SAMPLES = 8  # a period must have so many
 _PART = 1_000_000  # samples looked at together
+_LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
 _UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
@@ -134,6 +136,7 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
+    t, x, jitter = _evened(t, x, frequency)
     t, x = thinned(t, x, _step(t, frequency), frequency)
     dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
@@ -150,7 +153,7 @@ def ring_down(
     last = first + int(low[0]) if len(low) else len(z)
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
     lost = _lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
-    return _decay(kept, mass, noise, [*lost, *notes])
+    return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 
 def _lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
@@ -172,6 +175,22 @@ def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) 
         has = f"{t[0]:g} to {t[-1]:g} s" if len(t) else "a time history"
         raise InputError("there are no two samples between start and end", expected=has)
     return (t, x) if keep.all() else (t[keep], x[keep])
+
+
+def _evened(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Times that jitter about an even spacing without a gap: a cubic spline through the samples, taken evenly.
+
+    With n samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20.
+    """
+    step = np.diff(t)
+    dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
+    even = t[0] + dt * np.arange(len(t))
+    off = float(np.max(np.abs(t - even))) if np.isfinite(t).all() else np.inf
+    gap = min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_SAMPLES * frequency))
+    if off <= _UNEVEN * dt or not (np.all(step > 0.0) and np.max(step) <= gap and np.isfinite(off)):
+        return t, x, []
+    said = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
+    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [said]
 
 
 def _step(t: FloatArray, frequency: float) -> float:

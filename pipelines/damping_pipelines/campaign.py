@@ -1,0 +1,99 @@
+"""``damping campaign``: a laboratory's files to modes, records, a study and its page (form ``campaign/1``)."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from damping.campaign.answer import At, Campaign, analyse
+from damping.errors import InputError
+from damping.records.mode import mode_to_toml
+from damping.records.record import record_to_csv
+from damping.report.campaign_page import campaign_page
+from damping_pipelines.manifest import digest, publish
+from damping_pipelines.store import refuse_inputs, to_json
+from damping_pipelines.terminal import console, number, plain_table
+
+
+def campaign(
+    files: Sequence[Path], out: Path, design: Sequence[float], modes: str | None, seed: int, max_size: int
+) -> None:
+    """Analyse the files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
+
+    Raises:
+        InputError: bad usage, or files that are not understood.
+        AnalysisError: no mode that can be followed over the levels.
+    """
+    from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
+
+    refuse_inputs("--out", out, *files)
+    if any(not (math.isfinite(level) and level > 0.0) for level in design):
+        raise InputError("--design is no level", expected="numbers > 0 in the unit of the drive")
+    named = [os.path.realpath(file) for file in files]
+    if len(set(named)) < len(named):
+        raise InputError("a file is given twice", expected="each once")
+    found = analyse(files, design, _frequencies(modes), seed, max_size)
+    inputs = {file.name: digest(file.read_bytes()) for file in files}
+    title = f"Campaign: {', '.join(file.name for file in files)}"
+    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
+    written |= {f"modes/{mode.name}/mode.toml": mode_to_toml(mode.mode).encode() for mode in found.modes}
+    written["study.toml"] = _study(title, found, seed).encode()
+    written["campaign.json"] = to_json(found.to_json()).encode()
+    written["report.html"] = campaign_page(found, title, seed, versions(), inputs).encode()
+    publish(out, written, seed=seed, versions=versions(), inputs=inputs)
+    _show(found, out)
+
+
+def _frequencies(text: str | None) -> list[float]:
+    """F1,F2,… in Hz. InputError for what is not understood."""
+    if text is None:
+        return []
+    try:
+        found = sorted(float(part) for part in text.split(","))
+    except ValueError:
+        found = []
+    if not found or not all(math.isfinite(f) and f > 0.0 for f in found) or len(set(found)) < len(found):
+        raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
+    return found
+
+
+def _study(title: str, found: Campaign, seed: int) -> str:
+    """Settings of a study of all modes."""
+    quoted = title.replace("\\", "/").replace('"', "'")
+    lines = [f'title = "{quoted}"', f"seed = {seed}", "level = 0.9", ""]
+    for mode in found.modes:
+        lines += ["[[records]]", f'name = "{mode.name}"', f'title = "{mode.name}, {mode.frequency:.4g} Hz"']
+        lines += [f'record = "modes/{mode.name}/record.csv"', f'mode = "modes/{mode.name}/mode.toml"']
+        lines += [f"design_forces = [{', '.join(f'{force!r}' for force in mode.design_forces)}]", ""]
+    return "\n".join(lines)
+
+
+def _show(found: Campaign, out: Path) -> None:
+    to = console()
+    understood = plain_table("what was understood", (), ("what", "understood"))
+    for what, text, _ in found.summary.rows:
+        understood.add_row(what, text)
+    to.print(understood)
+    for note in found.summary.notes:
+        to.print(f"- {note}", highlight=False, markup=False)
+    right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
+    table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
+    for mode in found.modes:
+        for at in mode.places:
+            table.add_row(*_row(mode.name, at))
+    to.print(table)
+    for mode in found.modes:
+        for name, why in mode.left_out.items():
+            to.print(f"- {mode.name} without {name}: {why}", highlight=False, markup=False)
+    to.print(f"written to {out}", highlight=False, markup=False)
+
+
+def _row(mode: str, at: At) -> list[str]:
+    """A row of the table on the terminal."""
+    ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
+    largest = max(at.response, key=lambda one: one.band[0], default=None)
+    peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
+    sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
+    return [mode, sensor, number(at.frequency), number(at.level), *ratio, *peak]

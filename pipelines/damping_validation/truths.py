@@ -1,0 +1,243 @@
+"""Random structures whose damping is known, in and out of the library, tested at a few levels with noise.
+
+Amplitudes come from code of their own: the force is integrated over a closed cycle by quadrature, or stepped through it
+where it has a memory, and C(A) = F is solved on a table of ln A. Nothing here imports a force of the library.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.infer.law import Law
+from damping.infer.observations import Observations
+
+#: Frequency of every simulated resonance, rad/s.
+OMEGA = 10.0
+#: ln A of the tables; the middle of every test lies near A = 1, and slip can reach far at four times the largest force.
+_TABLE = np.linspace(-5.0, 9.0, 281)
+_A = np.exp(_TABLE)[:, None]
+#: Midpoints of a cycle; C by them is right to 1e-4 for a force that jumps.
+_CYCLE = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A structure drawn at random: ``log_C`` at the table's ln A; ``law`` is its own in the library, if it has one."""
+
+    name: str
+    log_C: FloatArray
+    law: Law | None
+
+    def amplitude(self, force: FloatArray) -> FloatArray:
+        """Resonant amplitude at each force: the first A at which C rises through it; infinite where none does."""
+        grown = np.maximum.accumulate(self.log_C)  # the first rise; a tiny slope makes it invertible
+        grown = grown + 1e-9 * np.arange(len(grown))
+        return np.asarray(np.exp(np.interp(np.log(force), grown, _TABLE, right=np.inf)))
+
+
+def _over_a_cycle(force: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
+    """C at the table of a force f(q, q'), (1/pi) times its integral with cos over a cycle."""
+    q, velocity = _A * np.sin(_CYCLE), _A * OMEGA * np.cos(_CYCLE)
+    return np.asarray(2.0 * np.mean(force(q, velocity) * np.cos(_CYCLE), axis=1))
+
+
+def _iwan(chi: float, spike: float, limit: float) -> FloatArray:
+    """C of sliders that slip at x with density x^chi up to ``limit``, and a share ``spike`` that all slip there.
+
+    Segalman 2005: each slider's loop is traced on its way down from A, f = max(x - (A - q), -x).
+    """
+    x = limit * (np.arange(60) + 0.5) / 60.0
+    weight = x**chi / np.sum(x ** (chi + 1.0))
+    x, weight = np.append(x, limit), np.append((1.0 - spike) * weight, spike / limit)
+    q = np.cos(np.pi * np.arange(401) / 400.0)
+    energy = np.zeros(len(_A))
+    for limit_of_one, strength in zip(x, weight, strict=True):
+        down = np.maximum(np.minimum(limit_of_one, _A) - _A * (1.0 - q), -limit_of_one)
+        stuck = _A[:, 0] <= limit_of_one
+        loop = -2.0 * np.sum(0.5 * (down[:, 1:] + down[:, :-1]) * np.diff(_A * q, axis=1), axis=1)
+        energy += strength * np.where(stuck, 0.0, -loop)
+    return energy / (np.pi * _A[:, 0])
+
+
+#: Steps of the slider within one step of the motion.
+_SUBSTEPS = 4
+
+
+def _bouc_wen(n: float, limit: float) -> FloatArray:
+    """C of dz = (1 - |z/limit|^n (1 + sign(z dq))/2) dq, stepped through three cycles."""
+    q = np.sin(np.linspace(0.0, 6.0 * np.pi, 2401)) * _A
+    z, energy = np.zeros(len(_A)), np.zeros(len(_A))
+    for i in range(1, q.shape[1]):
+        step = q[:, i] - q[:, i - 1]
+        for _ in range(_SUBSTEPS):
+            rate = 1.0 - np.abs(z / limit) ** n * 0.5 * (1.0 + np.sign(z * step))
+            new = np.clip(z + rate * step / _SUBSTEPS, -limit, limit)
+            if i > 1600:
+                energy += 0.5 * (z + new) * step / _SUBSTEPS
+            z = new
+    return np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
+
+
+def _viscous() -> FloatArray:
+    return _over_a_cycle(lambda q, v: v)
+
+
+def _velocity_power(exponent: float) -> FloatArray:
+    return _over_a_cycle(lambda q, v: np.sign(v) * np.abs(v) ** exponent)
+
+
+def _slip(limit: float) -> FloatArray:
+    """C of an elastic joint that slips: the loop of one slider."""
+    energy = 4.0 * limit * np.maximum(_A[:, 0] - limit, 0.0)
+    return energy / (np.pi * _A[:, 0])
+
+
+#: Seconds are spared: joints with a memory are drawn from tables made once, of shapes spread over their ranges.
+_MEMORY: dict[tuple[str, int], FloatArray] = {}
+
+
+def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
+    """C of an Iwan or a Bouc-Wen joint of limit 1 and one of six random shapes, its limit moved by a shift of ln A."""
+    number = int(rng.integers(6))
+    if (name, number) not in _MEMORY:
+        shape = np.random.default_rng([number, len(name)])
+        if name == "iwan":
+            _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
+        else:
+            _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
+    moved = _TABLE - rng.uniform(np.log(0.6), np.log(6.0))
+    return np.asarray(np.exp(np.interp(moved, _TABLE, np.log(np.maximum(_MEMORY[name, number], 1e-300)))))
+
+
+def _saturating(rng: np.random.Generator) -> FloatArray:
+    """Damping ratio z0 + z1 A/(A0 + A)."""
+    half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
+    ratio = 1.0 + rng.uniform(0.5, 5.0) * _A[:, 0] / (half + _A[:, 0])
+    return np.asarray(ratio * _A[:, 0])
+
+
+def _falling(rng: np.random.Generator) -> FloatArray:
+    """Damping ratio that falls from one plateau to another, z0 + z1/(1 + A/A0)."""
+    half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
+    return np.asarray((1.0 + rng.uniform(0.3, 2.0) / (1.0 + _A[:, 0] / half)) * _A[:, 0])
+
+
+def _growing(rng: np.random.Generator) -> FloatArray:
+    """Damping ratio that grows ever slower, z0 + z1 A^m with m < 1."""
+    return np.asarray((1.0 + rng.uniform(0.3, 3.0) * _A[:, 0] ** rng.uniform(0.2, 0.8)) * _A[:, 0])
+
+
+def _two_sets(rng: np.random.Generator) -> FloatArray:
+    """Two sliders of different limits beside a viscous part."""
+    first, second = np.exp(rng.uniform(np.log(0.1), np.log(0.3))), np.exp(rng.uniform(np.log(0.3), np.log(0.8)))
+    return _mixed(rng, _viscous(), _mixed(rng, _slip(first), _slip(second)))
+
+
+def _mixed(rng: np.random.Generator, *parts: FloatArray, least: float = 0.2) -> FloatArray:
+    """Parts that carry random shares of at least ``least`` at A = 1."""
+    shares = least + (1.0 - least * len(parts)) * rng.dirichlet(np.ones(len(parts)))
+    at = int(np.argmin(np.abs(_TABLE)))
+    return np.asarray(sum(s * part / part[at] for s, part in zip(shares, parts, strict=True)))
+
+
+def _with_friction(rng: np.random.Generator, *parts: FloatArray) -> FloatArray:
+    """The same beside friction that carries up to 0.4 at A = 1: every level has a resonance."""
+    at = int(np.argmin(np.abs(_TABLE)))
+    rest = _mixed(rng, *parts)
+    share = rng.uniform(0.1, 0.4)
+    return np.asarray(share * _velocity_power(0.0) / _velocity_power(0.0)[at] + (1.0 - share) * rest / rest[at])
+
+
+Drawn = Callable[[np.random.Generator], FloatArray]
+#: Truths by name: how C is drawn, and the law that holds.
+TRUTHS: dict[str, tuple[Drawn, tuple[str, ...] | None]] = {
+    "viscous": (lambda rng: _viscous(), ("viscous",)),
+    "viscous + velocity-squared": (
+        lambda rng: _mixed(rng, _viscous(), _velocity_power(2.0)),
+        ("viscous", "velocity-squared"),
+    ),
+    "viscous + quadratic-displacement": (
+        lambda rng: _mixed(rng, _viscous(), _over_a_cycle(lambda q, v: q**2 * v)),
+        ("viscous", "quadratic-displacement"),
+    ),
+    "viscous + coulomb": (lambda rng: _with_friction(rng, _viscous()), ("viscous", "coulomb")),
+    "velocity-power": (lambda rng: _velocity_power(rng.uniform(0.6, 2.2)), ("velocity-power",)),
+    "viscous + slip": (
+        lambda rng: _mixed(rng, _viscous(), _slip(np.exp(rng.uniform(np.log(0.2), np.log(0.9))))),
+        ("viscous", "slip"),
+    ),
+    "Iwan joint": (lambda rng: _mixed(rng, _viscous(), _with_memory("iwan", rng), least=0.3), None),
+    "Bouc-Wen": (lambda rng: _mixed(rng, _viscous(), _with_memory("bouc-wen", rng), least=0.3), None),
+    "saturating": (_saturating, None),
+    "falling": (_falling, None),
+    "growing": (_growing, None),
+    "two joints": (_two_sets, None),
+    "friction, viscous and drag": (
+        lambda rng: _with_friction(rng, _viscous(), _velocity_power(2.0)),
+        None,
+    ),
+    "drag and slip": (
+        lambda rng: _mixed(rng, _velocity_power(2.0), _slip(np.exp(rng.uniform(np.log(0.2), np.log(0.9))))),
+        None,
+    ),
+    "hardening": (
+        lambda rng: _mixed(rng, _viscous(), _over_a_cycle(lambda q, v: v * np.abs(q)), _velocity_power(3.0), least=0.1),
+        None,
+    ),
+}
+
+
+def draw_truth(name: str, rng: np.random.Generator) -> Truth:
+    """A structure of a kind, its C scaled to 1 at A = 1."""
+    drawn, law = TRUTHS[name]
+    log_C = np.log(np.maximum(drawn(rng), 1e-300))
+    return Truth(name, log_C - np.interp(0.0, _TABLE, log_C), None if law is None else Law(law))
+
+
+def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
+    """One row a level, at phase resonance, both (levels,)."""
+    n = len(force)
+    zero = np.zeros(n)
+    omega = np.full(n, OMEGA)
+    return Observations(
+        A=amplitude,
+        omega=omega,
+        D=force,
+        R=zero,
+        sweep=np.arange(n),
+        sd_amplitude=zero,
+        sd_force=zero,
+        sd_phase=zero,
+        sweeps=tuple(f"level {i + 1}" for i in range(n)),
+        tested_force=force,
+        tested_amplitude=amplitude,
+        tested_omega=omega,
+    )
+
+
+#: Rows of a simulated sweep, between the half-power points.
+_PHASES = np.linspace(0.25 * np.pi, 0.75 * np.pi, 9)
+
+
+def sweeps(truth: Truth, force: FloatArray, noise: float, rng: np.random.Generator) -> Observations:
+    """Sweeps of nine rows: rows scatter by half of ``noise``, and levels by ``noise``."""
+    n, rows = len(force), len(_PHASES)
+    phase, sweep = np.tile(_PHASES, n), np.repeat(np.arange(n), rows)
+    level, row = noise * rng.standard_normal(n), 0.5 * noise * rng.standard_normal(n * rows)
+    exact = truth.amplitude(force[sweep] * np.sin(phase))
+    read = phase + 0.5 * noise * rng.standard_normal(n * rows)
+    return replace(
+        peaks(force, truth.amplitude(force) * np.exp(level)),
+        A=exact * np.exp(level[sweep] + row),
+        omega=np.full(n * rows, OMEGA),
+        D=force[sweep] * np.sin(read),
+        R=np.abs(force[sweep] * np.cos(read)),
+        sweep=sweep,
+        sd_amplitude=np.zeros(n * rows),
+        sd_force=np.zeros(n * rows),
+        sd_phase=np.zeros(n * rows),
+    )

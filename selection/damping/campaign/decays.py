@@ -1,0 +1,203 @@
+"""Free decays of several sensors and modes: modes by peaks of the spectrum, shapes, and each mode's decay to a record.
+
+The motion of a mode is the sensors' motion projected on its shape by the pseudo-inverse of all shapes, so that what is
+left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.signal import find_peaks, welch
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.campaign.records import DEAD
+from damping.campaign.sources import ORDERS, Run, common_sensors, values_of
+from damping.errors import AnalysisError, InputError
+from damping.formats.quantity import unit
+from damping.records.mode import Mode, Tolerance, Units
+from damping.records.record import Record
+from damping.signals.ringdown import Decay, ring_down
+from damping.signals.windows import flat_window
+
+#: Parts of a record whose spectra are averaged.
+PARTS = 8
+#: A peak rises so far above its saddles in ln of power, and stands so many times above the median of all.
+PROMINENCE, ABOVE = 3.0, 30.0
+#: A sensor moves with a mode where so much of its motion at that frequency is the mode's.
+FOLLOWS = 0.9
+#: Levels that a decay is cut into.
+LEVELS = 8
+PERIODS = 6.0
+_ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
+_SAMPLES = 8.0  # a period must have more
+_HARMONIC = 0.02  # a multiple to the resolution of the spectrum
+_SAME_SHAPE = 0.98  # modal assurance criterion
+
+
+@dataclass(frozen=True)
+class DecayMode:
+    """A mode of free decays: ``shape`` (sensors,), 1 at ``reference``, NaN where a sensor is left out.
+
+    ``tops`` (runs,): largest amplitude of displacement taken of each run; ``frequency``, ``ratio`` at the smallest.
+    """
+
+    name: str
+    reference: int
+    shape: FloatArray
+    shape_sd: FloatArray
+    frequency: float
+    tops: FloatArray
+    left_out: dict[str, str]
+    cautions: tuple[str, ...]
+    record: Record
+    mode: Mode
+
+
+def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple[list[str], list[DecayMode]]:
+    """Names of the sensors and the modes of free decays.
+
+    Args:
+        frequencies: Hz, where they are known; else the peaks of the spectrum of the smallest decay.
+
+    Raises:
+        InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
+    """
+    names = common_sensors(runs)
+    kinds = {one.quantity for run in runs for one in run.channels if one.name in names}
+    if len(kinds) > 1:
+        raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
+    order = ORDERS[kinds.pop()]
+    motions = [_motions(run, names) for run in runs]
+    size = [float(np.max(np.abs(x))) for _, x in motions]
+    at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])
+    if not at:
+        raise AnalysisError("no mode: no sensor has a peak in its spectrum above the noise")
+    loudest = motions[int(np.argmax(size))]
+    shapes = [_shape(*loudest, frequency) for frequency in at]
+    if not frequencies:
+        own = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
+        at, shapes = [at[k] for k in own], [shapes[k] for k in own]
+    inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
+    modes: list[DecayMode] = []
+    unusable: dict[float, str] = {}
+    for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
+        try:
+            found = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
+        except AnalysisError as error:
+            if frequencies:
+                raise
+            unusable[frequency] = str(error)
+            continue
+        if not frequencies and abs(found[3].frequency / frequency - 1.0) > _ELSEWHERE:
+            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {found[3].frequency:g} Hz"
+            continue
+        left_out = _left_out(names, loudest[1], follows)
+        kept = np.array([name not in left_out for name in names])
+        tops, cautions, record, mode = found
+        reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
+        of = np.where(kept, shape, np.nan)
+        modes.append(
+            DecayMode(mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode)
+        )
+    if not modes:
+        raise AnalysisError("; ".join(unusable.values()))
+    if unusable:  # their shapes have no part in telling the others apart
+        return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
+    return names, modes
+
+
+def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
+    """Whether a peak is an odd multiple of a lower one's frequency and has its shape: what nonlinear damping adds."""
+    for j in range(k):
+        times = at[k] / at[j]
+        odd = 2 * round((times - 1.0) / 2.0) + 1
+        mac = float((shapes[k] @ shapes[j]) ** 2 / ((shapes[k] @ shapes[k]) * (shapes[j] @ shapes[j])))
+        if odd >= 3 and abs(times / odd - 1.0) < _HARMONIC and mac > _SAME_SHAPE:
+            return True
+    return False
+
+
+def _motions(run: Run, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) and motions (sensors, n) in SI, each about its mean."""
+    by_name = {one.name: one for one in run.channels}
+    factor = np.array([unit(by_name[name].unit).factor if by_name[name].unit else 1.0 for name in names])
+    x = np.asarray(values_of(run, names), dtype=float) * factor[:, None]
+    return run.x, x - np.mean(x, axis=1, keepdims=True)
+
+
+def _peaks(t: FloatArray, x: FloatArray) -> list[float]:
+    """Frequencies of the peaks of the sum of all spectra: from four periods in a part to an eighth of the sampling."""
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // PARTS * 2, axis=1)
+    power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)
+    places, _ = find_peaks(power, prominence=PROMINENCE)
+    floor = np.median(power) + np.log(ABOVE)
+    return [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k] < rate / _SAMPLES]
+
+
+def _shape(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shape (sensors,), 1 where largest, its standard error, and how much of each sensor's motion there it explains."""
+    dt = float((t[-1] - t[0]) / (len(t) - 1))
+    thin = max(int(1.0 / (20.0 * frequency * dt)), 1)
+    x = x[:, : x.shape[1] // thin * thin].reshape(len(x), -1, thin).mean(axis=2)
+    window = flat_window(frequency, PERIODS, dt * thin)
+    z = np.array([window.analytic(row) for row in x])
+    u, s, vh = np.linalg.svd(z, full_matrices=False)
+    turned = u[:, 0] * np.exp(-1j * np.angle(u[np.argmax(np.abs(u[:, 0])), 0]))
+    shape = turned.real
+    explained = s[0] * np.outer(u[:, 0], vh[0])
+    follows = np.sum(np.abs(explained) ** 2, axis=1) / np.sum(np.abs(z) ** 2, axis=1)
+    largest = float(shape[np.argmax(np.abs(shape))])
+    rest = np.sqrt(np.sum(np.abs(z - explained) ** 2, axis=1)) / s[0]
+    return shape / largest, rest / abs(largest), follows
+
+
+def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
+    size = np.std(x, axis=1)
+    out = {}
+    for name, of, part in zip(names, size, follows, strict=True):
+        if of < DEAD * np.median(size):
+            out[name] = "dead: it reads next to nothing"
+        elif part < FOLLOWS:
+            out[name] = f"it does not move with this mode ({100.0 * part:.0f} % of its motion there)"
+    return out
+
+
+def _mode(
+    runs: Sequence[Run],
+    motions: Sequence[tuple[FloatArray, FloatArray]],
+    filter_: FloatArray,
+    frequency: float,
+    order: int,
+    name: str,
+) -> tuple[FloatArray, tuple[str, ...], Record, Mode]:
+    """Record of all decays of a mode of mass 1, largest amplitude of each run, and what is to be known."""
+    tables: list[pd.DataFrame] = []
+    tops, cautions = [], []
+    for run, (t, x) in zip(runs, motions, strict=True):
+        try:
+            decay: Decay = ring_down(
+                t, filter_ @ x, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS
+            )
+        except AnalysisError as error:
+            cautions.append(f"{run.label}: {error}")
+            continue
+        tables.append(decay.table(run.label))
+        tops.append(float(decay.amplitude[0]))
+        cautions += [f"{run.label}: {note}" for note in decay.notes if "lost" not in note]
+    if not tables:
+        raise AnalysisError(f"{name} near {frequency:g} Hz: {'; '.join(cautions)}")
+    table = pd.concat(tables, ignore_index=True)
+    lowest = int(np.argmin(table["amplitude"].to_numpy()))
+    at = float(table["frequency"].iloc[lowest])
+    mode = Mode(name=name, frequency=at, mass=1.0, tolerance=Tolerance(mass=0.005), units=Units("N", "m", "s"))
+    return np.array(tops), tuple(cautions), Record(table, name), mode
+
+
+def acceleration_factor(order: int, frequency: float) -> float:
+    """Amplitude of the ``order``-th derivative over that of the displacement."""
+    return (RAD_S_PER_HZ * frequency) ** order

@@ -1,0 +1,241 @@
+"""Levels of a campaign tied into modes, and each mode as a record: modal force and amplitude against frequency.
+
+The coordinate of a mode is its motion at the sensor that moves most in it (the reference). With residues r the modal
+force is |r_ref| times the base acceleration and the mass 1 where the base shakes, and the force as measured with the
+mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import BoolArray, FloatArray
+from damping.campaign.modes import LEAST_T, Complex, Fit, find_peaks_of, fit_level
+from damping.campaign.sources import ORDERS, Run, common_sensors, values_of
+from damping.errors import AnalysisError, InputError
+from damping.formats.quantity import unit
+from damping.records.mode import Mode, Tolerance, Units
+from damping.records.record import Record
+
+#: Rows with |cot phase| up to this are written.
+WRITTEN = 1.5
+#: Rows of a level, at most and at least.
+MOST_ROWS, FEWEST_ROWS = 21, 3
+#: A sensor is dead where it reads less than this share of what the sensors read in the middle.
+DEAD = 0.02
+#: Shapes of two levels are alike (modal assurance criterion) above this.
+ALIKE = 0.9
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit."""
+
+    run: Run
+    f: FloatArray
+    H: Complex
+    drive: FloatArray
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class ModeFound:
+    """A mode of all levels.
+
+    ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN of a sensor left out; ``reference`` is the
+    place of the sensor of the coordinate. ``frequency``, ``ratio``, ``ratio_sd`` (levels,). ``left_out`` says why, by
+    sensor.
+    """
+
+    name: str
+    number: int
+    reference: int
+    residues: FloatArray
+    residues_sd: FloatArray
+    frequency: FloatArray
+    ratio: FloatArray
+    ratio_sd: FloatArray
+    left_out: dict[str, str]
+    cautions: tuple[str, ...]
+    record: Record
+    mode: Mode
+
+
+def fit_levels(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple[list[str], list[Level]]:
+    """Names of the sensors, and every level with its modes, found on the lowest and followed upwards.
+
+    Raises:
+        InputError: sensors whose motion is not understood. AnalysisError: no mode.
+    """
+    names = common_sensors(runs)
+    levels: list[Level] = []
+    starts: Sequence[float] = frequencies
+    ratios: Sequence[float] = ()
+    for run in runs:
+        f, H, drive = _accelerations(run, names)
+        sign = 1.0 if run.is_base_driven else -1.0
+        if not len(starts):
+            starts = find_peaks_of(f, H)
+            if not starts:
+                raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
+        fit = fit_level(f, H, starts, sign, ratios)
+        levels.append(Level(run, f, H, drive, fit))
+        starts, ratios = list(fit.frequency), list(fit.ratio)
+    return names, levels
+
+
+def _accelerations(run: Run, names: Sequence[str]) -> tuple[FloatArray, Complex, FloatArray]:
+    """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI."""
+    assert run.drive is not None
+    by_name = {one.name: one for one in run.channels}
+    drive_unit = unit(run.drive_unit)
+    if run.is_base_driven and drive_unit.powers != (0, 1, -2):
+        raise InputError(f"a drive in {run.drive_unit}", expected="a force, or an acceleration of the base")
+    keep = run.x > 0.0
+    f, drive = run.x[keep], np.asarray(run.drive)[keep] * drive_unit.factor
+    w = 2.0 * pi * f
+    rows = []
+    for name, values in zip(names, values_of(run, names), strict=True):
+        of = by_name[name]
+        motion = values[keep] * unit(of.unit).factor * (1j * w) ** (2 - ORDERS[of.quantity])
+        rows.append(motion / drive_unit.factor if of.per_drive else motion / drive)
+    return f, np.array(rows), np.abs(drive)
+
+
+def tie_modes(names: Sequence[str], levels: Sequence[Level]) -> list[ModeFound]:
+    """Modes of all levels by order of frequency, those that no sensor sees left out.
+
+    Raises:
+        AnalysisError: none is left.
+    """
+    out = _bad_sensors(names, levels)
+    found: list[ModeFound] = []
+    for k in range(len(levels[0].fit.frequency)):
+        mode = _tie(names, levels, k, dict(out), len(found) + 1)
+        if mode is not None:
+            found.append(mode)
+    if not found:
+        raise AnalysisError("no mode is seen by any sensor at every level")
+    return found
+
+
+def _bad_sensors(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
+    """Sensors that are dead, or reversed where the base is seen in all of them."""
+    bad = {}
+    size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
+    base = np.median([level.fit.base for level in levels], axis=0)
+    absolute = levels[0].run.is_base_driven and np.median(base) > 0.5
+    for s, name in enumerate(names):
+        if size[s] < DEAD * np.median(size):
+            bad[name] = "dead: it reads next to nothing"
+        elif absolute and abs(base[s]) < 0.3:
+            bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
+        elif absolute and base[s] < 0.0:
+            bad[name] = "reversed: it moves against the base below resonance"
+    if not absolute and not levels[0].run.is_base_driven:
+        bad |= _reversed_at_drive(names, levels)
+    return bad
+
+
+def _reversed_at_drive(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
+    """The sensor where the force acts, where it moves against the force in every mode."""
+    at_drive = {one.name for one in levels[0].run.channels if one.at_drive}
+    residues = np.median([level.fit.residues for level in levels], axis=0)
+    against = [name for name, row in zip(names, residues, strict=True) if name in at_drive and np.all(row < 0.0)]
+    return dict.fromkeys(against, "reversed: it moves against the force where the force acts")
+
+
+def _tie(
+    names: Sequence[str], levels: Sequence[Level], k: int, left_out: dict[str, str], number: int
+) -> ModeFound | None:
+    r = np.array([level.fit.residues[:, k] for level in levels])
+    sd = np.array([level.fit.residues_sd[:, k] for level in levels]).clip(min=1e-300)
+    mean = np.sum(r / sd**2, axis=0) / np.sum(1.0 / sd**2, axis=0)
+    scatter = np.sqrt(np.mean((r - mean) ** 2, axis=0) / max(len(levels) - 1, 1))
+    error = np.hypot(np.sqrt(1.0 / np.sum(1.0 / sd**2, axis=0)), scatter)
+    usable: BoolArray = np.array([name not in left_out for name in names])
+    seen = np.abs(mean) > LEAST_T * error
+    if not (usable & seen).any():
+        return None
+    for s, name in enumerate(names):
+        if usable[s] and not seen[s]:
+            left_out[name] = "it does not peak at this resonance"
+    kept = usable & seen
+    reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
+    cautions = _shape_cautions(r[:, kept], levels)
+    residues = np.where(kept, mean, np.nan)
+    record = _record(levels, k, residues, reference)
+    frequency, ratio, ratio_sd = (
+        np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
+    )
+    mass = 1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])
+    name = f"mode-{number}"
+    relative = float(error[reference] / abs(mean[reference]))
+    tolerance = Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05)
+    mode = Mode(
+        name=name, frequency=float(frequency[0]), mass=float(mass), tolerance=tolerance, units=Units("N", "m", "s")
+    )
+    return ModeFound(
+        name, k, reference, residues, error / np.abs(mean), frequency, ratio, ratio_sd, left_out, cautions, record, mode
+    )
+
+
+def _shape_cautions(r: FloatArray, levels: Sequence[Level]) -> tuple[str, ...]:
+    """Levels whose shape is not that of the lowest."""
+    said = []
+    for level, row in zip(levels[1:], r[1:], strict=True):
+        mac = float((row @ r[0]) ** 2 / ((row @ row) * (r[0] @ r[0])))
+        if mac < ALIKE:
+            said.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
+    return tuple(said)
+
+
+def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:
+    """Rows near resonance of every level: the sensors' motion without the other modes, weighed by their residues."""
+    kept = np.isfinite(residues)
+    r = residues[kept]
+    tables = []
+    for level in levels:
+        rows = _rows_near(level, k)
+        f, H = level.f[rows], level.H[:, rows]
+        rest = level.fit.rest(f, H, k)[kept]
+        sd = np.hypot(level.fit.noise[0] * np.abs(H[kept]), level.fit.noise[1])
+        weight = r[:, None] / sd**2
+        p = np.sum(weight * rest, axis=0) / np.sum(weight * r[:, None], axis=0)
+        error = 1.0 / np.sqrt(np.sum((r[:, None] / sd) ** 2, axis=0)) / np.abs(p)
+        drive = level.drive[rows]
+        if np.ptp(drive) < 0.1 * np.median(drive):  # a controlled drive: its scatter is that of its reading
+            drive = np.full_like(drive, np.median(drive))
+        w = 2.0 * pi * f
+        factor = abs(residues[reference])
+        amplitude = factor * np.abs(p) * drive / w**2
+        lag = -np.angle(p * level.fit.sign)
+        table = pd.DataFrame(
+            {
+                "sweep": f"{level.run.level:g} {level.run.drive_unit}",
+                "force": factor * drive if level.run.is_base_driven else drive,
+                "frequency": f,
+                "amplitude": amplitude,
+                "phase": (lag + 0.5 * pi) % (2.0 * pi) - 0.5 * pi,
+                "amplitude_sd": error * amplitude,
+                "phase_sd": error,
+            }
+        )
+        tables.append(table)
+    return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
+
+
+def _rows_near(level: Level, k: int) -> np.ndarray:
+    """Rows about a resonance, evenly thinned where there are many."""
+    at, ratio = level.fit.frequency[k], level.fit.ratio[k]
+    cot = np.abs(level.f / at - at / level.f) / (2.0 * ratio)
+    rows = np.flatnonzero(cot <= WRITTEN)
+    if len(rows) < FEWEST_ROWS:
+        rows = np.sort(np.argsort(cot)[:FEWEST_ROWS])
+    step = -(-len(rows) // MOST_ROWS)
+    return rows[::step]

@@ -1,0 +1,270 @@
+"""Files of a campaign to runs: which level, which drive, which sensors, found in labels, units, groups and channels.
+
+A universal file says it in ID lines, points and units; an HDF5 file in a group a run; a table of time in a file a run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
+from damping.errors import InputError
+from damping.formats.arrays import read_arrays
+from damping.formats.columns import read_columns
+from damping.formats.headers import parse_header
+from damping.formats.layout import find_layout
+from damping.formats.quantity import unit
+from damping.formats.series import Samples, Summary
+from damping.formats.uff import Function, read_functions
+from damping.records.text import read_bytes, shortened
+
+_LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
+_DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")
+_FREQUENCIES, _TIMES = ("frequency", "freq", "f"), ("time", "t", "zeit")
+#: A control that is off from the level in its label by no more than this is that level.
+LABEL_AGREES = 0.15
+_MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
+ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
+
+    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    values: Samples
+    per_drive: bool = False
+    at_drive: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors."""
+
+    label: str
+    level: float | None
+    drive_unit: str
+    x: FloatArray
+    drive: Samples | None
+    channels: tuple[Channel, ...]
+    is_time: bool = False
+
+    @property
+    def is_base_driven(self) -> bool:
+        """Whether the drive is a motion."""
+        return not self.is_time and unit(self.drive_unit).powers != (1, 0, 0)
+
+
+def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[Run], Summary]:
+    """The runs of some files, lowest level first, and what was understood.
+
+    Raises:
+        InputError: a file that cannot be read, or in which no runs are found, with what is expected.
+    """
+    summary = Summary()
+    runs = [run for file in files for run in _read(Path(file), max_size, summary)]
+    if len({run.is_time for run in runs}) > 1:
+        raise InputError("free decays beside sweeps", expected="files of one kind")
+    runs = sorted(runs, key=lambda run: run.level or 0.0)
+    _described(runs, summary)
+    return runs, summary
+
+
+def _read(file: Path, max_size: int, summary: Summary) -> list[Run]:
+    with_start = read_bytes(file, max_size)
+    if with_start.startswith(b"\x89HDF"):
+        return _hdf(file, max_size, summary)
+    if with_start.lstrip()[:2] == b"-1":
+        return _functions(read_functions(with_start, file, summary), file, summary)
+    return [_table(with_start, file, summary)]
+
+
+def _level(text: str) -> tuple[float, str] | None:
+    found = _LEVEL.search(text)
+    return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
+
+
+def _functions(functions: Sequence[Function], file: Path, summary: Summary) -> list[Run]:
+    """Runs of a universal file: functions of one level in their ID lines belong together."""
+    groups: dict[str, list[Function]] = {}
+    for one in functions:
+        level = _level(one.title)
+        groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(one)
+    return [_function_run(label, group, file, summary) for label, group in groups.items()]
+
+
+def _function_run(label: str, group: Sequence[Function], file: Path, summary: Summary) -> Run:
+    if any(one.is_time for one in group):
+        raise InputError("time histories in a universal file", file=file, expected="spectra or frequency responses")
+    drives = [one for one in group if not one.per and (one.quantity == "force" or _DRIVE.search(one.title))]
+    sensors = [one for one in group if not any(one is drive for drive in drives)]
+    ratio = bool(sensors) and bool(sensors[0].per)
+    if not sensors or (not drives and not ratio):
+        what = "no response" if not sensors else "neither a control channel nor a ratio to the drive"
+        raise InputError(f"{label}: {what}", file=file, expected="a channel named control, drive, base or force")
+    x = sensors[0].x
+    if any(len(one.x) != len(x) or not np.allclose(one.x, x, rtol=1e-4, atol=0.0) for one in group):
+        raise InputError(f"{label}: channels at different frequencies", file=file, expected="one list of frequencies")
+    drive_unit = sensors[0].units[1] if ratio else drives[0].units[0]
+    level = _level(label)
+    channels = [_channel(one) for one in sensors]
+    if ratio:
+        if level is None:
+            raise InputError(
+                "functions without a level", file=file, expected="the level in the ID line, such as 0.5 g or 2 N"
+            )
+        run = Run(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
+        return run if drive_unit in ("", level[1]) else replace(run, drive_unit=drive_unit)
+    drive = np.mean([one.y for one in drives], axis=0)  # several control channels: their average
+    return _levelled(Run(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
+
+
+def _channel(one: Function) -> Channel:
+    found = _LEVEL.search(one.title)
+    name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
+    name = " ".join(name.split()) or f"node {one.response[0]}"
+    quantity = one.quantity or _quantity(one.units[0], name)
+    return Channel(
+        name,
+        quantity,
+        one.units[0],
+        np.asarray(one.y),
+        bool(one.per),
+        one.per == "force" and one.response == one.reference,
+    )
+
+
+def _levelled(run: Run, stated: tuple[float, str] | None, file: Path, summary: Summary) -> Run:
+    """The run with its level: as the label says where the control agrees, else the median of the control.
+
+    A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
+    universal files may: values of every channel in g are then divided by g.
+    """
+    assert run.drive is not None
+    measured = float(np.median(np.abs(run.drive)))
+    if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
+        return replace(run, level=measured)
+    level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
+    if abs(measured / level - 1.0) <= LABEL_AGREES:
+        return replace(run, level=level)
+    if run.drive_unit == "g" and abs(measured / level / STANDARD_GRAVITY_M_S2 - 1.0) <= LABEL_AGREES:
+        summary.note(
+            f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
+        )
+        channels = tuple(
+            replace(one, values=one.values / STANDARD_GRAVITY_M_S2) if one.unit == "g" else one for one in run.channels
+        )
+        return replace(run, level=level, drive=run.drive / STANDARD_GRAVITY_M_S2, channels=channels)
+    summary.note(f"{file.name}: the control of {run.label!r} reads {measured:.3g} {run.drive_unit}, taken as its level")
+    return replace(run, level=measured)
+
+
+def _hdf(file: Path, max_size: int, summary: Summary) -> list[Run]:
+    """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
+    known = read_arrays(file, "hdf5", [], max_size).known
+    groups: dict[str, list[str]] = {}
+    for name in known:
+        group, _, leaf = name.rpartition("/")
+        groups.setdefault(group, []).append(leaf)
+    runs = []
+    for group, leaves in groups.items():
+        x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
+        drive = next((leaf for leaf in leaves if _DRIVE.search(leaf)), None)
+        if x and drive and len(leaves) > 2:
+            runs.append(_group_run(file, group, x, drive, leaves, max_size, summary))
+    if not runs:
+        listed = ", ".join(list(known)[:8])
+        expected = f"groups with frequency, control (or force) and responses; it has {listed}"
+        raise InputError("no runs", file=file, expected=expected)
+    return runs
+
+
+def _group_run(
+    file: Path, group: str, x: str, drive: str, leaves: Sequence[str], max_size: int, summary: Summary
+) -> Run:
+    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
+    found = read_arrays(file, "hdf5", list(path.values()), max_size)
+    f = found.arrays[path[x]][0].real.reshape(-1)
+    units = {leaf: found.units.get(path[leaf], "") for leaf in leaves}
+    level = _level(group.replace("_", " "))
+    channels: list[Channel] = []
+    for leaf in leaves:
+        if leaf in (x, drive) or path[leaf] not in found.arrays:
+            continue
+        values = found.arrays[path[leaf]][0]
+        rows = values if values.ndim == 2 and values.shape[1] == len(f) else values.T
+        rows = np.atleast_2d(rows)
+        if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
+            summary.note(f"{file.name}: {path[leaf]} is passed over: no complex spectra at {len(f)} frequencies")
+            continue
+        of = units[leaf] or units[drive] or (level[1] if level else "")
+        for k, row in enumerate(rows):
+            name = leaf if len(rows) == 1 else f"{leaf}[{k}]"
+            channels.append(Channel(name, _quantity(of, leaf), of, row))
+    drive_unit = units[drive] or (level[1] if level else channels[0].unit if channels else "")
+    values = found.arrays[path[drive]][0]
+    values = values if values.ndim == 1 else np.mean(np.atleast_2d(values), axis=0 if values.shape[-1] == len(f) else 1)
+    run = Run(group, None, drive_unit, f, values, tuple(channels))
+    return _levelled(run, level, file, summary)
+
+
+def _table(data: bytes, file: Path, summary: Summary) -> Run:
+    """The run of a table of motions against time: a free decay."""
+    lines = data[:100_000].decode("utf-8-sig", errors="replace").splitlines()
+    layout = find_layout(lines, "auto", "auto")
+    names = layout.names if layout else ()
+    headers = [parse_header(name.strip()) for name in names]
+    time = next((h for h in headers if h.name.lower() in _TIMES), None)
+    sensors = [h for h in headers if h is not time and h.text]
+    if time is None or not sensors:
+        expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
+        raise InputError(f"columns {shortened(', '.join(names), 80)}", file=file, expected=expected)
+    mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
+    found = read_columns(data, file, mapped, {})
+    channels = []
+    for k, header in enumerate(sensors):
+        of = header.unit.replace("m/s2", "m/s^2")
+        channels.append(Channel(header.name, _quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
+    return Run(file.stem, None, "", found.numbers["time"], None, tuple(channels), is_time=True)
+
+
+def _quantity(text: str, name: str) -> str:
+    """What a unit is one of. InputError where that is no motion."""
+    powers = unit(text, what=f"unit of {name!r}").powers if text else (0, 1, -2)
+    if powers not in _MOTIONS:
+        raise InputError(f"{name!r} is in {text}", expected="a displacement, velocity or acceleration")
+    return _MOTIONS[powers]
+
+
+def _described(runs: Sequence[Run], summary: Summary) -> None:
+    for run in runs:
+        sensors = ", ".join(f"{one.name} ({one.unit or 'no unit'})" for one in run.channels)
+        drive = "free decay" if run.is_time else f"{run.level:g} {run.drive_unit}"
+        kind = "" if run.is_time else (", base" if run.is_base_driven else ", force")
+        span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
+        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; sensors {sensors}", "found in the file")
+
+
+def common_sensors(runs: Sequence[Run]) -> list[str]:
+    """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
+    names = [one.name for one in runs[0].channels]
+    kept = [name for name in names if all(name in {one.name for one in run.channels} for run in runs)]
+    if not kept:
+        raise InputError("no sensor is in every run", expected="runs of one set of sensors")
+    return kept
+
+
+def values_of(run: Run, names: Sequence[str]) -> Samples:
+    """Values (sensors, n) of a run."""
+    by_name: Mapping[str, Channel] = {one.name: one for one in run.channels}
+    return np.array([by_name[name].values for name in names])

@@ -1,0 +1,80 @@
+"""No law of a few terms is the structure's own: how far the local exponent may stray from it, as a random process.
+
+With z = ln F, a law's resonant amplitude has the slope q(z) = d ln A/d ln F = 1/p, the inverse of the local exponent
+p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhlenbeck process of standard deviation
+``sigma`` that forgets itself over ``LENGTH`` in z, so that the amplitude strays by
+
+    g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
+    h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
+
+Within the test it enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond the test
+paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from damping.arrays import FloatArray
+
+#: How far in ln F a strayed slope is remembered: about a factor of four in force.
+LENGTH = 1.5
+#: Prior of sigma: median and log standard deviation, so that 5 % lie below 0.002 and 5 % above 0.7. Tried on the
+#: structures of ``damping calibrate``: half have a law of the library, and a joint's slope can double within the band.
+DOUBT_MEDIAN, DOUBT_LOG_SD = 0.04, 1.75
+#: A slope that strays upwards beyond the test strays by this factor more: joints let go at once, and take hold slowly.
+STEEPER = 1.5
+#: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
+SLOPES = (1.0 / 3.0, 3.0)
+
+
+def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
+    """cov(g(z), g(other)) for sigma = 1, (z, other)."""
+
+    def h(u: FloatArray) -> FloatArray:
+        u = np.abs(u) / LENGTH
+        return LENGTH**2 * (np.expm1(-u) + u)
+
+    return np.asarray(h(z - origin)[:, None] + h(other - origin)[None, :] - h(z[:, None] - other[None, :]))
+
+
+def stray(
+    sigma: FloatArray,
+    left: FloatArray,
+    variance: FloatArray,
+    at: FloatArray,
+    grid: FloatArray,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """g on ``grid`` given what levels leave over: its mean, and one draw of it (Matheron's rule), each (draws, grid).
+
+    Args:
+        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). variance: of its noise,
+            (draws, levels). at, grid: ln F of the levels and of the grid.
+    """
+    origin = float(np.mean(at))
+    n = len(at)
+    both = np.concatenate([at, grid])
+    prior = stray_covariance(both, both, origin)
+    root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(both)))
+    drawn = sigma[:, None] * (rng.standard_normal((len(sigma), len(both))) @ root.T)
+    noise = np.sqrt(variance) * rng.standard_normal(variance.shape)
+    square = (sigma**2)[:, None, None] * prior[:n, :n] + np.eye(n) * variance[:, None, :]
+    wanted = np.stack([left, left - drawn[:, :n] - noise], axis=-1)
+    gained = (sigma**2)[:, None, None] * (prior[n:, :n] @ np.linalg.solve(square, wanted))
+    return gained[..., 0], drawn[:, n:] + gained[..., 1]
+
+
+def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
+    """ln A (draws, grid) beyond the test, from a law's and its straying g: slopes q exp(delta/q), held in ``SLOPES``.
+
+    To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
+    grow far where damping stops growing. NaN counts as steep.
+    """
+    step = np.diff(z)
+    with np.errstate(invalid="ignore"):
+        q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
+    delta = np.diff(strays, axis=1) / step
+    slope = np.clip(q * np.exp(np.where(delta > 0.0, STEEPER, 1.0) * delta / q), *SLOPES)
+    start = log_A[:, :1] + strays[:, :1]
+    return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)

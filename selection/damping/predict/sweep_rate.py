@@ -1,0 +1,294 @@
+"""Sweeps that were run too fast: the envelope of the swept motion, and the steady state that its rows stand for.
+
+With q = Re(a exp(i theta)), theta' = omega and a slowly changing complex a, leaving out a'' against omega a',
+
+    (omega_n^2 - omega^2 + i omega c/m) a = F/m - 2 i omega a' - i omega' a,        c = C(|a|, omega)/(omega |a|).
+
+The right side is known from the rows of a sweep alone: each swept row is a steady state under the force
+F_e = F - m (2 i omega a' + i omega' a). No law is presupposed, and a record so corrected is a record like any other.
+The rate itself follows, where nobody kept it, from the envelope integrated with the ratio z1 (1 + b |a|): the shift and
+the skew of the peaks. Hok (1948), Lewis (1932): peaks are moved where (df/dt)/(2 zeta f)^2 is not small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import AnalysisError
+from damping.records.record import Record
+
+Complex = npt.NDArray[np.complex128]
+
+#: (df/dt)/(2 zeta f)^2 above which peaks differ from steady ones by more than some per cent.
+FAST = 0.3
+#: Rows of smaller amplitude, as a share of the largest of the sweep, are noise and tails: neither corrected nor fitted.
+NEAR = 0.35
+_STEP = 0.15  # of the phase of the transient between two points of the integration, rad
+#: A rate is believed where it is so many standard errors, and looked for where a first look says so many octaves/min.
+_KNOWN, _LEAST_SENSED = 5.0, 0.1
+#: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
+_BETTER = 0.6
+_FEWEST = 5  # rows of a sweep
+_MOST_ROWS = 3000  # in which an unknown rate is looked for: seconds
+_LARGEST_STEPS = 20_000
+_DECAYS, _LARGEST_LEAD = 4.0, 0.3  # time constants for which the sweep has run before; at most so much of ln f
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A rate of sweeping in octaves a minute (below 0 downwards) and its standard error.
+
+    ``severity``: largest (df/dt)/(2 zeta f)^2 of the record; ``misfit``: root mean square of ln a left, and
+    ``steady_misfit`` that of steady states whose stiffness and damping change with amplitude.
+    """
+
+    octaves_a_minute: float
+    standard_error: float
+    severity: float
+    misfit: float
+    steady_misfit: float
+
+
+def envelope(
+    frequency: FloatArray,
+    rate: float,
+    force: float,
+    mass: float,
+    natural: float,
+    ratio: float,
+    growth: float = 0.0,
+) -> Complex:
+    """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
+
+    Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
+    frequency.
+
+    Args:
+        frequency: Hz (n,), in the order swept. force, mass: modal. natural: f_n in Hz. ratio, growth: damping ratio
+            ratio (1 + growth |a|).
+    """
+    per_second = rate * log(2.0) / 60.0 * (1.0 if frequency[-1] >= frequency[0] else -1.0)
+    w_n = RAD_S_PER_HZ * natural
+    before = min(_DECAYS * abs(per_second) / (ratio * w_n), _LARGEST_LEAD)
+    start = frequency[0] * float(np.exp(-before if per_second > 0.0 else before))
+    span = abs(log(frequency[-1] / start))
+    duration = span / max(abs(per_second), 1e-12)
+    widest = RAD_S_PER_HZ * float(np.max(np.abs(frequency - natural)))
+    steps = int(min(max(duration * widest / _STEP, 20 * len(frequency)), _LARGEST_STEPS))
+    x = np.linspace(0.0, log(frequency[-1] / start), steps + 1)
+    w = RAD_S_PER_HZ * start * np.exp(x)
+    dt = duration / steps
+    a = np.empty(steps + 1, dtype=complex)
+    here = _steady(w[0], force / mass, w_n, ratio, growth)
+    a[0] = here
+    middle = 0.5 * (w[1:] + w[:-1])
+    for k, now in enumerate(middle):
+        z = ratio * (1.0 + growth * abs(here))
+        lead = 2j * now + 2.0 * z * w_n
+        decay = -(w_n**2 - now**2 + 2j * z * w_n * now + 1j * per_second * now) / lead
+        rest = -(force / mass) / lead / decay
+        here = rest + (here - rest) * np.exp(decay * dt)
+        a[k + 1] = here
+    at = np.log(frequency / start)
+    order = np.argsort(x)
+    real, imag = (np.interp(at, x[order], part[order]) for part in (a.real, a.imag))
+    return np.asarray(real + 1j * imag)
+
+
+def _steady(w: float, force: float, w_n: float, ratio: float, growth: float) -> complex:
+    """Steady complex amplitude, by fixed-point iteration far from resonance."""
+    a = 0j
+    for _ in range(50):
+        a = force / (w_n**2 - w**2 + 2j * ratio * (1.0 + growth * abs(a)) * w_n * w)
+    return a
+
+
+def correct_rate(record: Record, mass: float) -> Record:
+    """The record of the steady states that swept rows stand for, rows near the peaks alone.
+
+    ``sweep_rate`` (Hz/s) is taken from the record; the result has rates of 0. Force and phase change, frequency and
+    amplitude stay.
+
+    Raises:
+        AnalysisError: no phases, no rates, or sweeps of too few rows.
+    """
+    if not record.has_phase or "sweep_rate" not in record.table.columns:
+        raise AnalysisError("a sweep rate is corrected from phases and a column sweep_rate (Hz/s)")
+    tables = [_corrected(rows, mass) for _, rows in record.table.groupby("sweep", sort=False)]
+    return Record(pd.concat(tables, ignore_index=True), record.source)
+
+
+def _corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
+    rows = rows.sort_values("frequency").reset_index(drop=True)
+    near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
+    if len(rows) < _FEWEST:
+        raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
+    w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
+    a, slope = _slope(w, rows)
+    w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
+    force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
+    out = rows.assign(force=np.abs(force), phase=_wrapped(np.angle(force) - np.angle(a)), sweep_rate=0.0)
+    return out[near].reset_index(drop=True)
+
+
+def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
+    """a and da/domega: a spline through ln a, which is smoother than a about a peak."""
+    size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
+    logarithm = np.log(size) - 1j * np.unwrap(lag)
+    a = np.exp(logarithm)
+    return a, a * CubicSpline(w, logarithm)(w, 1)
+
+
+def _wrapped(phase: FloatArray) -> FloatArray:
+    return np.asarray((phase + 0.5 * pi) % (2.0 * pi) - 0.5 * pi)
+
+
+def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: bool = True) -> Rate:
+    """The rate of a record whose sweeps were all run at one rate.
+
+    f_n, z1, b and the rate are fitted to ln a of the rows near the peaks of every sweep. A rate of 0 within two
+    standard errors says that the record is steady as far as can be told.
+
+    Args:
+        frequency: of the mode, Hz, to start from. upwards: the sense of the sweeps.
+
+    Raises:
+        AnalysisError: no phases, or fewer than ``_FEWEST`` rows in a sweep.
+    """
+    if not record.has_phase:
+        raise AnalysisError("a sweep rate is estimated from phases")
+    sweeps = []
+    for label, rows in record.table.groupby("sweep", sort=False):
+        if len(rows) < _FEWEST:
+            raise AnalysisError(f"sweep {label!r} has {len(rows)} rows, of which {_FEWEST} are needed")
+        ordered = rows.sort_values("frequency", ascending=upwards)
+        f, size, lag, force = (
+            ordered[name].to_numpy(dtype=float) for name in ("frequency", "amplitude", "phase", "force")
+        )
+        sweeps.append((f, size * np.exp(-1j * lag), float(np.median(force)), size >= NEAR * size.max()))
+    largest = max(float(np.abs(a).max()) for _, a, _, _ in sweeps)
+
+    def left(x: FloatArray) -> FloatArray:
+        f_n, ratio, growth, rate = frequency * (1.0 + x[0]), float(np.exp(x[1])), x[2] / largest, x[3]
+        parts = []
+        for f, a, force, near in sweeps:
+            rest = np.log(envelope(f, rate, force, mass, f_n, ratio, growth)[near] / a[near])
+            parts += [rest.real, rest.imag]
+        return np.concatenate(parts)
+
+    found = least_squares(
+        left,
+        [0.0, log(0.01), 0.5, 1.0],
+        bounds=([-0.05, log(1e-4), -0.5, 0.0], [0.05, log(0.3), 20.0, 60.0]),
+        x_scale=[0.002, 0.2, 0.5, 1.0],
+        diff_step=np.full(4, 1e-4),
+    )
+    freedom = max(len(found.fun) - 4, 1)
+    jacobian = np.asarray(found.jac)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * float(found.fun @ found.fun) / freedom
+    smallest = min(float(np.abs(a).max()) for _, a, _, _ in sweeps)
+    least = float(np.exp(found.x[1])) * (1.0 + found.x[2] * smallest / largest)
+    return Rate(
+        octaves_a_minute=(1.0 if upwards else -1.0) * float(found.x[3]),
+        standard_error=float(np.sqrt(covariance[3, 3])),
+        severity=_severity(found.x[3], frequency, least),
+        misfit=float(np.sqrt(np.mean(found.fun**2))),
+        steady_misfit=_steady_misfit(sweeps, mass, frequency, largest),
+    )
+
+
+def _steady_misfit(
+    sweeps: list[tuple[FloatArray, Complex, float, npt.NDArray[np.bool_]]],
+    mass: float,
+    frequency: float,
+    largest: float,
+) -> float:
+    """Root mean square of ln a left by (omega_n^2 (1 + s |a|) - omega^2 + 2 i z (1 + b |a|) omega_n omega) a = F/m."""
+
+    def left(x: FloatArray) -> FloatArray:
+        w_n = RAD_S_PER_HZ * frequency * (1.0 + x[0])
+        parts = []
+        for f, a, force, near in sweeps:
+            w, size = RAD_S_PER_HZ * f[near], np.abs(a[near]) / largest
+            stiffness = w_n**2 * (1.0 + x[3] * size) - w**2 + 2j * np.exp(x[1]) * (1.0 + x[2] * size) * w_n * w
+            rest = np.log(force / mass / stiffness / a[near])
+            parts += [rest.real, rest.imag]
+        return np.concatenate(parts)
+
+    bounds = ([-0.05, log(1e-4), -0.5, -0.5], [0.05, log(0.3), 20.0, 0.5])
+    found = least_squares(left, [0.0, log(0.01), 0.5, 0.0], bounds=bounds, x_scale=[0.002, 0.2, 0.5, 0.01])
+    return float(np.sqrt(np.mean(found.fun**2)))
+
+
+def _severity(rate: float, frequency: float, ratio: float) -> float:
+    """(df/dt)/(2 zeta f)^2 of a rate in octaves a minute."""
+    return abs(rate) * log(2.0) / 60.0 * frequency / (2.0 * ratio * frequency) ** 2
+
+
+def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tuple[str, ...]]:
+    """The record as steady states, and what was done: nothing where it is steady.
+
+    A column ``sweep_rate`` is taken as it is. Without one the rate is looked for in the real part of F/a, which must be
+    a straight line in omega^2, and then estimated; it is believed where it is known to a fifth and fast.
+
+    Args:
+        mass: generalized mass. frequency: of the mode, Hz.
+    """
+    if not record.has_phase:
+        return record, ()
+    if "sweep_rate" in record.table.columns:
+        rates = np.abs(record.table["sweep_rate"].to_numpy(dtype=float))
+        if not np.isfinite(rates).all() or not rates.any():
+            return record, ()
+        return correct_rate(record, mass), (
+            "peaks reached at the sweep rate of the record are corrected to steady ones",
+        )
+    counts = record.table.groupby("sweep")["force"].size()
+    if counts.min() < _FEWEST or len(record) > _MOST_ROWS:
+        return record, ()
+    sense = _sensed(record, mass)
+    if abs(sense) < _LEAST_SENSED:
+        return record, ()
+    rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
+    found = abs(rate.octaves_a_minute)
+    told = found > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
+    if not told or rate.severity < FAST:
+        return record, ()
+    f = record.table["frequency"].to_numpy(dtype=float)
+    hertz = rate.octaves_a_minute * log(2.0) / 60.0 * f
+    said = (
+        f"the peaks are moved and skewed as by a sweep of {found:.2g} +- {rate.standard_error:.1g} octaves a minute "
+        f"{'up' if sense > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady states; "
+        "state sweep_rate (Hz/s) to be sure"
+    )
+    return correct_rate(Record(record.table.assign(sweep_rate=hertz), record.source), mass), (said,)
+
+
+def _sensed(record: Record, mass: float) -> float:
+    """Octaves a minute, up or down, by linear regression: Re(F/(m a)) + omega^2 = omega_n^2 + r Re(2 i omega^2 a'/a).
+
+    Noise of the slope makes it too small; it only says whether a closer look is worth it.
+    """
+    design, target, weight = [], [], []
+    for _, rows in record.table.groupby("sweep", sort=False):
+        ordered = rows.sort_values("frequency").drop_duplicates("frequency")
+        w = RAD_S_PER_HZ * ordered["frequency"].to_numpy(dtype=float)
+        if len(w) < _FEWEST:
+            return 0.0
+        a, slope = _slope(w, ordered)
+        force = ordered["force"].to_numpy(dtype=float)
+        near = np.abs(a) >= NEAR * np.abs(a).max()
+        design.append(np.column_stack([np.ones_like(w), (2j * w**2 * slope / a).real])[near])
+        target.append(((force / (mass * a)).real + w**2)[near])
+        weight.append((np.abs(a) / force)[near])
+    scale = np.concatenate(weight)
+    found = np.linalg.lstsq(np.concatenate(design) * scale[:, None], np.concatenate(target) * scale, rcond=None)[0]
+    return float(found[1] * 60.0 / log(2.0))

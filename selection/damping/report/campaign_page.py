@@ -1,0 +1,75 @@
+"""The page of a campaign: modes, their damping against level, and the response of every sensor at the design level."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from damping.campaign.answer import Campaign, ModeAnswer
+from damping.plots.campaign import mode_over_level
+from damping.plots.style import to_svg
+from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, page
+
+
+def campaign_page(
+    campaign: Campaign, title: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+) -> str:
+    """The page as HTML."""
+    sections = [_overview(campaign), *(_mode(mode, campaign) for mode in campaign.modes), _understood(campaign)]
+    return page(title, sections, Footer(seed, versions, inputs))
+
+
+def _overview(campaign: Campaign) -> Section:
+    rows = []
+    for mode in campaign.modes:
+        lowest, top = mode.places[0], mode.places[-1]
+        rows.append(
+            {
+                "mode": mode.name,
+                "frequency, Hz": mode.frequency,
+                "damping ratio at the lowest level, %": _percent(lowest.ratio),
+                f"at {top.level:.4g} {campaign.unit}, %": _percent(top.ratio),
+                "law": mode.law,
+                "sensors left out": ", ".join(mode.left_out) or "none",
+            }
+        )
+    said = f"{len(campaign.modes)} modes at {len(campaign.levels)} levels."
+    return Section("modes", "Modes", [Text(said, lead=True), Table(pd.DataFrame(rows), "Modes of the campaign.")])
+
+
+def _percent(band: tuple[float, float, float] | None) -> str:
+    return f"{100 * band[0]:.3g} ({100 * band[1]:.3g} to {100 * band[2]:.3g})" if band else "no answer"
+
+
+def _mode(mode: ModeAnswer, campaign: Campaign) -> Section:
+    levels = pd.DataFrame(
+        [
+            {"level": at.level, "tested": at.tested, "frequency": at.frequency}
+            | dict(zip(("median", "low", "high"), at.ratio, strict=True))
+            for at in sorted(mode.places, key=lambda at: at.level)
+            if at.ratio
+        ]
+    )
+    blocks: list[Block] = [Text(f"{mode.frequency:.4g} Hz. Law with the largest weight: {mode.law}.", lead=True)]
+    if len(levels) > 1:
+        words = f"Damping ratio and frequency of {mode.name} against the level in {campaign.unit}."
+        svg = to_svg(mode_over_level(levels, campaign.unit), f"{mode.name}-levels", mode.name, words)
+        blocks.append(FigureBlock(svg, words))
+    for at in (at for at in mode.places if not at.tested):
+        rows = [
+            {"sensor": one.sensor, "median": one.band[0], "low": one.band[1], "high": one.band[2], "unit": one.unit}
+            for one in at.response
+        ]
+        caption = f"Peak of {mode.name} at each sensor at {at.level:.4g} {campaign.unit}; 90 % bands."
+        blocks.append(Table(pd.DataFrame(rows), caption))
+        blocks.append(List([*at.cautions, *(f"{name}: {why}" for name, why in mode.left_out.items())]))
+    return Section(mode.name, mode.name, blocks)
+
+
+def _understood(campaign: Campaign) -> Section:
+    table = campaign.summary.table
+    blocks: list[Block] = [Table(table, "What was understood of the files.")]
+    if campaign.summary.notes:
+        blocks.append(List(campaign.summary.notes))
+    return Section("files", "Files", blocks)

@@ -1,0 +1,169 @@
+"""Files as laboratories have them: each the right record, or one line that names the remedy."""
+
+from __future__ import annotations
+
+import netCDF4
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from damping.errors import InputError
+from damping.formats.conversion import time_histories
+from damping.formats.reading import read_file
+from damping.formats.series import Stated
+
+CLOSE = 1e-5  # six printed digits
+FORCES = (0.5, 1.2, 2.6)
+
+
+def close(record, truth, forces=FORCES, **tolerance):
+    """The record holds the mode at each force, one sweep each."""
+    assert len(record.sweeps) == len(forces)
+    for sweep, force in zip(record.sweeps, forces, strict=True):
+        rows = record.table[record.table["sweep"].astype(str) == sweep]
+        np.testing.assert_allclose(rows["force"], force, rtol=CLOSE)
+        np.testing.assert_allclose(rows["amplitude"], np.abs(truth.H) * force, rtol=CLOSE)
+        if "phase" in rows:
+            np.testing.assert_allclose(rows["phase"], truth.lag, atol=1e-4)  # degrees to three digits
+
+
+def stacked(truth, **columns):
+    """A table of three sweeps one below the other."""
+    parts = [pd.DataFrame({name: values(force) for name, values in columns.items()}) for force in FORCES]
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_structures_and_cells(truth, tmp_path, imported):
+    run = np.zeros((1, 3), dtype=[("freq", "O"), ("force", "O"), ("disp", "O")])
+    cells = np.empty((3, 3), dtype=object)
+    for k, force in enumerate(FORCES):
+        run[0, k] = (truth.f[:, None], np.full((len(truth.f), 1), force), 1e3 * force * truth.H[:, None])
+        cells[k] = [force, truth.f[:, None], 1e3 * force * truth.H[:, None]]
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"Test": {"Run": run}, "runs": cells})
+    stated = {"units": {"response": "mm", "force": "N"}, "scaling": "peak"}
+    names = {"frequency": "Test.Run.freq", "response": "Test.Run.disp", "force": "Test.Run.force"}
+    close(imported(path, columns=names, **stated).record, truth)
+    second = {role: name.replace("Run", "Run(2)") for role, name in names.items()}
+    close(imported(path, columns=second, **stated).record, truth, FORCES[1:2])
+    of_cells = {"frequency": "runs{:,2}", "response": "runs{:,3}", "force": "runs{:,1}"}
+    close(imported(path, columns=of_cells, **stated).record, truth)
+    one = {"frequency": "runs{3,2}", "response": "runs{3,3}"}
+    close(imported(path, columns=one, forces=FORCES[2:], **stated).record, truth, FORCES[2:])
+    with pytest.raises(InputError, match=r"Test\.Run \(1 x 3\), Test\.Run\.freq \(41 x 1\)"):
+        imported(path, **stated)
+
+
+def test_a_table_without_a_header(truth, tmp_path, imported):
+    table = stacked(
+        truth,
+        f=lambda _: truth.f,
+        x=lambda force: force * truth.H.real,
+        y=lambda force: force * truth.H.imag,
+        F=lambda force: np.full(len(truth.f), force),
+    )
+    path = tmp_path / "a.txt"
+    rows = "\n".join("  ".join(f"{value:.9e}" for value in row) for row in table.to_numpy())
+    path.write_text("% rig B\n% up only\n" + rows + "\n")
+    columns = {"frequency": "1", "x": "2", "y": "3", "force": "4"}
+    found = imported(path, columns=columns, response="displacement", consistent=True, scaling="peak")
+    close(found.record, truth)
+    assert any("3 sweeps" in note for note in found.summary.notes)
+    with pytest.raises(InputError, match="no header; expected --column ROLE=NUMBER of its 4 columns"):
+        imported(path)
+    with pytest.raises(InputError) as caught:
+        imported(path, columns=columns)
+    assert all(
+        option in caught.value.expected for option in ("--response", "--unit response", "--unit force", "--scaling")
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "of_lag", "order"),
+    [
+        ("Phase (deg)", np.degrees, 0),
+        ("Phase [deg]", lambda lag: -np.degrees(lag), 0),
+        ("phase", lambda lag: -lag, 0),
+        ("Phase A/F [deg]", lambda lag: 180.0 - np.degrees(lag), 2),
+    ],
+)
+def test_lead_and_lag_by_the_turn(truth, tmp_path, imported, header, of_lag, order):
+    name, factor = ("Displacement [m]", 1.0) if order == 0 else ("A [m/s^2]", (2 * np.pi * truth.f) ** 2)
+    columns = {
+        "Freq [Hz]": lambda _: truth.f,
+        "F [N]": lambda force: np.full(len(truth.f), force),
+        name: lambda force: force * np.abs(truth.H) * factor,
+        header: lambda _: of_lag(truth.lag),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    close(imported(path).record, truth)
+
+
+def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
+    w = 2 * np.pi * truth.f
+    columns = {
+        "Frequency [Hz]": lambda _: truth.f,
+        "Force [N pk]": lambda force: np.full(len(truth.f), force),
+        "Accel [g rms]": lambda force: force * np.abs(truth.H) * w**2 / 9.80665 / 2**0.5,
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    close(imported(path).record, truth)
+
+
+def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, imported):
+    columns = {
+        "Frequency (Hz)": lambda _: truth.f,
+        "X (um)": lambda force: 1e6 * force * truth.H.real / 2**0.5,
+        "Y (um)": lambda force: 1e6 * force * truth.H.imag / 2**0.5,
+        "R (um)": lambda force: 1e6 * force * np.abs(truth.H) / 2**0.5,
+        "Force (mN)": lambda force: np.full(len(truth.f), 1e3 * force),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    close(imported(path, scaling="rms").record, truth)
+    doubled = imported(path, scaling="rms", force_scaling="rms").record
+    np.testing.assert_allclose(doubled.column("force")[0], FORCES[0] * 2**0.5, rtol=CLOSE)
+
+
+def test_positions_are_no_readings(tmp_path):
+    t = np.arange(0.0, 20.0, 0.02)
+    path = tmp_path / "roll.csv"
+    pd.DataFrame({"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="no response; expected --column response=NAME"):
+        read_file(path, Stated())
+    stated = Stated(columns={"response": "phi"}, units={"response": "rad"})
+    series, summary = read_file(path, stated)
+    history = time_histories(series, stated, path, summary)[0]
+    np.testing.assert_allclose(history.signal, np.cos(t), rtol=1e-12)  # rad as it is
+
+
+def test_german_spreadsheet(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"{0.01 * k:.4f};{np.cos(k):.5f};".replace(".", ",") for k in range(50)]
+    path.write_text("\ufeffZeit [s];Weg [mm];Bemerkung\r\n" + "\r\n".join(rows) + "\r\n", encoding="utf-8")
+    series, summary = read_file(path, Stated())
+    history = time_histories(series, Stated(), path, summary)[0]
+    np.testing.assert_allclose(history.signal, 1e-3 * np.cos(np.arange(50)), atol=6e-9)  # five decimals of mm
+
+
+def test_channels_of_a_controller(tmp_path):
+    path = tmp_path / "a.nc4"
+    with netCDF4.Dataset(path, "w") as file:
+        file.sample_rate = 256
+        file.createDimension("response_channels", 2)
+        file.createDimension("time_samples", None)
+        data = file.createVariable("time_data", "f8", ("response_channels", "time_samples"))
+        data[:] = [np.arange(100.0), -np.arange(100.0)]
+        channels = file.createGroup("channels")
+        for name, values in {"node_number": ("12", "15"), "node_direction": ("Z+", "Z+"), "unit": ("g", "g")}.items():
+            variable = channels.createVariable(name, str, ("response_channels",))
+            for k, value in enumerate(values):
+                variable[k] = value
+    series, _ = read_file(path, Stated())
+    assert [one.label for one in series] == ["12 Z+", "15 Z+"]
+    np.testing.assert_allclose(series[0].abscissa[1], 1 / 256, rtol=1e-15)
+    assert series[1].found.units["response"] == "g"
+    assert series[1].response[99] == -99.0

@@ -1,0 +1,63 @@
+"""The straying of a law's exponent: closed forms against quadrature and dense algebra."""
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+from scipy.stats import multivariate_normal
+
+from damping.infer.doubt import LENGTH, SLOPES, STEEPER, extend, stray, stray_covariance
+from damping.infer.law import Coordinates, Law, level_covariance, log_likelihood, residuals
+from damping_validation.truths import draw_truth
+from damping_validation.truths import sweeps as simulated_sweeps
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.7, 1.9), (-0.4, 1.1), (-1.0, -0.2)])
+def test_covariance_is_the_double_integral(a, b):
+    exact = dblquad(lambda u, v: np.exp(-abs(u - v) / LENGTH), 0.0, a, 0.0, b)[0]
+    found = stray_covariance(np.array([a]) + 0.3, np.array([b]) + 0.3, 0.3)[0, 0]
+    np.testing.assert_allclose(found, exact, rtol=1e-6)  # the kink at u = v limits the quadrature
+
+
+def test_draws_given_the_levels_are_those_of_the_normal_law():
+    """Mean and variance beyond the test against the dense conditional normal."""
+    at, grid, n = np.array([-0.7, 0.0, 0.7]), np.array([1.2, 2.1]), 40_000
+    left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
+    rows = np.ones((n, 1))
+    mean, drawn = stray(np.full(n, 0.2), rows * left, rows * variance, at, grid, np.random.default_rng(0))
+    K = 0.04 * stray_covariance(np.append(at, grid), np.append(at, grid), 0.0)
+    gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
+    np.testing.assert_allclose(mean[0], gain @ left, rtol=1e-9)
+    np.testing.assert_allclose(drawn.mean(axis=0), gain @ left, atol=5 * 0.2 / np.sqrt(n))  # five standard errors
+    exact = np.diag(K[3:, 3:] - gain @ K[:3, 3:])
+    np.testing.assert_allclose(drawn.var(axis=0), exact, rtol=5 * np.sqrt(2.0 / n))
+
+
+def test_slopes_stay_within_what_damping_can_do():
+    z = np.linspace(0.0, 1.4, 8)
+    strays = np.random.default_rng(1).standard_normal((200, 8)).cumsum(axis=1)
+    slope = np.diff(extend(np.tile(0.7 * z, (200, 1)), strays, z), axis=1) / np.diff(z)
+    assert slope.min() >= SLOPES[0] - 1e-12
+    assert slope.max() <= SLOPES[1] + 1e-12
+    # small strays add to the law's slope, upward ones by their factor
+    for stray_slope, added in ((-1e-5, -1e-5), (1e-5, STEEPER * 1e-5)):
+        np.testing.assert_allclose(extend(0.7 * z[None], stray_slope * z[None], z), (0.7 + added) * z[None], rtol=1e-8)
+
+
+def test_a_law_without_resonance_counts_as_steep():
+    z = np.array([0.0, 0.5, 1.0])
+    found = extend(np.array([[0.0, np.nan, np.nan]]), np.zeros((1, 3)), z)
+    np.testing.assert_allclose(found, SLOPES[1] * z[None], rtol=1e-12)
+
+
+def test_likelihood_is_the_dense_normal_one():
+    """Rows, levels and straying in one covariance matrix, written out."""
+    rng = np.random.default_rng(4)
+    data = simulated_sweeps(draw_truth("saturating", rng), np.array([0.6, 1.0, 1.7]), 0.02, rng)
+    c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
+    x = 0.3 * rng.standard_normal((3, c.dimension))
+    n, h, known = residuals(c.force(x), data)
+    shared = level_covariance(x, c, data)
+    for i, value in enumerate(log_likelihood(x, c, data)):
+        H = np.eye(3)[data.sweep] * h[i][:, None]
+        covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T
+        np.testing.assert_allclose(value, multivariate_normal.logpdf(n[i], cov=covariance), rtol=1e-9)
