@@ -5,9 +5,11 @@ Heavy packages are imported by the command that needs them, so that ``damping --
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +21,17 @@ from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
 from damping_pipelines import cli_files as files
 from damping_pipelines import cli_files as results
-from damping_pipelines.cli_files import DEFAULT_SEED, MAX_SIZE, Despite, Json, MaxSize, ModeOption, RecordArgument, Seed
+from damping_pipelines.cli_files import (
+    DEFAULT_SEED,
+    MAX_SIZE,
+    MOST_PROCESSES,
+    Despite,
+    Json,
+    MaxSize,
+    ModeOption,
+    RecordArgument,
+    Seed,
+)
 from damping_pipelines.exhibits import exhibit_commands
 
 app = typer.Typer(
@@ -178,7 +190,9 @@ def gap(
         typer.Option("--posterior/--no-posterior", help="Sample the leading explanation (default: one record)."),
     ] = None,
     seed: Seed = DEFAULT_SEED,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes for a folder of cases.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
+    ] = None,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -231,7 +245,10 @@ def fleet(
     ] = None,
     fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
     workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes of the local cluster; 0: none, one by one.")
+        int | None,
+        typer.Option(
+            "--workers", min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: none, one by one."
+        ),
     ] = None,
     force: Annotated[
         list[float] | None,
@@ -245,6 +262,9 @@ def fleet(
     replace: Annotated[
         bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
     ] = False,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", metavar="SECONDS", help="Give a record up that takes longer.")
+    ] = 3600.0,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -264,6 +284,7 @@ def fleet(
         replace=replace,
         max_size=max_size,
         despite=tuple(despite or ()),
+        time_limit=time_limit,
     )
 
 
@@ -275,6 +296,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
         code = app(args=words, prog_name="damping", standalone_mode=False)
+        sys.stdout.flush()  # here, where a full disk can still be told
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
     except Refused as error:
@@ -289,8 +311,14 @@ def main(arguments: list[str] | None = None) -> None:
         code = _fail(_missing(error), 1)
     except (typer.Abort, KeyboardInterrupt):
         code = _fail("interrupted; nothing half-written is left behind", 130)
-    except BrokenPipeError:
-        code = 0
+    except OSError as error:
+        if os.environ.get("DAMPING_TRACEBACK") or error.errno not in OUTPUT_ERRORS:
+            raise
+        code = _fail(f"standard output cannot be written ({error.strerror})", 1)
+        _discard_output()
+    except SystemExit:  # what the library of the command line makes of a closed standard output
+        code = _fail("standard output was closed before all was written", 1)
+        _discard_output()
     except MemoryError:
         code = _fail("not enough memory for this input", 1)
     except Exception as error:  # a mistake of ours: the promise is one line, never a traceback
@@ -299,6 +327,16 @@ def main(arguments: list[str] | None = None) -> None:
         line = f"{type(error).__name__}: {error}".splitlines()[0]
         code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+#: What the system says of a standard output that is closed or full; errors of files are told where files are written.
+OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
+
+
+def _discard_output() -> None:
+    """Let what is left for a standard output that cannot be written go nowhere, not into a second error at the end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 #: Packages that a bare install leaves out, and the extra that brings each.

@@ -16,10 +16,12 @@ from damping.errors import InputError
 
 MAX_SIZE = 200_000_000
 DEFAULT_SEED = 1970
+#: Processes of one machine.
+MOST_PROCESSES = 1024
 
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything that is sampled.")]
-MaxSize = Annotated[int, typer.Option("--max-size", help="Largest input file accepted, bytes.")]
+MaxSize = Annotated[int, typer.Option("--max-size", min=1, help="Largest input file accepted, bytes.")]
 Despite = Annotated[
     list[str] | None,
     typer.Option("--despite", metavar="CHECK", help="Go on although this check of the audit refuses; repeat."),

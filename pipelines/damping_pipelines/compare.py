@@ -17,8 +17,8 @@ from damping.records.text import shortened, unguarded
 from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, comparison_page
 from damping_pipelines.forms import LoadsForm, RankForm
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
+from damping_pipelines.provenance import versions
 from damping_pipelines.store import refuse_inputs, write_text
-from damping_pipelines.study import versions
 
 _RANKING = ["law", "rank", "weight", "held_out_error", "average_absolute_percent"]
 _LOADS = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]

@@ -14,7 +14,7 @@ from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, read_description, read_raw
 from damping.signals.uncertainty import condition_steps
-from damping_pipelines.store import refuse_inputs, write_text
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_text
 from damping_pipelines.terminal import console, plain_table
 
 
@@ -32,6 +32,9 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     record = done[-1].after
     check_repeats(record, raw, max_size)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
+    for path in texts:
+        refuse_inputs("--steps", path, raw, config)
+    refuse_twice({"--out": out, **{f"--steps {path.name}": path for path in texts}})
     write_text(out, record_to_csv(record))
     for path, text in texts.items():
         write_text(path, text)

@@ -11,8 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 import damping
 from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
@@ -21,8 +19,9 @@ from damping.gap.diagnose import Diagnosis
 from damping.records.mode import mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings
+from damping_pipelines.provenance import versions
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
-from damping_pipelines.terminal import end_with_parent, progress
+from damping_pipelines.terminal import console, end_with_parent, progress
 
 FORMAT = "gap/1"
 
@@ -68,12 +67,11 @@ def gap(
         write_text(report, _page(diagnosis, result.posterior, seed, (model, record)))
     if json_out != "-":
         for sentence in result.sentences:
-            Console(highlight=False, markup=False).print(sentence)
+            console().print(sentence, highlight=False, soft_wrap=True)
 
 
 def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
     from damping.report.gap_page import gap_page  # noqa: PLC0415 - as above, matplotlib
-    from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs, and only a page asks for it
 
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
     return gap_page(diagnosis, sampled, seed, versions(), digests)

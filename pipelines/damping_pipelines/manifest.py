@@ -15,7 +15,7 @@ import hashlib
 import io
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -72,7 +72,7 @@ class Folder:
         return content
 
 
-_AGAIN = "files of one run; run the study again, it goes on where it was"
+_AGAIN = "files of one run; run it again, it goes on where it was"
 
 
 def digest(content: bytes) -> str:
@@ -81,35 +81,63 @@ def digest(content: bytes) -> str:
 
 
 def publish(
-    folder: Path, files: Mapping[str, bytes], *, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
+    folder: Path,
+    files: Mapping[str, bytes],
+    *,
+    seed: int,
+    versions: Mapping[str, str],
+    inputs: Mapping[str, str],
+    kept: Iterable[str] = (),
 ) -> None:
     """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
 
     Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
     ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last.
 
+    Args:
+        kept: names of files that the run has written into the folder already, to be sealed with the others.
+
     Raises:
-        InputError: a file cannot be written; the earlier results are as they were.
+        InputError: a file cannot be written, or one stands there that no run has written; the earlier results are as
+            they were.
     """
+    refuse_foreign(folder, files)
     outputs = {name: digest(content) for name, content in files.items()}
+    outputs |= {name: digest(read_bytes(folder / name, _MOST_FILE)) for name in kept}
     manifest = Manifest(seed=seed, versions=dict(versions), inputs=dict(inputs), outputs=outputs)
     staged = folder / _STAGED
     try:
         for name, content in files.items():
             write_bytes(staged / name, content)
-        write_bytes(staged / MANIFEST, to_json(manifest.model_dump()).encode())
-        for name in files:
             make_folder((folder / name).parent)
+        write_bytes(staged / MANIFEST, to_json(manifest.model_dump()).encode())  # last: from here on all can be moved
     except BaseException:
         shutil.rmtree(staged, ignore_errors=True)
         raise
-    old = _outputs_of_before(folder)
-    for name in files:
-        os.replace(staged / name, folder / name)
-    for name in old - set(files):
+    _move_staged(folder, manifest)
+
+
+def _move_staged(folder: Path, manifest: Manifest) -> None:
+    """Move every staged file into its place, remove what only an earlier run had, move the manifest last."""
+    staged, old = folder / _STAGED, _outputs_of_before(folder)
+    for name in manifest.outputs:
+        if (staged / name).exists():
+            os.replace(staged / name, folder / name)
+    for name in old - set(manifest.outputs):
         (folder / name).unlink(missing_ok=True)
     os.replace(staged / MANIFEST, folder / MANIFEST)
     shutil.rmtree(staged, ignore_errors=True)
+
+
+def refuse_foreign(folder: Path, names: Iterable[str]) -> None:
+    """InputError where a file stands in the way of an output and no manifest names it: it is a user's own."""
+    ours = _outputs_of_before(folder)
+    for name in names:
+        path = folder / name
+        if name not in ours and os.path.lexists(path):
+            raise InputError("is no result of an earlier run", file=path, expected="another --out, or that file moved")
+    if not ours and os.path.lexists(folder / MANIFEST):
+        raise InputError("is no manifest of ours", file=folder / MANIFEST, expected="another --out, or that file moved")
 
 
 def _outputs_of_before(folder: Path) -> set[str]:
@@ -129,7 +157,7 @@ def open_folder(folder: Path) -> Folder:
     if not folder.is_dir():
         raise InputError("no such folder" if not folder.exists() else "is no folder", file=folder)
     if not path.is_file():
-        raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a study that was finished")
+        raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a run that was finished")
     try:
         manifest = Manifest.model_validate_json(read_bytes(path, _MAX_SIZE))
     except ValidationError as error:
@@ -154,19 +182,26 @@ def verify(folder: Path) -> Folder:
 
 
 @contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
+def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
 
-    The lock ends with the process, however that ends. What a killed run had staged is removed.
+    The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
+    move finished results into place, that is done first.
+
+    Args:
+        names: outputs that are known beforehand, so that a file in their way is told before the work.
 
     Raises:
-        InputError: the folder cannot be written, or another run holds it.
+        InputError: the folder cannot be written, another run holds it, or a user's own file is in the way.
     """
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)
     try:
         _lock(handle, folder)
+        with suppress(InputError):  # no manifest is staged: the run was killed before it had all results
+            _move_staged(folder, open_folder(folder / _STAGED).manifest)
         shutil.rmtree(folder / _STAGED, ignore_errors=True)
+        refuse_foreign(folder, names)
         try:
             write_bytes(folder / _STAGED / "probe", b"can be written")
         finally:
@@ -210,7 +245,10 @@ def load_chain(path: Path) -> emcee.backends.Backend | None:
         stored = emcee.backends.HDFBackend(str(path), read_only=True)
         chain, log_prob = stored.get_chain(), stored.get_log_prob()
         accepted, random_state = stored.accepted, stored.random_state
-    except (OSError, KeyError, AttributeError):  # not a chain: sample again
+        if chain.ndim != 3 or log_prob.shape != chain.shape[:2] or accepted.shape != chain.shape[1:2]:
+            raise ValueError(f"a chain of shape {chain.shape}")
+    except (OSError, KeyError, AttributeError, ValueError, TypeError):  # not a chain: set aside, sample again
+        os.replace(path, path.with_name(f"{path.name}.broken"))
         return None
     backend = emcee.backends.Backend()
     backend.reset(chain.shape[1], chain.shape[2])

@@ -20,7 +20,7 @@ from damping.regression.program import Regression
 from damping.regression.selecting import Choice
 from damping.regression.terms import columns_of, parse_terms
 from damping.result import RegressionResult
-from damping_pipelines.store import refuse_inputs, write_plain, write_text
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -47,12 +47,15 @@ def regress(
     """
     refuse_inputs("--json", json_out, *data)
     results = run_regress(data, response, terms, Choice(select, criterion, nonnegative, t_stop), max_size)
+    regressions = [result.regression for result in results]
+    drawn = {} if plots is None else {plots / name: text for name, text in deviation_plots(regressions).items()}
+    for path in drawn:
+        refuse_inputs("--plots", path, *data)
+    refuse_twice({"--json": json_out, **{f"--plots {path.name}": path for path in drawn}})
     if json_out is not None:
         _write_forms(json_out, results)
-    regressions = [result.regression for result in results]
-    if plots is not None:
-        for name, text in deviation_plots(regressions).items():
-            write_text(plots / name, text)
+    for path, text in drawn.items():
+        write_text(path, text)
     if json_out != "-":
         pages = [result.printout() for result in results]
         sys.stdout.write("\n".join([*pages, comparison(regressions)] if len(pages) > 1 else pages))

@@ -1,13 +1,15 @@
 """The only writer: every output is written whole or not at all.
 
 A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
-sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were.
+sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were. Pipes and
+devices are written to, links followed.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,26 +26,47 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write ``chunks`` one after the other to ``path``, atomically; the folder is made when it is missing.
+    """Write ``chunks`` one after the other to ``path``; the folder is made when it is missing.
+
+    A file is replaced, atomically; behind a link, the file that the link leads to. A pipe or a device is written to.
 
     Raises:
         InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
     """
     make_folder(path.parent)
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.writelines(chunks)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:
+        if _is_stream(path):
+            with path.open("wb", buffering=0) as stream:
+                for chunk in chunks:
+                    stream.write(chunk)
+        else:
+            _replace(Path(os.path.realpath(path, strict=path.exists())), chunks)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise _unwritable(path, error) from error
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether this is, or leads to, a pipe, a device or a socket: something that is written to and never replaced."""
+    try:
+        kind = os.stat(path).st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(kind) or stat.S_ISDIR(kind))
+
+
+def _replace(path: Path, chunks: Iterable[bytes]) -> None:
+    """Write a file beside ``path``, flush it to the disk and rename it over ``path``."""
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.writelines(chunks)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
 
 
 def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None:

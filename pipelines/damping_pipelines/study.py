@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
-import platform
 import shutil
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -15,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from damping import __version__
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.draws import Member, amplitude_draws
@@ -35,6 +32,7 @@ from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
+from damping_pipelines.provenance import digest_code, versions
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
@@ -43,7 +41,6 @@ from damping_pipelines.terminal import Advance, end_with_parent, progress
 GRID = 60
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
-PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
 
 
 @dataclass(frozen=True)
@@ -87,9 +84,10 @@ def run_study(
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
     inputs = read_inputs(settings, path.parent, despite)
-    with sole_writer(out):
+    read = [path, *(path.parent / name for one in settings.records for name in (one.record, one.mode))]
+    with sole_writer(out, ("report.html", "summary.json")):
         result = compute(settings, inputs, hashes(path, settings), out / ".chains")
-        write_study(result, out, png=png)
+        write_study(result, out, read, png=png)
         shutil.rmtree(out / ".chains", ignore_errors=True)
     print(f"{out / 'report.html'} written")
 
@@ -135,12 +133,6 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         versions=versions(),
         exhibits=exhibits,
     )
-
-
-def versions() -> dict[str, str]:
-    """Versions a result depends on."""
-    found = {name: importlib.metadata.version(name) for name in PACKAGES}
-    return {"damping-selection": __version__, "Python": platform.python_version(), **found}
 
 
 def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
@@ -213,7 +205,7 @@ def sample_law(task: Task) -> LawPosterior:
 
 def chain_key(task: Task) -> str:
     """A digest of everything the chains of a task depend on."""
-    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, versions())).encode())
+    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, digest_code())).encode())
     for value in (*vars(task.data).values(), task.forces):
         if isinstance(value, np.ndarray):
             digest.update(np.ascontiguousarray(value).tobytes())

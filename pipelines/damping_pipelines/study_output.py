@@ -18,20 +18,23 @@ from damping.report.results import LawPosterior, RecordResult, StudyResult, file
 from damping.report.study import render, study_figures
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
-from damping_pipelines.store import plain, to_json
+from damping_pipelines.store import plain, refuse_inputs, to_json
 
 
-def write_study(study: StudyResult, out: Path, *, png: bool = False) -> None:
+def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False) -> None:
     """Write ``report.html``, ``summary.json``, ``*.csv``, ``figures/*.svg``, ``posterior/*.nc`` and the manifest.
 
-    Everything is rendered before the first file is written; ``png``: figures as PNG too.
+    Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
+    PNG too.
 
     Raises:
-        InputError: a file cannot be written.
+        InputError: a file cannot be written, or is one of the inputs or a user's own.
     """
     files = study_files(study)
     if png:
         files |= pictures(study, [name for name in files if name.endswith(".svg")])
+    for name in files:
+        refuse_inputs("--out", out / name, *read)
     publish(out, files, seed=study.seed, versions=study.versions, inputs=study.inputs)
 
 

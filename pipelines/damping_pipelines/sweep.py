@@ -15,6 +15,9 @@ from damping.records.record import record_to_csv
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import progress
 
+#: Rows of a record that is computed: minutes, and far more than any analysis takes.
+MOST_ROWS = 100_000
+
 
 def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
     """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
@@ -25,6 +28,8 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
     """
     refuse_inputs("--out", out, model)
     hertz = _frequencies(frequency)
+    if len(hertz) * len(forces) > MOST_ROWS:
+        raise InputError(f"{len(hertz) * len(forces)} rows", expected=f"{MOST_ROWS} rows (points times forces) at most")
     swept = damping.sweep(
         read_mode(model), force=forces, frequency=hertz, direction=direction, method=method, progress=progress
     )
@@ -39,6 +44,8 @@ def _frequencies(text: str) -> FloatArray:
         low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
     except (ValueError, IndexError):
         raise InputError(f"--frequency {text!r} is not understood", expected=expected) from None
+    if count > MOST_ROWS:
+        raise InputError(f"--frequency {text!r}: {count} points", expected=f"{MOST_ROWS} points at most")
     if len(parts) != 3 or not (0.0 < low < high < math.inf and count >= 2):
         raise InputError(f"--frequency {text!r} is out of range", expected=expected)
     return np.linspace(low, high, count)

@@ -107,8 +107,14 @@ def console() -> Console:
 
     Brackets are text: units stand in them, and names from files may.
     """
-    found = Console(markup=False)
-    return found if found.is_terminal else Console(width=140, markup=False)
+    terminal = _Terminal(markup=False)
+    return terminal if terminal.is_terminal else _Terminal(width=140, markup=False)
+
+
+class _Terminal(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to the command line to say it: here it would end without a word."""
+        raise
 
 
 def end_with_parent() -> None:

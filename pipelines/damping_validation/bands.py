@@ -18,7 +18,10 @@ from damping.plots.style import with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
-from damping_pipelines.store import write_bytes, write_text
+from damping.records.text import read_bytes
+from damping_pipelines.cli_files import MAX_SIZE
+from damping_pipelines.manifest import digest, publish, sole_writer
+from damping_pipelines.provenance import versions
 from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 
@@ -73,12 +76,18 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
     names = sorted(path.parent.name for path in folder.glob("*/record.csv"))
     if not names:
         raise InputError("no records", file=folder, expected="folders with record.csv and mode.toml")
-    results = [result(folder / name, seed) for name in names]
-    for one in results:
-        write_bytes(out / f"{one.name}.png", figure(one))
-        write_text(out / f"{one.name}.csv", record_to_csv(loads_table(one.at)))
-        write_text(out / f"{one.name}-left-out.csv", record_to_csv(one.left_out))
-    write_text(out / "README.md", page(results, seed))
+    outputs = [f"{name}{ending}" for name in names for ending in (".png", ".csv", "-left-out.csv")]
+    read = [f"{name}/{file}" for name in names for file in ("record.csv", "mode.toml")]
+    inputs = {name: digest(read_bytes(folder / name, MAX_SIZE)) for name in read}
+    with sole_writer(out, ["README.md", *outputs]):
+        files: dict[str, bytes] = {}
+        results = [result(folder / name, seed) for name in names]
+        for one in results:
+            files[f"{one.name}.png"] = figure(one)
+            files[f"{one.name}.csv"] = record_to_csv(loads_table(one.at)).encode()
+            files[f"{one.name}-left-out.csv"] = record_to_csv(one.left_out).encode()
+        files["README.md"] = page(results, seed).encode()
+        publish(out, files, seed=seed, versions=versions(), inputs=inputs)
     print(f"{out / 'README.md'} written")
 
 

@@ -17,12 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from damping.errors import InputError
+from damping_pipelines.manifest import publish, sole_writer
+from damping_pipelines.provenance import versions
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
 from damping_validation.generator import BLIND_CASES, BLIND_SEED, BlindCase, Stratum, draw_case, strata
 from damping_validation.scorer import read_sealed, score
-from damping_validation.scorer_output import write_scores
+from damping_validation.scorer_output import SCORES, render_scores
 
 #: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
 DIAGNOSIS_SEED = 1970
@@ -36,7 +38,7 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
-    written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.write_scores``).
+    written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.render_scores``).
     Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
     kept for blind cases.
 
@@ -46,6 +48,11 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     seed = BLIND_SEED if seed is None else seed
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
+    with sole_writer(out, SCORES):
+        _blind(out, cases, seed, jobs)
+
+
+def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     folder, labels = out / "cases", out / "labels.sealed.json"
     strangers = {path.name for path in folder.glob("*")} - set(_names(cases, seed))
     if strangers:
@@ -61,7 +68,10 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
     spent = _processor_time() - before
     verdicts = read_sealed(labels, out / "answers", sealed)
-    write_scores(out, score(verdicts, spent), verdicts, seed)
+    written = [*folder.glob("*/*.*"), *(out / "answers").glob("*.json"), labels, out / "sealed.json"]
+    kept = sorted(path.relative_to(out).as_posix() for path in written)
+    scores = render_scores(score(verdicts, spent), verdicts, seed)
+    publish(out, scores, seed=seed, versions=versions(), inputs={}, kept=kept)
 
 
 def _sealed_before(out: Path, run: dict[str, Any]) -> str | None:

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 
 from damping.infer.law import Law
 from damping.records.record import record_to_csv
-from damping_pipelines.store import write_bytes, write_text
+from damping_pipelines.manifest import publish, sole_writer
+from damping_pipelines.provenance import versions
 from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_plots as plots
 from damping_validation import calibration_tables as tables
@@ -74,12 +75,14 @@ class Trial:
 
 def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     """Run all trials, in parallel with progress, then write tables, figures and the page ``README.md``."""
-    write(run(all_trials(QUICK if quick else FULL, seed), jobs or cpu_count() or 1), out, seed, quick)
+    with sole_writer(out, ("README.md",)):
+        results = run(all_trials(QUICK if quick else FULL, seed), jobs or cpu_count() or 1)
+        publish(out, render(results, seed, quick), seed=seed, versions=versions(), inputs={})
     print(f"{out / 'README.md'} written")
 
 
-def write(results: dict[tuple[Any, ...], Any], out: Path, seed: int, quick: bool) -> None:
-    """Tables, figures and page of the results of all trials."""
+def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[str, bytes]:
+    """Tables, figures and page of the results of all trials, by file name."""
     covered = {key[1:]: value for key, value in results.items() if key[0] == "coverage"}
     ranked = {key: value for key, value in results.items() if key[0] != "coverage"}
     predictions = tables.predictions_table(covered)
@@ -91,9 +94,7 @@ def write(results: dict[tuple[Any, ...], Any], out: Path, seed: int, quick: bool
         for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
     files |= {f"{name}.png": png(figure) for name, figure in figures(predictions, ranks).items()}
-    for name, content in files.items():
-        write_bytes(out / name, content)
-    write_text(out / "README.md", page(predictions, summary, len(results), seed, quick))
+    return files | {"README.md": page(predictions, summary, len(results), seed, quick).encode()}
 
 
 def all_trials(sizes: Sizes, seed: int) -> list[Trial]:

@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from damping_pipelines.cli_files import DEFAULT_SEED, Seed
+from damping_pipelines.cli_files import DEFAULT_SEED, MOST_PROCESSES, Seed
 
 
 def blind(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
-    cases: Annotated[int, typer.Option("--cases", help="Number of cases.")] = 1500,
+    cases: Annotated[int, typer.Option("--cases", max=100_000, help="Number of cases.")] = 1500,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes.")] = None,
 ) -> None:
     """Check the diagnosis on generated data whose effect is withheld."""
     from damping_validation.blind import blind as run
@@ -37,7 +37,7 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
     quick: Annotated[bool, typer.Option("--quick", help="A tenth of the trials, to try it.")] = False,
     seed: Seed = DEFAULT_SEED,
-    jobs: Annotated[int | None, typer.Option("--jobs", help="Processes.")] = None,
+    jobs: Annotated[int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes.")] = None,
 ) -> None:
     """Check on known structures that bands and posteriors hold what they say."""
     from damping_validation.calibrate import calibrate as run

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from damping.plots.style import ALERT, INK, MUTED, WIDTH, plain_rows, styled, to_svg
-from damping_pipelines.store import write_bytes, write_text
 from damping_validation.blind_page import blind_page
 from damping_validation.scorer import DETECTABLE, Figure, Goal
 from damping_validation.verdicts import Verdict
@@ -25,28 +23,42 @@ FAILED = "no answer"
 _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)
 
 
-def write_scores(out: Path, figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> None:
-    """Write ``table.csv``, ``table.md``, ``confusion.csv``, both drawings as SVG and PNG, and ``report.html``."""
+#: Files that :func:`render_scores` makes.
+SCORES = (
+    "table.csv",
+    "table.md",
+    "confusion.csv",
+    "table.svg",
+    "table.png",
+    "confusion.svg",
+    "confusion.png",
+    "report.html",
+)
+
+
+def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> dict[str, bytes]:
+    """Contents of ``SCORES`` by name: tables, both drawings as SVG and PNG, the report."""
     matrix, table = confusion(cases), _frame(figures)
-    write_text(out / "table.csv", table.to_csv(index=False, lineterminator="\n"))
-    write_text(out / "table.md", to_markdown(figures))
-    write_text(out / "confusion.csv", matrix.to_csv(lineterminator="\n"))
+    files = {
+        "table.csv": table.to_csv(index=False, lineterminator="\n").encode(),
+        "table.md": to_markdown(figures).encode(),
+        "confusion.csv": matrix.to_csv(lineterminator="\n").encode(),
+    }
     drawn = {
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
         "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
     }
-    svgs = {name: (_write_drawing(out / name, *one), one[1]) for name, one in drawn.items()}
-    write_text(out / "report.html", blind_page(table, matrix, svgs, seed, len(cases)))
+    svgs = {}
+    for name, (drawing, title) in drawn.items():
+        svgs[name] = (to_svg(drawing, f"blind-{name}", title, title), title)
+        files |= {f"{name}.svg": svgs[name][0].encode(), f"{name}.png": _to_png(drawing)}
+    return files | {"report.html": blind_page(table, matrix, svgs, seed, len(cases)).encode()}
 
 
-def _write_drawing(stem: Path, drawing: Drawing, title: str) -> str:
-    """Write a drawing as SVG and PNG; the SVG."""
-    svg = to_svg(drawing, f"blind-{stem.name}", title, title)
-    write_text(stem.with_suffix(".svg"), svg)
+def _to_png(drawing: Drawing) -> bytes:
     buffer = io.BytesIO()
     drawing.savefig(buffer, format="png", dpi=150)
-    write_bytes(stem.with_suffix(".png"), buffer.getvalue())
-    return svg
+    return buffer.getvalue()
 
 
 def confusion(cases: Sequence[Verdict]) -> pd.DataFrame:

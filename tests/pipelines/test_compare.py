@@ -138,7 +138,7 @@ def test_files_of_two_runs_are_refused(tmp_path, damping, name):
     (two / name).write_bytes((one / name).read_bytes())
     run = damping("compare", one, two, "--out", tmp_path / "page.html")
     assert run.code == 2
-    assert f"{name}: is not of the run of the manifest; expected files of one run; run the study again" in run.err
+    assert f"{name}: is not of the run of the manifest; expected files of one run; run it again" in run.err
     assert not (tmp_path / "page.html").exists()
     run = damping("verify", one, two)
     assert run.code == 2

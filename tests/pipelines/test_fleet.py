@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.dataset
 import pytest
+from distributed import Client
 
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
@@ -26,9 +27,10 @@ from damping_pipelines.fleet import command, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import DataSet, row_of
-from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
 from damping_pipelines.fleet.page import outliers
-from damping_pipelines.manifest import sole_writer
+from damping_pipelines.manifest import sole_writer, verify
+from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
 from damping_validation.calibration import OMEGA, simulated_levels, structures
 
@@ -180,6 +182,7 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
 
 def settings(**changes) -> FleetSettings:
     fields = {"seed": 5, "fast": True, "level": 0.9, "forces": (), "versions": {"damping-selection": "1"}}
+    fields["code"] = digest_code()
     return FleetSettings(**{**fields, "max_size": SIZE, **changes})
 
 
@@ -247,9 +250,17 @@ def test_changed_and_removed_records(tmp_path, one_law):
     assert after[1]["key"] != before[1]["key"]
     assert {Path(row["report"]).name for row in after} == {path.name for path in (out / "reports").iterdir()}
     task = next(tasks_of(find_cases(source), settings()))
-    for change in ({"seed": 6}, {"fast": False}, {"level": 0.8}, {"forces": (1.0,)}, {"versions": {"x": "2"}}):
+    for change in (
+        {"seed": 6},
+        {"fast": False},
+        {"level": 0.8},
+        {"forces": (1.0,)},
+        {"versions": {"x": "2"}},
+        {"code": "2"},
+    ):
         assert next(tasks_of(find_cases(source), settings(**change))).key != task.key
-    assert next(tasks_of(find_cases(source), settings(max_size=SIZE + 1))).key == task.key
+    for free in ({"max_size": SIZE + 1}, {"time_limit": 1.0}):
+        assert next(tasks_of(find_cases(source), settings(**free))).key == task.key
 
 
 def test_a_record_that_lost_its_workers_is_tried_again(tmp_path, one_law):
@@ -367,9 +378,70 @@ def test_bad_usage(tmp_path, monkeypatch):
             fleet(tmp_path / "in", tmp_path / "out", dashboard=dashboard, **run)
     with sole_writer(tmp_path / "out"), pytest.raises(InputError, match="another run is writing here"):
         fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
-    write_bytes(tmp_path / "out" / "records" / "part-x.parquet", b"no parquet")
-    with pytest.raises(InputError, match="no part of a fleet"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
+    with pytest.raises(InputError, match="--time-limit 0"):
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, time_limit=0.0, **run)
+
+
+def test_a_broken_part_is_set_aside_and_its_records_computed_again(tmp_path, one_law, capsys):
+    source, out = tmp_path / "in", tmp_path / "out"
+    write_record(source, "one", 0)
+    run = {"fast": True, "workers": 0, "max_size": SIZE}
+    fleet(source, out, **run)
+    before, part = rows_of(out), next((out / "records").glob("part-*.parquet"))
+    part.write_bytes(b"no parquet")
+    with pytest.raises(InputError, match="is not of the run of the manifest"):
+        verify(out)
+    fleet(source, out, **run)
+    assert f"kept as {part.name}.broken" in capsys.readouterr().err
+    assert part.with_name(f"{part.name}.broken").read_bytes() == b"no parquet"
+    part.with_name(f"{part.name}.broken").unlink()
+    assert rows_of(out) == before
+    assert {"fleet.html", f"records/{part.name}", before[0]["report"]} == set(verify(out).manifest.outputs)
+
+
+def test_a_page_of_somebody_else_is_not_written_over(tmp_path, one_law):
+    write_record(tmp_path / "in", "one", 0)
+    write_bytes(tmp_path / "out" / "fleet.html", b"of the user")
+    with pytest.raises(InputError, match="fleet.html: is no result of an earlier run"):
+        fleet(tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    assert (tmp_path / "out" / "fleet.html").read_bytes() == b"of the user"
+
+
+def test_a_record_that_takes_too_long_is_given_up(records, monkeypatch):
+    """In the thread of a worker, where no signal reaches it; the next record is not touched."""
+    monkeypatch.setattr("damping_pipelines.fleet.analyse._analyse", count_for_ever)
+    task = next(tasks_of(find_cases(records), settings(time_limit=0.2)))
+    rows = []
+    thread = threading.Thread(target=lambda: rows.append(analyse(task).row))
+    thread.start()
+    thread.join()
+    assert rows[0]["status"] == "failed"
+    assert rows[0]["reason"] == "out of time: it took more than 0.2 s (--time-limit)"
+
+
+def count_for_ever(task: FleetTask) -> FleetResult:
+    while True:
+        time.sleep(0.001)
+
+
+def test_a_worker_of_other_code_is_refused(records):
+    """It may join late, when nobody asks: its rows say what it computes with."""
+    task = next(tasks_of(find_cases(records), settings()))
+    own = failed(task, "anything")
+    assert own.row["code"] == digest_code()
+    assert runners._result(task, own) is own
+    late = FleetResult(own.row | {"code": "0" * 64, "status": "done"}, {})
+    refused = runners._result(task, late)
+    assert refused.row["status"] == "failed"
+    assert refused.row["reason"].startswith(runners.OTHER_CODE)
+
+
+def test_a_local_cluster_answers_its_client_alone():
+    with runners.connected(None, 1) as client:
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        with pytest.raises(OSError, match="(?i)timed out|closed|TLS|SSL"):
+            Client(address.replace("tls", "tcp"), timeout=1.0)
 
 
 def test_every_record_failed_is_exit_code_1(tmp_path):

@@ -91,7 +91,7 @@ def test_stopped_at_every_move(tmp_path, monkeypatch, moment):
 def test_what_is_no_folder_of_results(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         open_folder(tmp_path / "missing")
-    with pytest.raises(InputError, match=r"no manifest\.json; expected the folder of a study that was finished"):
+    with pytest.raises(InputError, match=r"no manifest\.json; expected the folder of a run that was finished"):
         open_folder(tmp_path)
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="is no folder"):

@@ -47,7 +47,9 @@ class Bench:
     def mode(self) -> Mode:
         """The mode file: true mass and frequency, viscous damping of the true size."""
         c = 2.0 * self.zeta * self.M * 2.0 * pi * self.f
-        return Mode("case", self.f, self.M, damping={"viscous": {"coefficient": c}}, source="case.toml")
+        return Mode(
+            name="case", frequency=self.f, mass=self.M, damping={"viscous": {"coefficient": c}}, source="case.toml"
+        )
 
 
 def force_of(bench: Bench) -> Sum:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 
 from damping.errors import InputError
 from damping_validation.scorer import Figure, Goal, calibration_error, read_sealed, score
-from damping_validation.scorer_output import confusion, goal_text, to_markdown, write_scores
+from damping_validation.scorer_output import SCORES, confusion, goal_text, render_scores, to_markdown
 from damping_validation.verdicts import Verdict, footprint_overlap, read_verdicts, verdict
 
 FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]
@@ -231,23 +231,15 @@ def test_goals_read_as_they_are_meant():
     assert Goal().met(0.5) is None
 
 
-def test_everything_is_written(tmp_path: Path):
+def test_everything_is_rendered():
     cases = [verdict("", label(), answer("slip")), verdict("", label("null:nothing", "null"), answer())]
     cases.append(replace(cases[0], probability=0.7, iou=0.5))
     figures = score(cases)
-    write_scores(tmp_path, figures, cases, 1)
-    names = {
-        "table.csv",
-        "table.md",
-        "confusion.csv",
-        "report.html",
-        *(f"{n}.{e}" for n in ("table", "confusion") for e in ("svg", "png")),
-    }
-    assert {path.name for path in tmp_path.iterdir()} == names
-    table = pd.read_csv(tmp_path / "table.csv")
+    files = render_scores(figures, cases, 1)
+    assert set(files) == set(SCORES)
+    table = pd.read_csv(io.BytesIO(files["table.csv"]))
     assert list(table["figure"]) == [figure.name for figure in figures]
     assert to_markdown(figures).count("\n") == len(figures) + 2
-    again = tmp_path / "again"
-    write_scores(again, score(cases), cases, 1)
-    for name in names - {"table.png", "confusion.png"}:
-        assert (again / name).read_bytes() == (tmp_path / name).read_bytes()
+    again = render_scores(score(cases), cases, 1)
+    for name in set(files) - {"table.png", "confusion.png"}:
+        assert again[name] == files[name]

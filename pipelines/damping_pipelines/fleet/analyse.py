@@ -28,12 +28,15 @@ from damping.report.gap_page import gap_page
 from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask, printable
 from damping_pipelines.fleet.record_page import FleetRecord, failed_page, record_page
+from damping_pipelines.fleet.time_limit import OutOfTimeError, limit_time
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
 _UNNAMED = "mode-without-a-name"
 #: Forces over which bands are drawn.
 _GRID = 40
 Found = TypeVar("Found")
+#: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
+OUT_OF_TIME = "out of time"
 
 
 def analyse(task: FleetTask) -> FleetResult:
@@ -43,6 +46,14 @@ def analyse(task: FleetTask) -> FleetResult:
     """
     if task.problem:
         return failed(task, task.problem)
+    try:
+        with limit_time(task.settings.time_limit):
+            return _analyse(task)
+    except OutOfTimeError:
+        return failed(task, f"{OUT_OF_TIME}: it took more than {task.settings.time_limit:g} s (--time-limit)")
+
+
+def _analyse(task: FleetTask) -> FleetResult:
     try:
         record, mode = _read(task)
         found = audit(record, mode)

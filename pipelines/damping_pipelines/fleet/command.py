@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -13,9 +14,11 @@ from distributed import Client
 
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
+from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import DataSet
 from damping_pipelines.fleet.inputs import (
     MULTIPLES,
+    TIME_LIMIT,
     FleetCase,
     FleetResult,
     FleetSettings,
@@ -24,10 +27,19 @@ from damping_pipelines.fleet.inputs import (
     tasks_of,
 )
 from damping_pipelines.fleet.page import COLUMNS, fleet_page
-from damping_pipelines.fleet.runners import DIED, INTERNAL, PATIENCE, check_address, connected, distributed, serial
-from damping_pipelines.manifest import sole_writer
+from damping_pipelines.fleet.runners import (
+    DIED,
+    INTERNAL,
+    OTHER_CODE,
+    PATIENCE,
+    check_address,
+    connected,
+    distributed,
+    serial,
+)
+from damping_pipelines.manifest import digest, publish, sole_writer
+from damping_pipelines.provenance import describe_code, digest_code, versions
 from damping_pipelines.store import write_text
-from damping_pipelines.study import versions
 from damping_pipelines.terminal import Advance, console, progress
 
 #: Rows of a batch at most.
@@ -50,6 +62,7 @@ def fleet(
     replace: bool = False,
     max_size: int,
     despite: tuple[str, ...] = (),
+    time_limit: float = TIME_LIMIT,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
@@ -59,6 +72,7 @@ def fleet(
         fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
         dashboard: address on which a local cluster shows its dashboard; None: nowhere.
         replace: drop what ``out`` holds of other records, settings or versions.
+        time_limit: seconds that a record may take.
 
     Raises:
         InputError: bad usage or input, or results in ``out`` that would be lost.
@@ -69,10 +83,14 @@ def fleet(
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    if not time_limit > 0.0:
+        raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     check_address(dashboard)
-    settings = FleetSettings(seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite)
+    settings = FleetSettings(
+        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, digest_code(), time_limit
+    )
     cases = find_cases(records)
-    with sole_writer(out):
+    with sole_writer(out, ("fleet.html",)):
         _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
 
 
@@ -87,6 +105,11 @@ def _fleet(
     replace: bool,
 ) -> None:
     kept = DataSet(out / "records")
+    for path in kept.set_broken_aside():
+        print(
+            f"damping: {path.stem} could not be read: kept as {path.name}, its records are computed again",
+            file=sys.stderr,
+        )
     book = _Book(kept, out, _final(kept))
     if not replace:
         _refuse_loss(kept, tasks_of(cases, settings))
@@ -100,7 +123,7 @@ def _fleet(
             with connected(scheduler, workers, dashboard) as client:
                 _greet(client, done, shown=scheduler is not None or dashboard is not None)
                 if scheduler is not None:
-                    _same_versions(client, settings)
+                    _check_code(client)
                 book.keep(distributed(client, tasks), done)
     _drop(out, book.wanted, kept)
     _finish(out, kept, settings)
@@ -156,7 +179,7 @@ class _Book:
 def _final(kept: DataSet) -> set[str]:
     """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
     table = kept.read(["reason"])
-    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL))
+    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME))
     final = set(table.loc[~chance, "key"])
     if chance.any():
         kept.keep(final)
@@ -176,17 +199,18 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
     done(said, 0)
 
 
-def _same_versions(client: Client, settings: FleetSettings) -> None:
-    """Workers of a scheduler that was there before must compute with what this process has.
+def _check_code(client: Client) -> None:
+    """Workers of a scheduler that was there before must compute with what this process has; so must later ones, by row.
 
     Raises:
         InputError: one does not.
     """
-    for address, found in client.run(versions).items():
-        for name, version in settings.versions.items():
-            if found.get(name) != version:
+    own = describe_code()
+    for address, theirs in client.run(describe_code).items():
+        for name, version in own.items():
+            if theirs.get(name) != version:
                 raise InputError(
-                    f"worker {address} has {name} {found.get(name)}",
+                    f"worker {address} has {name} {theirs.get(name)}",
                     expected=f"{version}, as here: results depend on it",
                 )
 
@@ -220,11 +244,31 @@ def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
     kept.keep(wanted)
 
 
+def _seal(out: Path, kept: DataSet, page: bytes, settings: FleetSettings) -> None:
+    """The page and the manifest, which names every file of the run."""
+    rows = kept.read(["report", "record_sha256", "model_sha256"])
+    stems = [f"reports/{Path(report).stem}" for report in rows["report"]]
+    pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
+    parts = [path.relative_to(out).as_posix() for path in kept.files()]
+    inputs = {
+        name: digest((a + b).encode()) for name, a, b in rows[["name", "record_sha256", "model_sha256"]].to_numpy()
+    }
+    publish(
+        out,
+        {"fleet.html": page},
+        seed=settings.seed,
+        versions=settings.versions,
+        inputs=inputs,
+        kept=[*parts, *(name for name in pages if (out / name).is_file())],
+    )
+
+
 def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
     """The page of the fleet, and what to say at the end."""
     table = kept.read(COLUMNS)
     asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
-    write_text(out / "fleet.html", fleet_page(table, settings.method, asked, settings.seed, settings.versions))
+    page = fleet_page(table, settings.method, asked, settings.seed, settings.versions)
+    _seal(out, kept, page.encode(), settings)
     counts = table["status"].value_counts()
     said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
     console().print(

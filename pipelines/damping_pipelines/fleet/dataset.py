@@ -16,6 +16,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from damping import __version__
 from damping.errors import InputError
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
@@ -24,13 +25,17 @@ from damping.plots.style import identifier
 from damping.ranking import Ranking
 from damping.report.forms import gap_form, loads_form, rank_form
 from damping_pipelines.fleet.inputs import FleetTask
+from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import plain, to_json, write_bytes
 
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
 SCHEMA = pa.schema(
     [
         *((name, pa.string()) for name in ("key", "name", "status", "reason", "audit", "method", "mode", "report")),
-        *((name, pa.string()) for name in ("units_force", "units_length", "record_sha256", "model_sha256", "version")),
+        *(
+            (name, pa.string())
+            for name in ("units_force", "units_length", "record_sha256", "model_sha256", "version", "code")
+        ),
         *((name, pa.int64()) for name in ("seed", "rows", "levels")),
         ("largest_tested_force", pa.float64()),
         ("law", pa.string()),
@@ -63,7 +68,8 @@ def row_of(task: FleetTask) -> dict[str, Any]:
         "report": f"{report_stem(task)}.html",
         "record_sha256": record,
         "model_sha256": model,
-        "version": task.settings.versions["damping-selection"],
+        "version": __version__,
+        "code": digest_code(),
         "seed": task.seed,
     }
 
@@ -147,6 +153,17 @@ class DataSet:
             return pd.DataFrame(columns=wanted)
         table = pd.concat(frames, ignore_index=True).drop_duplicates("key")
         return table.sort_values(["name", "key"], ignore_index=True)
+
+    def set_broken_aside(self) -> list[Path]:
+        """Rename files that are no Parquet of ours to ``NAME.broken``: their records are computed again."""
+        aside = []
+        for path in self.files():
+            try:
+                self._table(path, SCHEMA.names)
+            except InputError:
+                aside.append(path.with_name(f"{path.name}.broken"))
+                path.replace(aside[-1])
+        return aside
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Add a batch as one file, named after its keys."""

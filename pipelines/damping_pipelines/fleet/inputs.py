@@ -14,16 +14,19 @@ from damping.errors import InputError
 
 #: Design forces where none are asked for, in multiples of the largest tested force of each record.
 MULTIPLES = (1.5, 2.0)
+#: Seconds that a record may take: many times what chains of the largest records in use took.
+TIME_LIMIT = 3600.0
 
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """What a run is asked to do; every field but ``max_size`` takes part in the key of a result.
+    """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result.
 
     Attributes:
         seed: of the run. fast: Laplace approximation in place of chains. level: content of the bands.
         forces: design forces; empty for ``MULTIPLES`` of each record's own. versions: of what computes.
         max_size: largest input file, bytes. despite: checks of the audit whose refusal is passed over.
+        code: digest of versions and source (``provenance.digest_code``). time_limit: seconds that a record may take.
     """
 
     seed: int
@@ -33,11 +36,13 @@ class FleetSettings:
     versions: dict[str, str]
     max_size: int
     despite: tuple[str, ...] = ()
+    code: str = ""
+    time_limit: float = TIME_LIMIT
 
     @property
     def digest(self) -> str:
         """SHA-256 of every field that a result depends on."""
-        fields = {name: value for name, value in asdict(self).items() if name != "max_size"}
+        fields = {name: value for name, value in asdict(self).items() if name not in ("max_size", "time_limit")}
         return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()
 
     @property

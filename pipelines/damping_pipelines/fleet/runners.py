@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import dask
-from distributed import Client, Future, KilledWorker, LocalCluster, wait
+from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
 
 from damping.errors import AnalysisError, InputError
 from damping_pipelines.fleet.analyse import analyse, failed
@@ -36,6 +36,7 @@ _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 # How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
 DIED = "workers died"
 INTERNAL = "internal error"
+OTHER_CODE = "a worker computes with other code"
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
@@ -77,6 +78,7 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
                 scheduler_kwargs={"dashboard": dashboard is not None},
                 silence_logs=logging.CRITICAL,
                 preload=[_DEAF],
+                security=Security.temporary(),  # else any account of this machine could have the workers run its code
             ) as cluster,
             Client(cluster) as client,
         ):
@@ -129,7 +131,9 @@ def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse
 def _result(task: FleetTask, outcome: FleetResult | BaseException) -> FleetResult:
     """What a task gave; an error that is none of the record's own becomes its reason, too."""
     if isinstance(outcome, FleetResult):
-        return outcome
+        if outcome.row.get("code") == task.settings.code:  # stated by the worker, which may have joined late
+            return outcome
+        return failed(task, f"{OTHER_CODE}: its result was refused; run again without it")
     if isinstance(outcome, KilledWorker):
         return failed(task, f"{DIED} under it again and again (out of memory, or a crash in native code)")
     line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]

@@ -10,7 +10,7 @@ from math import log, pi
 
 import numpy as np
 
-from damping.arrays import POUND_FORCE_N, RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.arrays import RAD_S_PER_HZ
 from damping.effects.contract import Scales
 from damping.effects.terms import predict
 from damping.errors import AnalysisError
@@ -18,6 +18,7 @@ from damping.forces import Viscous, from_damping
 from damping.gap.fit import Fit, Unknowns, unknowns
 from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
 from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
+from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -98,21 +99,6 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
     return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
 
 
-#: Factors by which forces (or amplitudes) in a wrong unit are off, and what they mean.
-UNIT_FACTORS: dict[str, float] = {
-    "N for lb": POUND_FORCE_N,
-    "kgf for N, or g for m/s^2": STANDARD_GRAVITY_M_S2,
-    "g for in/s^2": STANDARD_GRAVITY_REPORT_IN_S2,
-    "g for ft/s^2": 32.174,
-    "lb for kg": 2.20462,
-    "mm for in": 25.4,
-    "in for m": 39.3701,
-    "in for ft": 12.0,
-    "m for ft": 3.28084,
-    "milli": 1000.0,
-    "micro": 1.0e6,
-    "Hz for rad/s": 2.0 * pi,
-}
 #: A scale error is looked into beyond this factor; a unit factor is believed within so much of it.
 _SUSPICIOUS, _NEAR = 2.0, 0.08
 #: A resonance farther from the simulated one than this is that of another mode.

@@ -184,17 +184,14 @@ def _sampler(
     random = np.random.RandomState(np.random.SeedSequence([seed, ensemble]).generate_state(4))
     # independent proposals make long jumps, the ensemble's own moves explore what they miss
     moves = [(emcee.moves.MHMove(start.proposal), 0.6), (emcee.moves.DEMove(), 0.3), (emcee.moves.StretchMove(), 0.1)]
-    sampler = emcee.EnsembleSampler(
-        settings.walkers,
-        target.dimension,
-        target.log_density,
-        vectorize=True,
-        moves=moves,
-        backend=checkpoint.load(ensemble),
-    )
+    shape = (settings.walkers, target.dimension)
+    done = checkpoint.load(ensemble)
+    if done is not None and done.shape != shape:  # of another run: begin again
+        done = None
+    sampler = emcee.EnsembleSampler(*shape, target.log_density, vectorize=True, moves=moves, backend=done)
     chosen = random.choice(len(start.draws), settings.walkers, replace=False)
     # resampled draws repeat; a small spread keeps the walkers apart and is forgotten in the burn-in
-    coords = start.draws[chosen] + 1e-3 * random.standard_normal((settings.walkers, target.dimension))
+    coords = start.draws[chosen] + 1e-3 * random.standard_normal(shape)
     return sampler, emcee.State(coords, random_state=random.get_state())
 
 

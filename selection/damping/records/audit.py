@@ -7,18 +7,49 @@ with the remedy. One cause is one finding: what a finding explains is not looked
 from __future__ import annotations
 
 import html
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records.checks import CHECKS, NAMES, Finding, View
+from damping.records import check_levels, check_phases, check_sweeps, check_units
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.view import Finding, View
 
 FORMAT = "audit/1"
+#: Names of all checks.
+NAMES = (
+    "units", "phase-unit", "phase-sign", "phase-offset", "edge-of-sweep", "several-modes", "energy", "amplitude-falls",
+    "outlier",
+    "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model",
+)  # fmt: skip
+#: What noise and exchanged columns look like: anything but a copy.
+_EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
+#: Every check with the checks that its finding explains, in the order in which causes explain each other: a record in
+#: which force and response are exchanged has no resonance either, and is not told so.
+CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
+    (check_units.check_exchange, _EVERYTHING),
+    (check_sweeps.check_noise, _EVERYTHING),
+    (check_sweeps.check_outlier, ("beyond-model",)),
+    (check_levels.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
+    (check_phases.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model")),
+    (check_phases.check_phase_sign, ("phase-offset", "energy")),
+    (
+        check_sweeps.check_sweep_rate,
+        ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", "amplitude-falls"),
+    ),
+    (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", "amplitude-falls", "edge-of-sweep", "units")),
+    (check_sweeps.check_edge, ("amplitude-falls", "beyond-model", "phase-offset")),
+    (check_units.check_energy, ()),
+    (check_units.check_units, ("beyond-model", "amplitude-falls")),
+    (check_phases.check_phase_offset, ()),
+    (check_levels.check_repeats, ("amplitude-falls",)),
+    (check_levels.check_amplitude_falls, ("beyond-model",)),
+    (check_units.check_beyond_model, ()),
+)
 
 
 @dataclass(frozen=True)
@@ -52,7 +83,9 @@ class Audit:
 
     def refusing(self, despite: Collection[str] = ()) -> tuple[Finding, ...]:
         """The findings that refuse, but for the checks named in ``despite``."""
-        return tuple(one for one in self.findings if one.verdict == "refuse" and one.check not in despite)
+        return tuple(
+            finding for finding in self.findings if finding.verdict == "refuse" and finding.check not in despite
+        )
 
     def require(self, despite: Collection[str] = ()) -> None:
         """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
@@ -71,9 +104,9 @@ class Audit:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{one.check}</td><td>{one.verdict}</td><td>{html.escape(one.what)}</td>"
-            f"<td>{html.escape(one.advice)}</td><td>{html.escape(', '.join(one.sweeps))}</td></tr>"
-            for one in self.findings
+            f"<tr><td>{finding.check}</td><td>{finding.verdict}</td><td>{html.escape(finding.what)}</td>"
+            f"<td>{html.escape(finding.advice)}</td><td>{html.escape(', '.join(finding.sweeps))}</td></tr>"
+            for finding in self.findings
         )
         head = "<tr><th>check</th><th>verdict</th><th>what</th><th>advice</th><th>sweeps</th></tr>"
         table = f"<table>{head}{rows}</table>" if rows else ""
@@ -82,10 +115,10 @@ class Audit:
 
 def audit(record: Record, mode: Mode | None = None) -> Audit:
     """The audit of a record, beside the mode that simulates it where one is given."""
-    view, found, explained = View(record, mode), [], set()
+    view, findings, explained = View(record, mode), [], set()
     for check, explains in CHECKS:
         finding = check(view)
         if finding is not None and finding.check not in explained:
-            found.append(finding)
+            findings.append(finding)
             explained |= set(explains)
-    return Audit(tuple(sorted(found, key=lambda one: one.verdict != "refuse")), view.implied)
+    return Audit(tuple(sorted(findings, key=lambda finding: finding.verdict != "refuse")), view.implied)

@@ -23,9 +23,9 @@ from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
-from damping.records.checks import Finding
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.view import Finding
 from damping.regression.power_law import PowerLaw
 from damping.report.page import Block, FigureBlock, Section
 

@@ -1,0 +1,180 @@
+"""Checks of units and energies: record and mode in one system, force and response in their columns, E <= pi F A."""
+
+from __future__ import annotations
+
+from math import log, pi
+
+import numpy as np
+
+from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.records.resonance import energy_per_cycle
+from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
+
+#: Factors by which a quantity in a wrong unit is off, and what they mean.
+UNIT_FACTORS: dict[str, float] = {
+    "N for lb": POUND_FORCE_N,
+    "kgf for N, or g for m/s^2": STANDARD_GRAVITY_M_S2,
+    "g for in/s^2": STANDARD_GRAVITY_REPORT_IN_S2,
+    "g for ft/s^2": 32.174,
+    "lb for kg": 2.20462,
+    "mm for in": 25.4,
+    "in for m": 39.3701,
+    "in for ft": 12.0,
+    "m for ft": 3.28084,
+    "mm for m, or another factor of 1000": 1000.0,
+    "um for m, or another factor of a million": 1.0e6,
+    "g for mm/s^2": 1000.0 * STANDARD_GRAVITY_M_S2,
+    "rad/s for Hz squared": (2.0 * pi) ** 2,
+}
+#: Factors within one system of units: their finding is a caution.
+SCALING_FACTORS = {"rms for peak": 2.0**0.5, "peak-to-peak for peak": 2.0, "peak-to-peak for rms": 2.0 * 2.0**0.5}
+#: Factors between frequencies.
+FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
+
+
+def check_exchange(view: View) -> Finding | None:
+    """Force and response exchanged: the force has a maximum where force per response, the dynamic stiffness, has it."""
+    seen = []
+    for run in view.raw:
+        if len(run) < 5:
+            continue
+        F, g = np.log(run.F), -run.compliance
+        top = int(np.argmax(F))
+        inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > 0.7 * log(2.0)
+        steady = np.ptp(np.log(run.A)) < 0.3 * np.ptp(F)
+        if inside and steady and g[top] > np.quantile(g, 0.9) and np.corrcoef(F, g)[0, 1] > 0.95:
+            seen.append(run)
+    if len(seen) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
+        return None
+    what = f"the force passes through a maximum in {name_sweeps(label_sweeps(seen))} while the response stays the same"
+    return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(seen))
+
+
+def check_energy(view: View) -> Finding | None:
+    """Energies that force and motion do not allow: E <= pi F A always, and equal to it at resonance."""
+    if "energy" not in view.record.table.columns:
+        return None
+    table = view.record.table
+    most = pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64)
+    share = energy_per_cycle(view.record) / most
+    share[[row for row in view.wild]] = np.nan
+    beyond = share > ENERGY
+    small = all(
+        np.nanmax(share[run.rows]) < 1.0 / ENERGY_SHORT
+        for run, seen in zip(view.runs, view.resonant, strict=True)
+        if seen
+    )
+    if not beyond.any() and not (small and any(view.resonant)):
+        return None
+    row = int(np.nanargmax(share))
+    what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
+    what += "the most that force and motion allow"
+    if not beyond.any():
+        what += "; at a resonance it is all of it"
+    advice = "check the unit of the energy and whether it is that of one cycle, or leave the column out"
+    return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if beyond[run.rows].any()))
+
+
+#: Energy beyond pi F A by this factor is no noise.
+ENERGY = 1.25
+#: A resonance whose energy is smaller than pi F A by this factor is none: there they are equal.
+ENERGY_SHORT = 3.0
+
+
+#: Least damping ratio of a structure: single crystals in a vacuum have more.
+LEAST_RATIO = 1e-6
+#: Largest damping ratio of a structure that has a resonance to sweep over.
+LARGEST_RATIO = 0.5
+#: A mass is of another system of units beyond this factor.
+OTHER_SYSTEM = 3.0
+#: Between 2 and that, where it is so near (in the logarithm) to a known factor.
+NEAR_FACTOR = 0.05
+#: The same where the resonance is bent and has no phases: its parabola is off by a factor of 2 to 3.
+OTHER_SYSTEM_BENT = 5.0
+
+
+def check_units(view: View) -> Finding | None:
+    """Record and mode that cannot be of one system of units: by the mass that the rows imply, else by the damping."""
+    if view.mode is None:
+        return None
+    frequency = take_median(view.implied["frequency"]) / view.mode.frequency
+    for name, factor in FREQUENCY_FACTORS.items():
+        for off in (factor, 1.0 / factor):
+            if abs(log(frequency / off)) < 0.06:
+                what = f"the record resonates at {frequency:.4g} times the frequency of the mode file ({name}?)"
+                return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
+    ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
+    bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
+    wrong = None if bent else guess_unit(ratio)
+    impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
+    if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
+        return None
+    parts = [] if np.isnan(ratio) else [f"the rows imply {ratio:.4g} times the mass of the mode file"]
+    parts.append(f"a damping ratio of {zeta:.3g} would follow")
+    name = name_factor(ratio) if wrong else name_damping_factor(view, zeta)
+    advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
+    return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
+
+
+def guess_unit(ratio: float) -> float | None:
+    """The factor by which force over amplitude is too large, where no structure but only a unit explains it."""
+    size = abs(log(ratio)) if ratio > 0.0 else float("nan")
+    if size > log(OTHER_SYSTEM) or (
+        size > log(2.0) and any(abs(size - log(x)) < NEAR_FACTOR for x in UNIT_FACTORS.values())
+    ):
+        return ratio
+    return None
+
+
+def name_factor(ratio: float) -> str:
+    """What the unit factor nearest to a ratio (or its inverse) means; nothing where none is near."""
+    size = abs(log(ratio))
+    names = {**UNIT_FACTORS, **SCALING_FACTORS}
+    name = min(names, key=lambda key: abs(size - log(names[key])))
+    return name if abs(size - log(names[name])) < 0.1 else ""
+
+
+def name_damping_factor(view: View, zeta: float) -> str:
+    """What the unit factor means that brings a damping ratio back to a structure's, by the simulated damping if any."""
+    assert view.mode is not None
+    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
+    simulated = viscous / (2.0 * view.mode.mass * view.mode.omega_n) or 0.01
+    return min(UNIT_FACTORS, key=lambda key: abs(abs(log(zeta / simulated)) - log(UNIT_FACTORS[key])))
+
+
+#: A mass farther than this factor from the mode file's is far.
+FAR_MASS = 1.27
+#: The same of the frequency of the lowest level, where a resonance is bent least.
+FAR_FREQUENCY = 1.1
+#: The same of the damping ratio, which simulations know least.
+FAR_DAMPING = 5.0
+#: Without phases the mass is that of a parabola, which a bent resonance is not.
+FAR_MASS_WITHOUT_PHASE = 1.8
+#: Farther than this outside the rows no mode of the record is the one described.
+OTHER_MODE = 1.25
+
+
+def check_beyond_model(view: View) -> Finding | None:
+    """Mass, frequency or damping far from the mode file's."""
+    if view.mode is None or view.implied.empty:
+        return None
+    differences = []
+    table = view.implied.sort_values("force", kind="stable")
+    frequency = float(table["frequency"].iloc[0])
+    if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
+        differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
+    far_mass = FAR_MASS if all(lag is not None for lag in view.lags) else FAR_MASS_WITHOUT_PHASE
+    base = getattr(view.mode, "drive", "force") == "base"
+    if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
+        name = name_factor(view.mass_ratio)
+        differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
+    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
+    simulated, zeta = viscous / (2.0 * view.mode.mass * view.mode.omega_n), float(table["damping_ratio"].iloc[0])
+    if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
+        differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
+    if not differences:
+        return None
+    hertz = view.record.column("frequency")
+    other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
+    advice = "model and record are of different modes" if other else "check the gain of the sensor and the mode file"
+    return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)

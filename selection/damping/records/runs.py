@@ -1,0 +1,240 @@
+"""Runs of a record, rows of one sweep in one direction, and what their amplitudes show: peaks, beats, wild rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import log
+
+import numpy as np
+import pandas as pd
+from scipy.signal import find_peaks, medfilt
+
+from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
+from damping.records.record import Record
+
+#: Fewest rows of a run that can show a resonance.
+FEWEST_ROWS = 4
+#: A further peak stands out by this factor of A/F.
+PROMINENCE = 1.4
+#: And by so many standard deviations of the noise.
+NOISE_BESIDE_PEAK = 5.0
+#: A maximum of A/F is a resonance where A/F falls on either side by this share.
+FALL = 0.05
+#: And by so many standard deviations of the noise.
+NOISE_BESIDE_FALL = 4.0
+#: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
+SHORT_OF_PEAK = 1.3
+#: Median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent.
+NO_PARABOLA = 0.1
+#: Neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve.
+WHITE = 1.3
+
+
+@dataclass(frozen=True)
+class Run:
+    """Rows of one sweep in one direction, by frequency; ``rows`` is their place in the record; phase None: none.
+
+    Arrays (n,): ``F``, ``omega`` (rad per unit of time), ``A``, ``phase`` (rad), ``added`` mass.
+    """
+
+    sweep: str
+    rows: IntArray
+    F: FloatArray
+    omega: FloatArray
+    A: FloatArray
+    phase: FloatArray | None
+    added: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def without(self, left_out: IntArray) -> Run:
+        """The run without some rows of the record."""
+        kept = ~np.isin(self.rows, left_out)
+        phase = None if self.phase is None else self.phase[kept]
+        return Run(self.sweep, self.rows[kept], self.F[kept], self.omega[kept], self.A[kept], phase, self.added[kept])
+
+    @cached_property
+    def compliance(self) -> FloatArray:
+        """ln(A/F), (n,)."""
+        return np.log(self.A / self.F)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of ln A from row to row: median second difference, so that a peak does not count."""
+        if len(self) < 5:
+            return 0.0
+        return float(np.median(np.abs(np.diff(self.compliance, 2)))) / (0.6745 * 6.0**0.5)
+
+    @cached_property
+    def stiffness(self) -> ComplexArray:
+        """Y = F exp(i phase)/A, freed of the added mass, (n,)."""
+        phase = np.zeros(len(self)) if self.phase is None else self.phase
+        return np.asarray(self.F / self.A * np.exp(1j * phase) + self.added * self.omega**2)
+
+
+def runs_of(record: Record) -> list[Run]:
+    """The runs of a record: legs of each sweep that go up or down; a sweep without such legs is one run."""
+    return [run for _, table in record.table.groupby("sweep", sort=False) for run in _legs(table)]
+
+
+def _legs(table: pd.DataFrame) -> Iterator[Run]:
+    if "time" in table.columns and table["time"].notna().all():
+        table = table.sort_values("time", kind="stable")
+    step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))
+    turns = np.flatnonzero(step[1:] * step[:-1] < 0.0) + 2
+    parts = np.split(np.arange(len(table)), turns)
+    if min(len(part) for part in parts) < FEWEST_ROWS:
+        parts = [np.arange(len(table))]
+    for part in parts:
+        yield _run(table.iloc[part].sort_values("frequency", kind="stable"))
+
+
+def _run(table: pd.DataFrame) -> Run:
+    def column(name: str) -> FloatArray:
+        return table[name].to_numpy(dtype=np.float64)
+
+    return Run(
+        sweep=str(table["sweep"].iloc[0]),
+        rows=table.index.to_numpy(dtype=np.int64),
+        F=column("force"),
+        omega=RAD_S_PER_HZ * column("frequency"),
+        A=column("amplitude"),
+        phase=column("phase") if "phase" in table.columns else None,
+        added=np.nan_to_num(column("added_mass")) if "added_mass" in table.columns else np.zeros(len(table)),
+    )
+
+
+def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike."""
+    x = (omega / np.mean(omega)) ** 2 - 1.0
+    if len(np.unique(x)) < 3:
+        return None
+    return np.asarray(np.polyfit(x, size**2, 2, w=size**-2.0))
+
+
+def has_resonance(run: Run, lag: FloatArray | None) -> bool:
+    """Whether a resonance lies within the rows: the lag passes pi/2, or A/F falls on both sides of its maximum.
+
+    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as holding it.
+    """
+    if lag is not None and np.cos(lag).max() > 0.0 > np.cos(lag).min():
+        return True
+    g = run.compliance
+    top = int(np.argmax(g))
+    fall = max(FALL, NOISE_BESIDE_FALL * run.noise)
+    if g[top] - g[: top + 1].min() > fall and g[top] - g[top:].min() > fall:
+        return True
+    near = np.argsort(-g)[: max(5, len(run) // 3)]
+    fitted = fit_parabola(run.omega[near], (run.F / run.A)[near])
+    if fitted is None or fitted[0] <= 0.0:
+        return False
+    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
+    return bool(least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * least)
+
+
+def measure_whiteness(runs: list[Run]) -> float | None:
+    """Mean squared step of ln(A/F) from row to row over its variance: 2 for white noise; None with too few rows."""
+    long = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
+    if not long:
+        return None
+    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long)
+    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long)
+    return steps / spread if spread > 0.0 else None
+
+
+def find_peaks_of(run: Run) -> IntArray:
+    """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
+    if len(run) < 2 * FEWEST_ROWS:
+        return np.empty(0, np.int64)
+    smooth = medfilt(run.compliance, 3)
+    smooth[[0, -1]] = run.compliance[[0, -1]]
+    places = find_peaks(smooth, prominence=max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
+    return np.asarray(places, np.int64)
+
+
+#: Humps of beats after a resonance that was passed fast stand out by so much at least, ln A/F (this and the next two
+#: from integrating a linear mode at 1 to 10 bandwidths squared per second).
+SHALLOW = 0.05
+#: And by so much at most.
+DEEP = 1.2
+#: The first of them lies so far below the peak, ln A/F.
+FIRST_BEAT = (0.7, 1.8)
+
+
+def count_beats(run: Run) -> int:
+    """Humps on one side of the peak, lower and lower and closer and closer, as a resonance passed fast leaves them."""
+    if len(run) < 10 * FEWEST_ROWS:
+        return 0
+    smooth = medfilt(run.compliance, 5)[2:-2]
+    peaks, shape = find_peaks(smooth, prominence=max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
+    if len(peaks) < 2:
+        return 0
+    top = int(np.argmax(smooth[peaks]))
+    if top not in (0, len(peaks) - 1):
+        return 0
+    humps = (peaks if top == 0 else peaks[::-1])[1:]
+    heights, omega = smooth[humps] - smooth[peaks[top]], run.omega[2:-2]
+    away = np.abs(omega[humps] - omega[peaks[top]])
+    stand_out = np.delete(shape["prominences"], top)
+    first = FIRST_BEAT[0] < -heights[0] < FIRST_BEAT[1] and stand_out.max() < DEEP
+    closer = bool(np.all(np.diff(heights) < 0.0) and np.all(np.diff(away, prepend=0.0)[1:] < away[0]))
+    return len(humps) if first and closer else 0
+
+
+#: Rows that are off are at most this share of a run: more of them are another branch of the response.
+MOST_WILD = 0.05
+#: A row within this factor of one of the three rows before or after it, in Y, is on a branch of its own.
+SAME_BRANCH = 1.5
+
+
+def find_wild_rows(run: Run, factor: float) -> IntArray:
+    """Places in the run of amplitudes more than ``factor`` above both rows beside them, or below, that stand alone.
+
+    A resonance between two rows may reach any height: a row that its phase says is at resonance, or to which without
+    phases the rows before and after rise, is no wild one.
+    """
+    n = len(run)
+    if n < 2 * FEWEST_ROWS:
+        return np.empty(0, np.int64)
+    places = [k for k in range(n) if _stands_alone(run, k, factor)]
+    return np.array(places if len(places) <= max(1.0, MOST_WILD * n) else [], np.int64)
+
+
+def _stands_alone(run: Run, k: int, factor: float) -> bool:
+    n, g = len(run), run.compliance
+    beside = [m for m in (k - 1, k + 1) if 0 <= m < n]
+    above, below = g[k] - max(g[beside]), min(g[beside]) - g[k]
+    if max(above, below) < log(factor) or (below > 0.0 and np.ptp(g[beside]) > 0.3 * below):
+        return False
+    near = np.array([m for m in range(max(0, k - 3), min(n, k + 4)) if m != k])
+    if np.abs(np.log(run.stiffness[near] / run.stiffness[k])).min() < log(SAME_BRANCH):
+        return False
+    return above < 0.0 or not _may_resonate(run, k, factor)
+
+
+#: A sweep of more rows shows its resonance in more than one of them.
+MOST_COARSE = 40
+
+
+def _may_resonate(run: Run, k: int, factor: float) -> bool:
+    """Whether row ``k``, above the rows beside it, may be the resonance."""
+    if run.phase is not None:  # with like damping beside, |Y| sin(phase) is the same: a reading too large lowers it
+        others = np.delete(np.arange(len(run)), k)
+        damping = np.abs(run.stiffness.imag)
+        near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
+        return bool(damping[k] > np.median(damping[near]) / factor)
+    rest = np.delete(np.arange(len(run)), k)
+    if abs(int(np.argmax(run.compliance[rest])) - k) > 1 or len(rest) >= MOST_COARSE:
+        return False
+    size = run.F / run.A
+    near = rest[np.argsort(size[rest], kind="stable")[:6]]
+    fitted = fit_parabola(run.omega[near], size[near])
+    if fitted is None or fitted[0] <= 0.0:
+        return True
+    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
+    x = (run.omega[near] / np.mean(run.omega[near])) ** 2 - 1.0
+    follows = np.median(np.abs(np.polyval(fitted, x) / size[near] ** 2 - 1.0)) < NO_PARABOLA + 2.0 * run.noise
+    return not (follows and size[k] ** 2 * factor**2 < least)

@@ -1,0 +1,248 @@
+"""What the checks of the audit look at: a record, its mode, and what its rows imply, computed once for all checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, pi
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.records.implied import (
+    AS_LAG,
+    Implied,
+    classify_phase,
+    estimate_mass_without_phase,
+    find_implied,
+    is_incoherent,
+)
+from damping.records.mode import Mode
+from damping.records.record import Record
+from damping.records.resonance import resonances
+from damping.records.runs import (
+    FEWEST_ROWS,
+    WHITE,
+    Run,
+    find_wild_rows,
+    has_resonance,
+    measure_whiteness,
+    runs_of,
+)
+
+#: Relative scatter beyond which the mass of pairs of rows is not known.
+SURE = 0.2
+#: An amplitude is wild where its neighbours say less than a third or more than three times as much.
+WILD = 3.0
+#: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
+FAR_LEVEL = log(3.0)
+#: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
+MOST_OFFSET = 0.25 * pi
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One cause: the ``check`` that found it, ``verdict`` caution or refuse, what was seen, what to do, where."""
+
+    check: str
+    verdict: str
+    what: str
+    advice: str
+    sweeps: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.check} ({self.verdict}): {self.what}; {self.advice}"
+
+
+@dataclass(frozen=True)
+class View:
+    """A record, with the mode where one is given, and what its rows imply; computed once for all checks."""
+
+    record: Record
+    mode: Mode | None
+
+    @cached_property
+    def raw(self) -> list[Run]:
+        """The runs as they are."""
+        return runs_of(self.record)
+
+    @cached_property
+    def wild(self) -> dict[int, str]:
+        """Rows of the record whose amplitude is off by more than ``WILD``, with their sweep."""
+        return {int(run.rows[k]): run.sweep for run in self.raw for k in find_wild_rows(run, WILD)} | self._wild_peaks()
+
+    def _wild_peaks(self) -> dict[int, str]:
+        """Among sweeps of one row: the one whose amplitude does not go with its force as the others' do."""
+        single = [run for run in self.raw if len(run) == 1]
+        if len(single) < FEWEST_ROWS:
+            return {}
+        x, y = (np.array([np.log(getattr(run, name)[0]) for run in single]) for name in ("F", "A"))
+        for k, run in enumerate(single):
+            others = np.arange(len(single)) != k
+            if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
+                continue  # no line holds so far beyond the other levels: friction sticks, joints open
+            line = (
+                np.polyfit(x[others], y[others], 1) if np.ptp(x[others]) > 0.05 else np.array([0.0, y[others].mean()])
+            )
+            left = y - np.polyval(line, x)
+            if abs(left[k]) > log(WILD) and np.abs(left[others]).max() < 0.2 * abs(left[k]):
+                return {int(run.rows[0]): run.sweep}
+        return {}
+
+    @cached_property
+    def runs(self) -> list[Run]:
+        """The runs without wild rows, as they are."""
+        left_out = np.array(sorted(self.wild), dtype=np.int64)
+        kept = [run.without(left_out) for run in self.raw] if len(left_out) else self.raw
+        return [run for run in kept if len(run)]
+
+    @cached_property
+    def turns(self) -> list[Implied | None]:
+        """What each run implies, phases as they are."""
+        return [find_implied(run) for run in self.runs]
+
+    @cached_property
+    def curve(self) -> bool:
+        """Whether the amplitudes are a curve and not white noise."""
+        white = measure_whiteness(self.runs)
+        return white is None or white < WHITE
+
+    @cached_property
+    def incoherent(self) -> tuple[str, ...]:
+        """Sweeps whose phases have nothing to do with their amplitudes."""
+        return label_sweeps(
+            run for run, turn in zip(self.runs, self.turns, strict=True) if turn and is_incoherent(run, turn)
+        )
+
+    @cached_property
+    def wrong_sign(self) -> dict[str, str]:
+        """Sweeps whose phase is no lag of the displacement, and what it is instead."""
+        kinds: dict[str, str] = {}
+        for run, turn in zip(self.runs, self.turns, strict=True):
+            if run.sweep in self.incoherent or run.phase is None:
+                continue
+            if turn is None:
+                sine = float(np.mean(np.sin(run.phase)))
+                kind = "" if sine > -0.5 else "negated"
+            else:
+                kind = classify_phase(turn)
+            if kind:
+                kinds[run.sweep] = kind
+        return kinds
+
+    @cached_property
+    def lags(self) -> list[FloatArray | None]:
+        """Phase of every run as the lag that it should have been; None where there is none or it is incoherent."""
+        lags: list[FloatArray | None] = []
+        for run, turn in zip(self.runs, self.turns, strict=True):
+            kind = self.wrong_sign.get(run.sweep, "")
+            if run.phase is None or run.sweep in self.incoherent:
+                lags.append(None)
+                continue
+            offset = turn.offset if turn and turn.both_sides and not kind and abs(turn.offset) < MOST_OFFSET else 0.0
+            lag = AS_LAG[kind](run.phase - offset)
+            lags.append(np.angle(np.exp(1j * (lag - 0.5 * pi))) + 0.5 * pi)
+        return lags
+
+    @cached_property
+    def resonant(self) -> list[bool]:
+        """Whether each run holds a resonance; a run of few rows is taken at its word."""
+        return [
+            len(run) < FEWEST_ROWS or has_resonance(run, lag) for run, lag in zip(self.runs, self.lags, strict=True)
+        ]
+
+    @cached_property
+    def right(self) -> Record:
+        """The record without wild rows, with lags where its phases were others; without phases where they are noise."""
+        rows = np.concatenate([run.rows for run in self.runs])
+        table = self.record.table.loc[np.sort(rows)].copy()
+        if "phase" in table.columns:
+            if any(lag is None for lag in self.lags):
+                table = table.drop(columns="phase")
+            else:
+                for run, lag in zip(self.runs, self.lags, strict=True):
+                    if run.sweep in self.wrong_sign and lag is not None:
+                        table.loc[run.rows, "phase"] = lag
+        return Record(table.reset_index(drop=True), self.record.source)
+
+    @cached_property
+    def masses(self) -> FloatArray:
+        """Mass that each run implies, (runs,); NaN where it does not."""
+        return np.array([mass for mass, _ in self._masses])
+
+    @cached_property
+    def straight(self) -> bool:
+        """Whether the implied masses rest on phases or on resonances that are not bent."""
+        known = [straight for mass, straight in self._masses if np.isfinite(mass)]
+        return float(np.mean(known)) > 0.5 if known else False
+
+    @cached_property
+    def _masses(self) -> list[tuple[float, bool]]:
+        masses = []
+        for run, turn, lag in zip(self.runs, self.turns, self.lags, strict=True):
+            if turn is not None and lag is not None:
+                sure = turn.both_sides and turn.scatter < SURE
+                masses.append((abs(turn.mass) if sure else float("nan"), True))
+            else:
+                masses.append(estimate_mass_without_phase(run) or (float("nan"), False))
+        return masses
+
+    @cached_property
+    def implied(self) -> pd.DataFrame:
+        """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
+        table = _replace_steady_amplitudes(resonances(self.right), self.right)
+        mass: dict[str, list[float]] = {}
+        for run, value in zip(self.runs, self.masses, strict=True):
+            mass.setdefault(run.sweep, []).append(value)
+        implied = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
+        implied["mass"] = [take_median(mass.get(sweep, [])) for sweep in table["sweep"]]
+        stated = self.mode.mass if self.mode else np.nan
+        used = self.right.masses(stated)[table["row"].to_numpy()] if len(table) else np.array([])
+        used = np.where(np.isnan(used), implied["mass"], used)
+        omega = RAD_S_PER_HZ * implied["frequency"]
+        implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])
+        return implied.reset_index(drop=True)
+
+    @cached_property
+    def mass_ratio(self) -> float:
+        """Mass that the rows imply over that of the mode (or of the rows' own column); NaN where they imply none."""
+        if self.mode is None:
+            return float("nan")
+        own = self.record.masses(self.mode.mass)
+        stated = np.array([float(np.median(own[run.rows])) for run in self.runs])
+        if getattr(self.mode, "drive", "force") == "base":
+            stated = np.ones(len(self.runs))
+        return take_median(self.masses / stated)
+
+
+def take_median(values: Iterable[float]) -> float:
+    """Median of the finite values; NaN where there is none."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _replace_steady_amplitudes(table: pd.DataFrame, record: Record) -> pd.DataFrame:
+    """Resonances with those of sweeps at one amplitude and without phases where the force is least."""
+    replaced = table.copy()
+    for place in np.flatnonzero(table["method"] == "peak"):
+        own = record.table[record.table["sweep"] == table["sweep"][place]]
+        if np.ptp(np.log(own["amplitude"])) < 0.5 * np.ptp(np.log(own["force"])):
+            row = (own["force"] / own["amplitude"]).idxmin()
+            for name in ("force", "frequency", "amplitude"):
+                replaced.loc[place, name] = own[name][row]
+            replaced.loc[place, "row"] = row
+    return replaced
+
+
+def label_sweeps(runs: Iterable[Run]) -> tuple[str, ...]:
+    """Labels of runs, each once."""
+    return tuple(dict.fromkeys(run.sweep for run in runs))
+
+
+def name_sweeps(sweeps: Iterable[str], most: int = 5) -> str:
+    """Labels for a message: all of a few, else the first with the number of the rest."""
+    labels = list(sweeps)
+    more = f" and {len(labels) - most} more" if len(labels) > most else ""
+    return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:most])}{more}"

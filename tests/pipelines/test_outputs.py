@@ -1,0 +1,231 @@
+"""What commands write over and what never: inputs, a user's own files, pipes, links; standard output full or closed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from damping.errors import InputError
+from damping_pipelines import provenance
+from damping_pipelines.manifest import MANIFEST, digest, load_chain, publish, sole_writer, verify
+from damping_pipelines.provenance import describe_code, digest_code, digest_source
+from damping_pipelines.store import write_text
+from damping_pipelines.sweep import MOST_ROWS
+from damping_validation import bands
+
+ROOT = Path(__file__).parents[2]
+MODE = "[mode]\nfrequency = 1.65\nmass = 1.0\n[damping.viscous]\ncoefficient = 0.2\n"
+PUBLISHED = {"seed": 1, "versions": {}, "inputs": {}}
+
+
+def test_a_link_is_followed(tmp_path):
+    real, link = tmp_path / "elsewhere" / "file.csv", tmp_path / "link.csv"
+    write_text(real, "old")
+    link.symlink_to(real)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+    dangling = tmp_path / "dangling.csv"
+    dangling.symlink_to(tmp_path / "elsewhere" / "later.csv")
+    write_text(dangling, "new")
+    assert dangling.is_symlink()
+    assert (tmp_path / "elsewhere" / "later.csv").read_text() == "new"
+    ring = tmp_path / "ring.csv"
+    ring.symlink_to(ring)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_text(ring, "new")
+
+
+def test_a_pipe_is_written_to(tmp_path):
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
+    reader.start()
+    write_text(pipe, "text")
+    reader.join()
+    assert got == ["text"]
+    assert pipe.is_fifo()
+
+
+def test_a_device_is_written_to():
+    write_text(Path("/dev/null"), "text")
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(InputError, match="No space left"):
+        write_text(Path("/dev/full"), "text")
+
+
+@pytest.mark.parametrize("name", ["a.csv", "figures/b.svg"])
+def test_a_file_that_no_manifest_names_is_refused(tmp_path, name):
+    write_text(tmp_path / name, "measured")
+    with pytest.raises(InputError, match="is no result of an earlier run; expected another --out, or that file moved"):
+        publish(tmp_path, {"a.csv": b"new", "figures/b.svg": b"new"}, **PUBLISHED)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [tmp_path / name]
+    assert (tmp_path / name).read_text() == "measured"
+    with pytest.raises(InputError, match="no result of an earlier run"), sole_writer(tmp_path, [name]):
+        raise AssertionError
+
+
+def test_a_manifest_of_somebody_else_is_refused(tmp_path):
+    write_text(tmp_path / MANIFEST, "mine")
+    with pytest.raises(InputError, match="is no manifest of ours"):
+        publish(tmp_path, {"a.csv": b"new"}, **PUBLISHED)
+    assert (tmp_path / MANIFEST).read_text() == "mine"
+
+
+def test_other_files_in_the_folder_stay(tmp_path):
+    write_text(tmp_path / "notes.txt", "mine")
+    for content in (b"first", b"second"):
+        publish(tmp_path, {"a.csv": content}, **PUBLISHED)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert verify(tmp_path).read("a.csv") == b"second"
+
+
+def test_a_run_killed_among_its_moves_is_finished(tmp_path, monkeypatch):
+    """All was staged and a first file moved: the next run finds the results whole, and no file of its own foreign."""
+    moved = []
+
+    def move_once(source, target):
+        if ".staged" not in str(target):
+            if moved:
+                raise KeyboardInterrupt
+            moved.append(target)
+        real(source, target)
+
+    real = os.replace
+    monkeypatch.setattr(os, "replace", move_once)
+    with pytest.raises(KeyboardInterrupt):
+        publish(tmp_path, {"a.csv": b"a", "b.csv": b"b"}, **PUBLISHED)
+    monkeypatch.undo()
+    with sole_writer(tmp_path, ["a.csv", "b.csv"]):
+        assert verify(tmp_path).manifest.outputs == {"a.csv": digest(b"a"), "b.csv": digest(b"b")}
+
+
+def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch):
+    records, out = tmp_path / "records", tmp_path / "out"
+    (records / "one").mkdir(parents=True)
+    write_text(records / "one" / "record.csv", "x")
+    write_text(records / "one" / "mode.toml", "x")
+    one = bands.BandResult("one", *[None] * 5)
+    monkeypatch.setattr(bands, "result", lambda folder, seed: one)
+    monkeypatch.setattr(bands, "figure", lambda one: b"png")
+    monkeypatch.setattr(bands, "loads_table", lambda at: None)
+    monkeypatch.setattr(bands, "record_to_csv", lambda table: "csv")
+    monkeypatch.setattr(bands, "page", lambda results, seed: "page")
+    for name in ("README.md", "one.csv"):
+        write_text(out / name, "mine")
+        run = damping("bands", records, "--out", out)
+        assert run.code == 2
+        assert f"{name}: is no result of an earlier run" in run.err
+        assert (out / name).read_text() == "mine"
+        (out / name).unlink()
+    for _ in range(2):
+        assert damping("bands", records, "--out", out).code == 0
+    assert damping("verify", out).code == 0
+    (out / "one.csv").write_text("changed")
+    run = damping("verify", out)
+    assert run.code != 0
+    assert "one.csv: is not of the run of the manifest" in run.out + run.err
+
+
+def test_a_study_writes_over_no_measured_file(tmp_path, damping):
+    """``--out .``, where a file of the user has the name of an output: told before any work."""
+    folder = tmp_path / "joint"
+    shutil.copytree(ROOT / "examples" / "bolted-joint", folder)
+    write_text(folder / "summary.json", "mine")
+    run = damping("study", folder / "STUDY.toml", "--out", folder)
+    assert run.code == 2
+    assert "summary.json: is no result of an earlier run" in run.err
+    assert (folder / "summary.json").read_text() == "mine"
+
+
+def test_outputs_of_a_folder_are_no_inputs(tmp_path, damping):
+    """``--steps`` and ``--plots`` name folders, whose files must not be what was read."""
+    data = tmp_path / "x.csv"
+    write_text(data, "y,x\n" + "".join(f"{2.0 * i + i % 3},{i}\n" for i in range(12)))
+    plots = tmp_path / "plots"
+    words = ("--response", "y", "--terms", "x", "--plots", plots)
+    assert damping("regress", data, *words).code == 0
+    drawn = sorted(plots.iterdir())[0]
+    data.replace(drawn)  # the table now stands where the drawing goes
+    data.symlink_to(drawn)
+    run = damping("regress", data, *words)
+    assert run.code == 2
+    assert "--plots is one of the inputs" in run.err
+    assert drawn.read_text().startswith("y,x")
+
+
+@pytest.mark.parametrize("points", ["1000000000", str(MOST_ROWS + 1)])
+def test_a_sweep_of_too_many_points(tmp_path, damping, points):
+    write_text(tmp_path / "m.toml", MODE)
+    out = tmp_path / "out.csv"
+    run = damping("sweep", tmp_path / "m.toml", "--force", "1", "--frequency", f"1.6:1.7:{points}", "--out", out)
+    assert run.code == 2
+    assert run.err.count("\n") == 1
+    assert f"{points} points; expected {MOST_ROWS} points at most" in run.err
+    forces = [word for _ in range(2) for word in ("--force", "1")]
+    most = f"1.6:1.7:{MOST_ROWS}"
+    run = damping("sweep", tmp_path / "m.toml", *forces, "--frequency", most, "--out", out)
+    assert f"{2 * MOST_ROWS} rows; expected {MOST_ROWS} rows" in run.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("option", [("--jobs", "1000000"), ("--jobs", "0"), ("--cases", "1000000000")])
+def test_a_number_that_sets_the_work_has_its_limit(tmp_path, damping, option):
+    run = damping("blind", "--out", tmp_path / "out", *option)
+    assert run.code == 2
+    assert run.err.count("\n") == 1
+    assert option[0] in run.err
+    assert not (tmp_path / "out").exists()
+
+
+def check_to(output: str, *words: object) -> subprocess.CompletedProcess[str]:
+    """``damping check`` with standard output full, or closed by its reader."""
+    command = [sys.executable, "-m", "damping_pipelines.cli", "check", *map(str, words)]
+    if output == "full":
+        with Path("/dev/full").open("w") as full:
+            return subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        return subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    finally:
+        os.close(write)
+
+
+@pytest.mark.parametrize("output", ["full", "closed"])
+@pytest.mark.parametrize("words", [(), ("--json", "-")])
+def test_standard_output_that_takes_nothing(output, words):
+    run = check_to(output, ROOT / "examples" / "bolted-joint" / "record.csv", *words)
+    assert run.returncode == 1
+    assert run.stderr.count("\n") == 1
+    assert run.stderr.startswith("damping: standard output ")
+
+
+def test_a_checkpoint_that_is_no_chain_is_set_aside(tmp_path):
+    path = tmp_path / "key-0.h5"
+    path.write_bytes(b"no chain")
+    assert load_chain(path) is None
+    assert [file.name for file in tmp_path.iterdir()] == ["key-0.h5.broken"]
+
+
+def test_keys_hold_the_source(monkeypatch, tmp_path):
+    """One more module, and every key is another."""
+    before = digest_code()
+    assert describe_code()["source"] == digest_source()
+    digest_source.cache_clear()
+    assert digest_code() == before
+    other = tmp_path / "damping_validation"
+    shutil.copytree(ROOT / "pipelines" / "damping_validation", other)
+    (other / "more.py").write_text("")
+    spec = type("Spec", (), {"submodule_search_locations": [str(other)]})
+    real = provenance.find_spec
+    monkeypatch.setattr(provenance, "find_spec", lambda name: spec if name == "damping_validation" else real(name))
+    digest_source.cache_clear()
+    assert digest_code() != before
+    digest_source.cache_clear()
