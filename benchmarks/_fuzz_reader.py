@@ -19,7 +19,7 @@ with atheris.instrument_imports(include=["damping.records", "damping.errors", "t
     from damping.formats.reading import read_file
     from damping.formats.series import Stated
     from damping.formats.steady import steady_record
-    from damping.records.mode import mode_to_toml, read_mode
+    from damping.records.mode import describe_mode_to_toml, read_mode
     from damping.records.reading import read_record, read_table
     from damping.records.record import record_to_csv
 
@@ -32,7 +32,7 @@ with atheris.instrument_imports(
     ]
 ):
     from damping.signals.reading import read_description, read_raw
-    from damping_pipelines.export import form_table
+    from damping_pipelines.export import tabulate_form
     from damping_pipelines.manifest import MANIFEST, open_folder
     from damping_pipelines.settings import default_study, read_settings
 
@@ -65,7 +65,7 @@ def _mat(path: Path) -> None:
 READERS: dict[str, Callable[[Path], object]] = {
     "record": lambda path: record_to_csv(read_record(path)),
     "table": read_table,
-    "mode": lambda path: mode_to_toml(read_mode(path)),
+    "mode": lambda path: describe_mode_to_toml(read_mode(path)),
     "study": read_settings,
     "condition": read_description,
     "raw": lambda path: read_raw(path, _DESCRIPTION, _MOST_BYTES),
@@ -73,7 +73,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "csv": _imported("csv"),
     "lock-in": _imported("lock-in"),
     "mat": _mat,
-    "form": form_table,
+    "form": tabulate_form,
     "manifest": lambda path: open_folder(path.rename(path.with_name(MANIFEST)).parent),
 }
 

@@ -14,7 +14,7 @@ import statsmodels.api as sm
 from benchmarks._rows import Row, middle, timed
 from damping.regression.design import Design, design_of, take_columns
 from damping.regression.subsets import Subsets, all_subsets
-from damping.regression.terms import columns_of, parse_terms
+from damping.regression.terms import list_columns_of, parse_terms
 from damping_reed1970.tables import load_table
 
 TERMS = parse_terms("A^2*omega, A^2, A^3*omega^2, A^3*omega, A^4*omega, A, A^3, A^4, A^2*omega^2")
@@ -25,7 +25,7 @@ def nine_terms() -> Design:
     """The design on Table 5.III as the report used it."""
     table = load_table("5_III", "used")
     data = pd.DataFrame({"A": table["A2bar_in"], "omega": table["omega_rad_s"], "E": table["E_in_lb"]})
-    return design_of(take_columns(data, ("E", *columns_of(TERMS))), "E", TERMS)
+    return design_of(take_columns(data, ("E", *list_columns_of(TERMS))), "E", TERMS)
 
 
 def ours(design: Design) -> Subsets:

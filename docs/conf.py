@@ -10,7 +10,7 @@ import inspect
 import typer
 from sphinx.application import Sphinx
 
-from damping.forces import CATALOGUE, parameter_names
+from damping.forces import CATALOGUE, list_parameter_names
 from damping_pipelines.cli import app as cli
 
 project = "Damping models from vibration tests"
@@ -50,7 +50,7 @@ def forces() -> str:
         powers = getattr(force, "energy_exponents", None)
         energy = "A^{:g} ω^{:g}".format(*powers) if isinstance(powers, tuple) else "by its parameters"
         formula = str(force.formula).replace("|", r"\|")
-        rows.append(f"| `{name}` | `{formula}` | {', '.join(parameter_names(name))} | {energy} |")
+        rows.append(f"| `{name}` | `{formula}` | {', '.join(list_parameter_names(name))} | {energy} |")
     said = [f"`{name}`\n: {' '.join((inspect.getdoc(force) or '').split())}\n" for name, force in CATALOGUE.items()]
     return "\n".join(rows) + "\n\n" + "\n".join(said)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from damping.campaign.answer import At, Campaign, analyse
 from damping.errors import InputError
-from damping.records.mode import mode_to_toml
+from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
-from damping.report.campaign_page import campaign_page
+from damping.report.campaign_page import describe_campaign_page
 from damping_pipelines.manifest import digest, publish
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import console, number, plain_table
@@ -38,10 +38,10 @@ def campaign(
     inputs = {file.name: digest(file.read_bytes()) for file in files}
     title = f"Campaign: {', '.join(file.name for file in files)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
-    written |= {f"modes/{mode.name}/mode.toml": mode_to_toml(mode.mode).encode() for mode in found.modes}
-    written["study.toml"] = _study(title, found, seed).encode()
+    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
+    written["study.toml"] = _describe_study(title, found, seed).encode()
     written["campaign.json"] = to_json(found.to_json()).encode()
-    written["report.html"] = campaign_page(found, title, seed, versions(), inputs).encode()
+    written["report.html"] = describe_campaign_page(found, title, seed, versions(), inputs).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(found, out)
 
@@ -59,7 +59,7 @@ def _frequencies(text: str | None) -> list[float]:
     return found
 
 
-def _study(title: str, found: Campaign, seed: int) -> str:
+def _describe_study(title: str, found: Campaign, seed: int) -> str:
     """Settings of a study of all modes."""
     quoted = title.replace("\\", "/").replace('"', "'")
     lines = [f'title = "{quoted}"', f"seed = {seed}", "level = 0.9", ""]
@@ -82,7 +82,7 @@ def _show(found: Campaign, out: Path) -> None:
     table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in found.modes:
         for at in mode.places:
-            table.add_row(*_row(mode.name, at))
+            table.add_row(*_list_row(mode.name, at))
     to.print(table)
     for mode in found.modes:
         for name, why in mode.left_out.items():
@@ -90,7 +90,7 @@ def _show(found: Campaign, out: Path) -> None:
     to.print(f"written to {out}", highlight=False, markup=False)
 
 
-def _row(mode: str, at: At) -> list[str]:
+def _list_row(mode: str, at: At) -> list[str]:
     """A row of the table on the terminal."""
     ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
     largest = max(at.response, key=lambda one: one.band[0], default=None)

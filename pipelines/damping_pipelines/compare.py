@@ -13,8 +13,8 @@ import pandas as pd
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from damping.errors import InputError
-from damping.records.text import shortened, unguarded
-from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, comparison_page
+from damping.records.text import describe_shortened, unguarded
+from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, describe_comparison_page
 from damping_pipelines.forms import LoadsForm, RankForm
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
 from damping_pipelines.provenance import versions
@@ -74,12 +74,12 @@ def compare(folders: Sequence[Path], out: Path) -> None:
     """
     if not 2 <= len(folders) <= MOST_STUDIES:
         raise InputError(f"{len(folders)} folders", expected=f"two to {MOST_STUDIES} folders of studies")
-    names = _names(folders)
+    names = _list_names(folders)
     opened = [open_folder(folder) for folder in folders]
     for one in opened:
         refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
     studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
-    write_text(out, comparison_page(studies, versions()))
+    write_text(out, describe_comparison_page(studies, versions()))
     print(f"{out} written")
 
 
@@ -90,19 +90,19 @@ def check(folders: Sequence[Path]) -> None:
         print(f"{folder}: {len(manifest.outputs)} files of one run, seed {manifest.seed}")
 
 
-def _names(folders: Sequence[Path]) -> list[str]:
+def _list_names(folders: Sequence[Path]) -> list[str]:
     """What each folder is called on the page: its own name, after those above it where two have one name."""
     resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
     if len(set(resolved)) < len(resolved):
         raise InputError("a folder is given twice", expected="different folders")
-    return [_shortest(path, resolved) for path in resolved]
+    return [_describe_shortest(path, resolved) for path in resolved]
 
 
-def _shortest(path: Path, among: Sequence[Path]) -> str:
+def _describe_shortest(path: Path, among: Sequence[Path]) -> str:
     """The least end of a path that no other one has."""
     ends = [path.parts[-n:] for n in range(1, len(path.parts) + 1)]
     alone = next((end for end in ends if sum(other.parts[-len(end) :] == end for other in among) == 1), path.parts)
-    return shortened("/".join(alone), 60)
+    return describe_shortened("/".join(alone), 60)
 
 
 def _study(folder: Folder, name: str) -> StudySummary:
@@ -126,13 +126,13 @@ def _record(record: _Record, folder: Folder) -> RecordSummary:
     return RecordSummary(
         title=record.title,
         units=(record.units.force, record.units.length),
-        ranking=_frame(ranking, _RANKING),
-        loads=_frame(loads, _LOADS),
-        posteriors=_frame(_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
+        ranking=_tabulate_frame(ranking, _RANKING),
+        loads=_tabulate_frame(loads, _LOADS),
+        posteriors=_tabulate_frame(_list_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
     )
 
 
-def _posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
+def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
     """Rows of a table of posteriors; none where the study has no such file."""
     if name not in folder.manifest.outputs:
         return []
@@ -159,7 +159,7 @@ def _wrong(error: ValidationError, path: Path) -> InputError:
     return InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a file that a study wrote")
 
 
-def _frame(rows: list[dict[str, Any]], columns: list[str]) -> pd.DataFrame:
+def _tabulate_frame(rows: list[dict[str, Any]], columns: list[str]) -> pd.DataFrame:
     """Columns of text and of numbers, missing ones NaN."""
     table = pd.DataFrame(rows, columns=columns)
     text = {"law", "parameter", "unit"}

@@ -13,9 +13,29 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.plots.style import GRID, INK, LINEAR, WIDTH, identifier, plain_rows, short, styled, to_svg, with_unit
-from damping.report.page import Block, Callout, FigureBlock, Footer, Heading, List, Section, Table, Text, page
-from damping.report.words import NOTHING, count, force_text, joined, number, percent, share, signed
+from damping.plots.style import (
+    GRID,
+    INK,
+    LINEAR,
+    WIDTH,
+    describe_short,
+    describe_with_unit,
+    draw_plain_rows,
+    identifier,
+    styled,
+    to_svg,
+)
+from damping.report.page import Block, Callout, FigureBlock, Footer, Heading, List, Section, Table, Text, describe_page
+from damping.report.words import (
+    NOTHING,
+    count,
+    format_force_text,
+    format_joined,
+    format_percent,
+    format_share,
+    format_signed,
+    number,
+)
 
 #: Colours and markers of studies, in order; there are not more of either.
 COLOURS = ("#0060a8", "#d55e00", "#009e73", "#882255", "#8c6d1f", "#5c6670", "#332288", "#d45fb0")
@@ -35,14 +55,14 @@ def weights(table: pd.DataFrame, studies: Sequence[str]) -> Figure:
     laws = list(dict.fromkeys(table["law"]))
     figure = Figure(figsize=(0.85 * WIDTH, 0.9 + 0.24 * len(laws)))
     axes = figure.subplots()
-    plain_rows(axes, [short(law, 60) for law in laws])
+    draw_plain_rows(axes, [describe_short(law, 60) for law in laws])
     for place, name in enumerate(studies):
         mine = table[table["study"] == name]
         rows = [laws.index(law) for law in mine["law"]]
-        _points(axes, mine["weight"].to_numpy(float), np.array(rows) + _aside(place, len(studies)), place, name)
+        _draw_points(axes, mine["weight"].to_numpy(float), np.array(rows) + _aside(place, len(studies)), place, name)
     axes.set_xlim(left=-0.02)
     axes.set_xlabel("weight (posterior probability)")
-    _lines(axes, len(laws))
+    _draw_lines(axes, len(laws))
     figure.legend(loc="outside upper right", ncols=min(4, len(studies)))
     return figure
 
@@ -62,13 +82,20 @@ def predictions(table: pd.DataFrame, studies: Sequence[str], force_unit: str, le
         x = np.array([forces.index(force) for force in mine["force"]]) + _aside(place, len(studies))
         median, low, high = (mine[column].to_numpy(float) for column in ("median", "low", "high"))
         axes.vlines(x, low, high, color=COLOURS[place], linewidth=2.2)
-        axes.plot(x, median, MARKERS[place], color=COLOURS[place], markeredgecolor="white", label=short(name, _LETTERS))
+        axes.plot(
+            x,
+            median,
+            MARKERS[place],
+            color=COLOURS[place],
+            markeredgecolor="white",
+            label=describe_short(name, _LETTERS),
+        )
         axes.plot(x, mine["linear"].to_numpy(float), "_", color=LINEAR, markersize=9, markeredgewidth=1.6)
     axes.plot([], [], "_", color=LINEAR, markersize=9, markeredgewidth=1.6, label="linear damping")
     axes.set_xticks(range(len(forces)), [f"{force:g}" for force in forces])
     axes.set_xlim(-0.6, len(forces) - 0.4)
-    axes.set_xlabel(with_unit("design force", force_unit))
-    axes.set_ylabel(with_unit("resonant amplitude", length_unit))
+    axes.set_xlabel(describe_with_unit("design force", force_unit))
+    axes.set_ylabel(describe_with_unit("resonant amplitude", length_unit))
     figure.legend(loc="outside upper right", ncols=min(4, len(studies) + 1))
     return figure
 
@@ -84,7 +111,7 @@ def posteriors(table: pd.DataFrame, studies: Sequence[str]) -> Figure:
     middle = table.groupby(["law", "parameter"], sort=False)["median"].median()
     figure = Figure(figsize=(WIDTH, 0.9 + (0.16 + 0.09 * len(studies)) * len(keys)))
     axes = figure.subplots()
-    plain_rows(axes, [short(law if law == name else f"{law}: {name}", 60) for law, name in keys])
+    draw_plain_rows(axes, [describe_short(law if law == name else f"{law}: {name}", 60) for law, name in keys])
     for place, name in enumerate(studies):
         mine = table[table["study"] == name]
         pairs = list(zip(mine["law"], mine["parameter"], strict=True))
@@ -92,16 +119,16 @@ def posteriors(table: pd.DataFrame, studies: Sequence[str]) -> Figure:
         low, median, high = (mine[column].to_numpy(float) / scale for column in ("low", "median", "high"))
         y = np.array([keys.index(pair) for pair in pairs]) + _aside(place, len(studies))
         axes.hlines(y, low, high, color=COLOURS[place], linewidth=1.8)
-        _points(axes, median, y, place, name)
+        _draw_points(axes, median, y, place, name)
     axes.axvline(1.0, color=INK, linewidth=0.7)
     axes.set_xlabel("posterior, relative to the middle of the medians")
-    _lines(axes, len(keys))
+    _draw_lines(axes, len(keys))
     figure.legend(loc="outside upper right", ncols=min(4, len(studies)))
     return figure
 
 
-def _points(axes: Axes, x: np.ndarray, y: np.ndarray, place: int, name: str) -> None:
-    axes.plot(x, y, MARKERS[place], color=COLOURS[place], markeredgecolor="white", label=short(name, _LETTERS))
+def _draw_points(axes: Axes, x: np.ndarray, y: np.ndarray, place: int, name: str) -> None:
+    axes.plot(x, y, MARKERS[place], color=COLOURS[place], markeredgecolor="white", label=describe_short(name, _LETTERS))
 
 
 def _aside(place: int, studies: int) -> float:
@@ -109,7 +136,7 @@ def _aside(place: int, studies: int) -> float:
     return 0.6 * ((place + 0.5) / studies - 0.5)
 
 
-def _lines(axes: Axes, rows: int) -> None:
+def _draw_lines(axes: Axes, rows: int) -> None:
     """Faint lines between the rows."""
     for row in range(1, rows):
         axes.axhline(row - 0.5, color=GRID, linewidth=0.6)
@@ -151,10 +178,10 @@ class StudySummary:
     digest: str = ""
 
 
-def comparison_page(studies: Sequence[StudySummary], versions: Mapping[str, str]) -> str:
+def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[str, str]) -> str:
     """The page as HTML. Equal arguments give equal text; names of studies are all different."""
     names = list(dict.fromkeys(name for study in studies for name in study.records))
-    sections = [Section("studies", "The studies", _overview(studies, names))]
+    sections = [Section("studies", "The studies", _build_overview(studies, names))]
     for name in names:
         having = [study for study in studies if name in study.records]
         title = having[0].records[name].title or name
@@ -164,42 +191,42 @@ def comparison_page(studies: Sequence[StudySummary], versions: Mapping[str, str]
         versions=versions,
         inputs={f"{study.name}: summary.json": study.digest for study in studies},
     )
-    return page(f"{len(studies)} studies side by side", sections, footer)
+    return describe_page(f"{len(studies)} studies side by side", sections, footer)
 
 
-def _overview(studies: Sequence[StudySummary], names: Sequence[str]) -> list[Block]:
+def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> list[Block]:
     shared = [name for name in names if all(name in study.records for study in studies)]
-    lead = f"{count(len(shared), 'record')} in every study" + (f": {joined(shared)}." if shared else ".")
+    lead = f"{count(len(shared), 'record')} in every study" + (f": {format_joined(shared)}." if shared else ".")
     rows = [
         {"study": study.name, "title": study.title, "seed": study.seed, "level": study.level}
         | {"records": ", ".join(study.records)}
         for study in studies
     ]
     blocks: list[Block] = [Text(lead, lead=True), Table(pd.DataFrame(rows), "What is compared")]
-    said = [*_leading(studies, shared), *_differences(studies)]
+    said = [*_list_leading(studies, shared), *_list_differences(studies)]
     if said:
         blocks.append(List(said))
     return blocks
 
 
-def _leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:
+def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:
     """Which law leads where."""
     said = []
     for name in shared:
-        best = {study.name: _best(study.records[name].ranking) for study in studies}
+        best = {study.name: _describe_best(study.records[name].ranking) for study in studies}
         if len(set(best.values())) == 1:
             said.append(f"{name}: {best[studies[0].name]} leads in every study.")
         else:
-            said.append(f"{name}: " + joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
+            said.append(f"{name}: " + format_joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
     return said
 
 
-def _best(ranking: pd.DataFrame) -> str:
+def _describe_best(ranking: pd.DataFrame) -> str:
     ranked = ranking[ranking["weight"].notna()].sort_values("weight", ascending=False, kind="stable")
     return str(ranked["law"].iloc[0]) if len(ranked) else "no law"
 
 
-def _differences(studies: Sequence[StudySummary]) -> list[str]:
+def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     """What else than the data differs, by name."""
     said = []
     for what, tables in (
@@ -209,7 +236,7 @@ def _differences(studies: Sequence[StudySummary]) -> list[str]:
         names = dict.fromkeys(name for table in tables for name in table)
         other = [name for name in names if len({table.get(name) for table in tables}) > 1]
         if other:
-            said.append(f"Not the same {what} in every study: {joined(other)}.")
+            said.append(f"Not the same {what} in every study: {format_joined(other)}.")
     for what, values in (("seed", {study.seed for study in studies}), ("level", {study.level for study in studies})):
         if len(values) > 1:
             said.append(f"Not the same {what} in every study.")
@@ -220,7 +247,7 @@ def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySu
     blocks: list[Block] = []
     if len(having) < len(studies):
         missing = [study.name for study in studies if study not in having]
-        blocks.append(Text(f"Not in {joined(missing)}."))
+        blocks.append(Text(f"Not in {format_joined(missing)}."))
     units = {study.records[name].units for study in having}
     if len(units) > 1:
         told = [
@@ -232,14 +259,14 @@ def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySu
     one_unit = next(iter(units)) if len(units) == 1 else None
     return [
         *blocks,
-        *_rankings(name, having),
-        *_predictions(name, having, one_unit),
-        *_posteriors(name, having, drawn=one_unit is not None),
+        *_build_rankings(name, having),
+        *_build_predictions(name, having, one_unit),
+        *_build_posteriors(name, having, drawn=one_unit is not None),
     ]
 
 
-def _rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
-    table = _stacked(name, having, "ranking")
+def _build_rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
+    table = _tabulate_stacked(name, having, "ranking")
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
     drawn = [law for law in order.index if order[law] > LEAST_WEIGHT]
     wide = pd.DataFrame({"law": order.index})
@@ -247,21 +274,21 @@ def _rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
         mine = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
         wide[f"weight: {study.name}"] = mine["weight"].to_numpy(float)
         wide[f"held-out error (%): {study.name}"] = mine["held_out_error"].to_numpy(float)
-    formats = {column: share if column.startswith("weight") else percent for column in wide.columns[1:]}
+    formats = {column: format_share if column.startswith("weight") else format_percent for column in wide.columns[1:]}
     caption = "Weight of each candidate (posterior probability among the physical ones) and its held-out error"
     blocks: list[Block] = [Heading("Rankings")]
     if drawn:
         chosen = table[table["law"].isin(drawn)].sort_values(
             "law", key=lambda laws: laws.map(drawn.index), kind="stable"
         )
-        said = joined(f"{study.name} {_best(study.records[name].ranking)}" for study in having)
+        said = format_joined(f"{study.name} {_describe_best(study.records[name].ranking)}" for study in having)
         figure = weights(chosen[chosen["weight"].notna()], [study.name for study in having])
         blocks.append(_figure(figure, f"weights-{name}", "Weights of laws", f"Leading laws: {said}."))
     return [*blocks, Table(wide, caption, formats)]
 
 
-def _predictions(name: str, having: Sequence[StudySummary], units: tuple[str, str] | None) -> list[Block]:
-    table = _stacked(name, having, "loads")
+def _build_predictions(name: str, having: Sequence[StudySummary], units: tuple[str, str] | None) -> list[Block]:
+    table = _tabulate_stacked(name, having, "loads")
     if table.empty:
         return []
     first = table.drop_duplicates("force").set_index("force")["median"]
@@ -272,11 +299,11 @@ def _predictions(name: str, having: Sequence[StudySummary], units: tuple[str, st
     columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
     caption = "Resonant amplitude at design forces; difference: of the median from that of the first study that has it"
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
-    formats = {"linear_overprediction_percent": percent, "difference": _signed}
+    formats = {"linear_overprediction_percent": format_percent, "difference": _describe_signed}
     blocks: list[Block] = [Heading("Predictions")]
     if units is not None and np.isfinite(table["median"]).any():
-        said = joined(
-            f"{study} at {force_text(force, units[0])} {number(median)} ({number(low)} to {number(high)})"
+        said = format_joined(
+            f"{study} at {format_force_text(force, units[0])} {number(median)} ({number(low)} to {number(high)})"
             for force, study, median, low, high in table[columns[:5]].itertuples(index=False)
         )
         figure = predictions(table, [study.name for study in having], *units)
@@ -284,12 +311,12 @@ def _predictions(name: str, having: Sequence[StudySummary], units: tuple[str, st
     return [*blocks, Table(table[columns], caption, formats, headings)]
 
 
-def _signed(value: float) -> str:
-    return signed(value).removesuffix(" %")
+def _describe_signed(value: float) -> str:
+    return format_signed(value).removesuffix(" %")
 
 
-def _posteriors(name: str, having: Sequence[StudySummary], *, drawn: bool) -> list[Block]:
-    table = _stacked(name, having, "posteriors")
+def _build_posteriors(name: str, having: Sequence[StudySummary], *, drawn: bool) -> list[Block]:
+    table = _tabulate_stacked(name, having, "posteriors")
     if table.empty:
         return []
     known = table.dropna(subset=["low", "median", "high"])
@@ -302,14 +329,14 @@ def _posteriors(name: str, having: Sequence[StudySummary], *, drawn: bool) -> li
     order = table.sort_values(["law", "parameter"], kind="stable")[
         ["law", "parameter", "study", "median", "low", "high", "unit"]
     ]
-    return [*blocks, Table(order, "Median and 90 per cent interval of each parameter", {"unit": _text})]
+    return [*blocks, Table(order, "Median and 90 per cent interval of each parameter", {"unit": _describe_text})]
 
 
-def _text(value: object) -> str:
+def _describe_text(value: object) -> str:
     return str(value) or NOTHING
 
 
-def _stacked(name: str, having: Sequence[StudySummary], what: str) -> pd.DataFrame:
+def _tabulate_stacked(name: str, having: Sequence[StudySummary], what: str) -> pd.DataFrame:
     """A table of every study below one another, with the column ``study``."""
     tables = [getattr(study.records[name], what).assign(study=study.name) for study in having]
     filled = [table for table in tables if not table.empty]

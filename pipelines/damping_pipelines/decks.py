@@ -85,7 +85,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Level:
+class LoadLevel:
     """A load level: its label and the modes there, by frequency."""
 
     label: str
@@ -122,7 +122,7 @@ def write_deck(code: str, content: bytes, values: Mapping[str, Any], source: str
     return "".join(f"{comment} {line}\n" for line in head) + write(levels, comment)
 
 
-def _list_levels(form: DampingForm) -> list[Level]:
+def _list_levels(form: DampingForm) -> list[LoadLevel]:
     """The load levels with a damping ratio, in the order of the form."""
     if form.modes:
         named = [(row.level, _as_point(mode.name, row)) for mode in form.modes for row in mode.at]
@@ -133,7 +133,7 @@ def _list_levels(form: DampingForm) -> list[Level]:
         if value is not None and point is not None:
             levels.setdefault(value, []).append(point)
     return [
-        Level(f"level {value:g}", tuple(sorted(points, key=lambda point: point.frequency)))
+        LoadLevel(f"level {value:g}", tuple(sorted(points, key=lambda point: point.frequency)))
         for value, points in levels.items()
     ]
 
@@ -152,13 +152,13 @@ def _as_point(mode: str, row: _Row) -> Point | None:
     return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, said)
 
 
-def _describe(level: Level, which: str, comment: str) -> list[str]:
+def _describe(level: LoadLevel, which: str, comment: str) -> list[str]:
     """Comments of a table: level, which bound, and each mode."""
     modes = [f"{comment}   {p.mode}: {p.frequency:.6g} Hz" + (f"; {p.said}" if p.said else "") for p in level.points]
     return [f"{comment} {level.label}, {which}", *modes]
 
 
-def _each_table(levels: Sequence[Level]) -> list[tuple[int, Level, str, list[float]]]:
+def _each_table(levels: Sequence[LoadLevel]) -> list[tuple[int, LoadLevel, str, list[float]]]:
     """Number, level, name of the bound and ratios of every table: median and low of each level."""
     tables = [(level, which) for level in levels for which in ("median", "low")]
     return [
@@ -167,7 +167,7 @@ def _each_table(levels: Sequence[Level]) -> list[tuple[int, Level, str, list[flo
     ]
 
 
-def _write_nastran(levels: Sequence[Level], comment: str) -> str:
+def _write_nastran(levels: Sequence[LoadLevel], comment: str) -> str:
     """TABDMP1 entries of critical damping in large fields of 16 characters; ``SDAMPING = ID`` selects one."""
     lines: list[str] = []
     for number, level, which, ratios in _each_table(levels):
@@ -179,7 +179,7 @@ def _write_nastran(levels: Sequence[Level], comment: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_abaqus(levels: Sequence[Level], comment: str) -> str:
+def _write_abaqus(levels: Sequence[LoadLevel], comment: str) -> str:
     """``*MODAL DAMPING, MODAL=DIRECT`` with a line a mode; all but the first table stand as comments."""
     lines: list[str] = []
     for number, level, which, ratios in _each_table(levels):
@@ -190,7 +190,7 @@ def _write_abaqus(levels: Sequence[Level], comment: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_ansys(levels: Sequence[Level], comment: str) -> str:
+def _write_ansys(levels: Sequence[LoadLevel], comment: str) -> str:
     """``MDAMP`` commands, six modes a line; all but the first table stand as comments."""
     lines: list[str] = []
     for number, level, which, ratios in _each_table(levels):
@@ -201,7 +201,7 @@ def _write_ansys(levels: Sequence[Level], comment: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_opensees(levels: Sequence[Level], comment: str) -> str:
+def _write_opensees(levels: Sequence[LoadLevel], comment: str) -> str:
     """``modalDamping`` of as many modes; all but the first table stand as comments."""
     lines: list[str] = []
     for number, level, which, ratios in _each_table(levels):
@@ -211,7 +211,7 @@ def _write_opensees(levels: Sequence[Level], comment: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_openfast(levels: Sequence[Level], comment: str) -> str:
+def _write_openfast(levels: Sequence[LoadLevel], comment: str) -> str:
     """Linear and quadratic coefficients of the generalized force, by mode, median and low, in the form's units."""
     modes = list(dict.fromkeys(point.mode for level in levels for point in level.points))
     lines: list[str] = []
@@ -244,7 +244,7 @@ def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]
 
 
 #: Structural codes, each with what writes its deck and how its comments begin.
-CODES: dict[str, tuple[Callable[[Sequence[Level], str], str], str]] = {
+CODES: dict[str, tuple[Callable[[Sequence[LoadLevel], str], str], str]] = {
     "nastran": (_write_nastran, "$"),
     "abaqus": (_write_abaqus, "**"),
     "ansys": (_write_ansys, "!"),

@@ -14,12 +14,12 @@ from pydantic import Field, TypeAdapter, ValidationError
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_write import uff
-from damping.records.mode import Mode, Units, mode_to_toml, read_mode
+from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import write_deck
-from damping_pipelines.forms import LoadsForm, RankForm, loads_rows, ranking_rows
+from damping_pipelines.forms import LoadsForm, RankForm, tabulate_loads_rows, tabulate_ranking_rows
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_bytes, write_text
 from damping_pipelines.terminal import console
 
@@ -143,7 +143,7 @@ def _export_form(
 ) -> None:
     """A form as a table; loads in other units where they are asked for."""
     form = _form(source, max_size)
-    table = _rows(form)
+    table = _tabulate_rows(form)
     if units is None:
         _write_table(table, out)
         return
@@ -164,7 +164,7 @@ def _export_form(
 def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
     if mode is None or units is None:
         raise InputError("--mode-out without a mode to convert", file=out, expected="--mode MODE.toml and --units")
-    write_text(out, mode_to_toml(mode))
+    write_text(out, describe_mode_to_toml(mode))
 
 
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
@@ -205,7 +205,7 @@ def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
 _FORM: TypeAdapter[RankForm | LoadsForm] = TypeAdapter(Annotated[RankForm | LoadsForm, Field(discriminator="format")])
 
 
-def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
+def tabulate_form(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
     """A form ``rank/1`` or ``loads/1`` as a table.
 
     A ranking has a row for each parameter of each force of each candidate; loads have one for each design force and
@@ -214,11 +214,11 @@ def form_table(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
     Raises:
         InputError: the file is no such form; the first thing that is wrong is named.
     """
-    return _rows(_form(path, max_size))
+    return _tabulate_rows(_form(path, max_size))
 
 
-def _rows(form: RankForm | LoadsForm) -> pd.DataFrame:
-    return ranking_rows(form) if isinstance(form, RankForm) else loads_rows(form)
+def _tabulate_rows(form: RankForm | LoadsForm) -> pd.DataFrame:
+    return tabulate_ranking_rows(form) if isinstance(form, RankForm) else tabulate_loads_rows(form)
 
 
 def _form(path: Path, max_size: int) -> RankForm | LoadsForm:

@@ -90,7 +90,7 @@ class LoadsForm(_Part):
     predictions: Annotated[list[_Prediction], Field(min_length=1)]
 
 
-def ranking_rows(form: RankForm) -> pd.DataFrame:
+def tabulate_ranking_rows(form: RankForm) -> pd.DataFrame:
     """A row for each parameter of each force of each candidate."""
     rows: list[dict[str, Any]] = []
     for model in form.models:
@@ -99,20 +99,22 @@ def ranking_rows(form: RankForm) -> pd.DataFrame:
         for force, parameter, value in found or [("", "", _Value())]:
             part = {"force": force, "parameter": parameter, **value.model_dump()}
             rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
-    return _typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(criterion=form.criterion)
+    return _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(
+        criterion=form.criterion
+    )
 
 
-def loads_rows(form: LoadsForm) -> pd.DataFrame:
+def tabulate_loads_rows(form: LoadsForm) -> pd.DataFrame:
     """A row for each design force and law, the average over laws first (``model`` empty)."""
     rows: list[dict[str, Any]] = []
     for one in form.predictions:
         average = one.model_dump(exclude={"by_model", "cautions"})
         rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(one.cautions)})
         rows += [{"model": law.name, "force": one.force, **law.model_dump(exclude={"name"})} for law in one.by_model]
-    return _typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
+    return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
 
 
-def _typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
+def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
     """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
     types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
     filled = table.fillna(dict.fromkeys(text, ""))

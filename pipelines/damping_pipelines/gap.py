@@ -16,7 +16,7 @@ from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.corrected import EffectPosterior, corrected_mode
 from damping.gap.diagnose import Diagnosis
-from damping.records.mode import mode_to_toml, read_mode
+from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings
 from damping_pipelines.provenance import versions
@@ -62,19 +62,19 @@ def gap(
     if json_out is not None:
         write_plain(json_out, result.to_json())
     if model_out is not None:
-        write_text(model_out, mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
+        write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if report is not None:
-        write_text(report, _page(diagnosis, result.posterior, seed, (model, record)))
+        write_text(report, _describe_page(diagnosis, result.posterior, seed, (model, record)))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence, highlight=False, soft_wrap=True)
 
 
-def _page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
-    from damping.report.gap_page import gap_page  # noqa: PLC0415 - as above, matplotlib
+def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
+    from damping.report.gap_page import describe_gap_page  # noqa: PLC0415 - as above, matplotlib
 
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
-    return gap_page(diagnosis, sampled, seed, versions(), digests)
+    return describe_gap_page(diagnosis, sampled, seed, versions(), digests)
 
 
 def _folder(

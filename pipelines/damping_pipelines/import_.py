@@ -202,18 +202,18 @@ def import_form(found: Imported, out: Path) -> dict[str, Any]:
 
 
 def _print(found: Imported, out: Path, to: Console) -> None:
-    table = Table(title=f"{_printable(Path(found.record.source).name)}: what was understood", box=SIMPLE)
+    table = Table(title=f"{_describe_printable(Path(found.record.source).name)}: what was understood", box=SIMPLE)
     table.title_justify = "left"
     for heading in ("what", "understood", "whence"):
         table.add_column(heading, overflow="fold")
     for row in found.summary.rows:
-        table.add_row(*(_printable(cell) for cell in row))
+        table.add_row(*(_describe_printable(cell) for cell in row))
     to.print(table)
     for note in found.summary.notes:
-        to.print(f"- {_printable(note)}", highlight=False, markup=False)
+        to.print(f"- {_describe_printable(note)}", highlight=False, markup=False)
     to.print(f"{len(found.record)} rows written to {out}", highlight=False, markup=False)
 
 
-def _printable(text: str) -> str:
+def _describe_printable(text: str) -> str:
     """Text of a file for a terminal: no control characters; the console takes no markup."""
     return "".join(c if c.isprintable() else "?" for c in text)

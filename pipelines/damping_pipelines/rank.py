@@ -53,7 +53,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     for c, errors in shown:
         table.add_row(
             "-" if c.rank is None else str(c.rank),
-            _law(c),
+            _describe_law(c),
             *(number(x) for x in errors),
             f"{c.weight:.3f}",
             notes.numbers(c.cautions),
@@ -67,7 +67,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     show_cautions(out, result.cautions)
 
 
-def _law(c: Candidate) -> str:
+def _describe_law(c: Candidate) -> str:
     """Each parameter with its T-ratio on a line, and how many laws predict the same."""
     if not c.coefficients:
         return c.name

@@ -14,11 +14,11 @@ import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.reading import read_table
-from damping.regression.design import required_columns
-from damping.regression.printout import comparison
+from damping.regression.design import list_required_columns
+from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import columns_of, parse_terms
+from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import RegressionResult
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
 
@@ -58,7 +58,7 @@ def regress(
         write_text(path, text)
     if json_out != "-":
         pages = [result.printout() for result in results]
-        sys.stdout.write("\n".join([*pages, comparison(regressions)] if len(pages) > 1 else pages))
+        sys.stdout.write("\n".join([*pages, describe_comparison(regressions)] if len(pages) > 1 else pages))
 
 
 def _write_forms(json_out: str, results: Sequence[RegressionResult]) -> None:
@@ -79,7 +79,7 @@ def run_regress(
     wanted = response.strip()
     if not wanted:
         raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *columns_of(term for terms in parsed for term in terms)]))
+    names = tuple(dict.fromkeys([wanted, *list_columns_of(term for terms in parsed for term in terms)]))
     tables = [(path, _read(path, names, max_size)) for path in data]
     widest = max(len(terms) for terms in parsed)
     for path, table in tables:
@@ -108,7 +108,7 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
     table = read_table(path, text_columns=("sweep",), max_size=max_size)
     if len(table) > MOST_ROWS:
         raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
-    required = required_columns(names, list(table.columns))
+    required = list_required_columns(names, list(table.columns))
     numbers = [name for name in required if name != "sweep"]
     if "sweep" in names:  # used as a number
         return read_table(path, required=required, max_size=max_size)
@@ -128,7 +128,9 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
         d, response = result.deviations, result.design.response
         for name, x in _variables(result).items():
             curve = f"{number}-" if len(results) > 1 else ""
-            stem = _unused(f"{_file_name(Path(result.data).stem)}-{curve}deviations-{_file_name(name)}", drawn)
+            stem = _describe_unused(
+                f"{_describe_file_name(Path(result.data).stem)}-{curve}deviations-{_describe_file_name(name)}", drawn
+            )
             figure = deviations_figure(x, d.deviation, d.percent, x_label=name, response=response)
             title = f"{result.data}: deviations of {response} against {name}"
             told = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
@@ -147,12 +149,12 @@ def _variables(result: Regression) -> dict[str, FloatArray]:
     }
 
 
-def _file_name(text: str) -> str:
+def _describe_file_name(text: str) -> str:
     """Letters, digits and a few marks of the text, for a file name on any system."""
     return re.sub(r"[^A-Za-z0-9.+-]+", "_", text.replace("^", "").replace("*", "."))[:80].strip("._") or "table"
 
 
-def _unused(stem: str, taken: Mapping[str, str]) -> str:
+def _describe_unused(stem: str, taken: Mapping[str, str]) -> str:
     """The stem, numbered if a file has it already, also where case makes no difference."""
     lower = {name.lower() for name in taken}
     names = (stem, *(f"{stem}-{i}" for i in range(2, len(taken) + 3)))

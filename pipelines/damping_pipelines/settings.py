@@ -22,8 +22,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from damping.errors import InputError
 from damping.forces import force_class
-from damping.records.keys import line_of, nearest, read_toml
-from damping.records.text import shortened
+from damping.records.keys import describe_nearest, line_of, read_toml
+from damping.records.text import describe_shortened
 from damping_pipelines.exhibits import source_report
 
 #: Seed of the default study: the year of the report.
@@ -115,12 +115,12 @@ def _input_error(problem: Any, path: Path, content: str) -> InputError:
     line = _line(content, tuple(problem["loc"]))
     if problem["type"] == "extra_forbidden":
         known = RecordSettings.model_fields if len(keys) > 1 else StudySettings.model_fields
-        message, expected = "unknown key", f"{nearest(keys[-1], known)} (nearest of {', '.join(known)})"
+        message, expected = "unknown key", f"{describe_nearest(keys[-1], known)} (nearest of {', '.join(known)})"
         return InputError(message, file=path, line=line, column=key, expected=expected)
     if problem["type"] == "missing":
         return InputError("missing key", file=path, line=line, column=key, expected=f"{keys[-1]} = ...")
     if problem["type"] in _EXPECTED:
-        given = shortened(repr(problem["input"]))
+        given = describe_shortened(repr(problem["input"]))
         return InputError(given, file=path, line=line, column=key, expected=_EXPECTED[problem["type"]])
     return InputError(problem["msg"].removeprefix("Value error, "), file=path, line=line, column=key)
 

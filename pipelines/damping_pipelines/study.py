@@ -32,7 +32,7 @@ from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
-from damping_pipelines.provenance import digest_code, versions
+from damping_pipelines.provenance import describe_digest_code, versions
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
@@ -176,7 +176,7 @@ def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
     """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
-    keys = [chain_key(task) for task in tasks]
+    keys = [describe_chain_key(task) for task in tasks]
     runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
     results: dict[str, LawPosterior] = {}
     with progress("sampling", len(runs)) as done:
@@ -189,7 +189,7 @@ def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]
 
 def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
-    checkpoint = checkpoint_in(task.chains, chain_key(task))
+    checkpoint = checkpoint_in(task.chains, describe_chain_key(task))
     posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
     amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
@@ -203,9 +203,9 @@ def sample_law(task: Task) -> LawPosterior:
     )
 
 
-def chain_key(task: Task) -> str:
+def describe_chain_key(task: Task) -> str:
     """A digest of everything the chains of a task depend on."""
-    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, digest_code())).encode())
+    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, describe_digest_code())).encode())
     for value in (*vars(task.data).values(), task.forces):
         if isinstance(value, np.ndarray):
             digest.update(np.ascontiguousarray(value).tobytes())
@@ -237,12 +237,12 @@ def _record_result(
         posteriors=posteriors,
         bands=bands,
         design=loads,
-        power_laws=_power_laws(one.data),
+        power_laws=_list_power_laws(one.data),
         findings=one.audit.findings,
     )
 
 
-def _power_laws(data: Observations) -> tuple[PowerLaw, ...]:
+def _list_power_laws(data: Observations) -> tuple[PowerLaw, ...]:
     """Both forms of section 4.3 from the tested resonances; none with fewer than two different ones."""
     try:
         F, A, omega = data.tested_force, data.tested_amplitude, data.tested_omega

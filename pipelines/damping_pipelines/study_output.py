@@ -14,7 +14,7 @@ from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
 from damping.report.forms import loads_form, rank_form
-from damping.report.results import LawPosterior, RecordResult, StudyResult, file_stem
+from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render, study_figures
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
@@ -134,7 +134,9 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     """``NAME.png`` of every figure drawn as ``NAME.svg``, a path in the folder of the study."""
     figures = {name.replace("_", "-"): one.figure for name, one in study_figures(study).items()}
     for result in study.records:
-        figures |= {file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()}
+        figures |= {
+            describe_file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()
+        }
     for exhibit in study.exhibits:
         figures |= {name: draw() for name, draw in exhibit.drawings.items()}
     return {str(path.with_suffix(".png")): to_png(figures[path.stem]) for path in map(PurePosixPath, svgs)}

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from damping.plots.style import to_svg
 from damping.report.figures import Drawn
 from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
-from damping.report.words import count, joined
+from damping.report.words import count, format_joined
 
 
 class ChapterFigure(NamedTuple):
@@ -60,7 +60,7 @@ def draw_figure(one: ChapterFigure, chapter: int) -> DrawnBlock:
     head = one.title
     if one.counterpart:
         what = "counterpart" if one.counterpart in NOT_PRINTED else "redrawn"
-        head = f"Fig{'s' * (len(numbers) > 1)}. {joined(numbers)} {what}: {_lowered(one.title)}"
+        head = f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {_describe_lowered(one.title)}"
     svg = to_svg(one.draw(), file, one.title, one.description)
     return DrawnBlock(svg, f"{head}. {one.description}", file, one.draw)
 
@@ -84,7 +84,7 @@ def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mappin
     Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
     """
     own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, "", headings=own | dict(headings or {}), key=file_of(chapter, name))
+    return Table(frame, "", headings=own | dict(headings or {}), key=describe_file_of(chapter, name))
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -94,12 +94,12 @@ def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
     return frame.iloc[int(chosen.argmax())]
 
 
-def file_of(chapter: int, name: str) -> str:
+def describe_file_of(chapter: int, name: str) -> str:
     """Name of the file of a chapter's table, without its ending."""
     return f"chapter_{chapter}_{name}"
 
 
-def of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFrame:
+def tabulate_of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFrame:
     """Rows of the reproduction whose id is of a chapter: the first digit of ``tab4II`` or ``eq4110`` says which."""
     return reproduction[reproduction["id"].map(chapter_of) == chapter]
 
@@ -111,10 +111,10 @@ def chapter_of(identity: str) -> int:
     return int(found[0])
 
 
-def agreement_text(reproduction: pd.DataFrame) -> str:
+def describe_agreement_text(reproduction: pd.DataFrame) -> str:
     """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
     counts = reproduction["agreement"].value_counts()
-    said = joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
+    said = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
     known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
     text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {said}."
     if known.empty:
@@ -130,7 +130,7 @@ def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
             yield from _drawn_in(block.blocks)
 
 
-def _lowered(title: str) -> str:
+def _describe_lowered(title: str) -> str:
     return title[:1].lower() + title[1:]
 
 
@@ -214,12 +214,12 @@ KNOWN = {
 }
 
 
-def known_table(name: str, frame: pd.DataFrame) -> list[Block]:
+def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     """A table that is known by name with what it says, folded where it is long."""
-    return _table(name, frame, KNOWN[name])
+    return _build_table(name, frame, KNOWN[name])
 
 
-def _table(name: str, frame: pd.DataFrame, known: KnownTable) -> list[Block]:
+def _build_table(name: str, frame: pd.DataFrame, known: KnownTable) -> list[Block]:
     """A table, folded where it is long."""
     shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
     if len(shown) <= MOST_ROWS:

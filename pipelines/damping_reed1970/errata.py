@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from damping.report.page import Block, Fold, Heading, Section, Table, Text
-from damping.report.words import count, joined, number
+from damping.report.words import count, format_joined, number
 from damping_reed1970.common import ReportPart
 
 SEVERITIES = {"A": "Errata that change results", "B": "Errata that change numbers", "C": "Minor errata"}
@@ -30,13 +30,13 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
     numbers = evidence(reproduction)
     sizes = table["severity"].value_counts()
-    said = joined(f"{sizes.get(key, 0)} {words}" for key, words in
+    said = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
                   (("A", "change results"), ("B", "change numbers but no conclusion"), ("C", "are minor")))  # fmt: skip
     kinds = table["kind"].value_counts()
     blocks: list[Block] = [
         Text(
             f"{count(len(table), 'entry').replace('entrys', 'entries')}: {said}. By kind: "
-            + joined(f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items())
+            + format_joined(f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items())
             + ". Each comes with its proof, which needs nothing but the report's own text and tables, and with the "
             "numbers recomputed here: printed → from the printed tables → after correction."
         )
@@ -52,7 +52,7 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
 def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
     """An erratum in two cells: where and what, and why, with the numbers recomputed here."""
     where, printed, right, proof = (
-        in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
+        describe_in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
     )
     said = proof[:1].upper() + proof[1:].rstrip(".") + "."
     return {
@@ -108,7 +108,7 @@ SYMBOLS = {
 }
 
 
-def in_symbols(text: str) -> str:
+def describe_in_symbols(text: str) -> str:
     """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
     text = re.sub(r"\^(\d)(?![\d.])", lambda found: found[1].translate(_SUPERSCRIPT), text)
     for pattern, symbol in SYMBOLS.items():

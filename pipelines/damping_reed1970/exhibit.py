@@ -22,11 +22,11 @@ from damping_reed1970.chapter_2.page import chapter_2
 from damping_reed1970.chapter_3.page import chapter_3
 from damping_reed1970.chapter_3.planar_fits import Known
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.chapter_4.coefficients import linear_coefficients
+from damping_reed1970.chapter_4.coefficients import tabulate_linear_coefficients
 from damping_reed1970.chapter_4.page import chapter_4
-from damping_reed1970.chapter_4.power_laws import power_laws, section_4_3_example
+from damping_reed1970.chapter_4.power_laws import section_4_3_example, tabulate_power_laws
 from damping_reed1970.chapter_5.page import chapter_5
-from damping_reed1970.chapter_5.regressions import regression_deviations, regressions
+from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
 from damping_reed1970.common import ReportPart, chapter_of
@@ -71,7 +71,9 @@ def start(pool: Executor, seed: int) -> StartedReport:
 def exhibit(results: ReportResults) -> Exhibit:
     """What the study gets: the page's sections, the summary's keys, the planar posteriors that were sampled."""
     sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
-    posteriors = {f"chapter-3--{_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled}
+    posteriors = {
+        f"chapter-3--{_describe_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled
+    }
     parts = report_parts(results)
     # in the list of files the picture of all printed numbers stands before those of the chapters
     figures = {
@@ -110,10 +112,10 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     return {
         "reproduction": pd.DataFrame([{**asdict(r), "agreement": r.agreement} for r in reproduce()]),
         "errata": load_errata().sort_values("severity", kind="stable", ignore_index=True),
-        "regressions": regressions(),
-        "regression_deviations": regression_deviations(),
-        "linear_coefficients": linear_coefficients(),
-        "power_laws": power_laws(),
+        "regressions": tabulate_regressions(),
+        "regression_deviations": tabulate_regression_deviations(),
+        "linear_coefficients": tabulate_linear_coefficients(),
+        "power_laws": tabulate_power_laws(),
         "section_4_3_example": section_4_3_example(
             rankings["config-2-mode-1"], predicted=(loads or {}).get("config-2-mode-1")
         ),
@@ -144,17 +146,17 @@ def summarise(results: ReportResults) -> dict[str, Any]:
     chapters = {
         "agreement": _agreement(tables["reproduction"]),
         "picked": [{"mode": mode, "kept": kept, "case": one.picked} for (mode, kept), one in studies.levels.items()],
-        **{name: _rows(table) for name, table in shown.items()},
+        **{name: _list_rows(table) for name, table in shown.items()},
     }
     return {
-        "reproduction": _rows(tables["reproduction"][list(REPRODUCTION)]),
-        "section_6_1": _rows(tables["section_6_1"]),
-        "errata": _rows(tables["errata"]),
+        "reproduction": _list_rows(tables["reproduction"][list(REPRODUCTION)]),
+        "section_6_1": _list_rows(tables["section_6_1"]),
+        "errata": _list_rows(tables["errata"]),
         "chapters": chapters,
     }
 
 
-def _rows(table: pd.DataFrame) -> list[Any]:
+def _list_rows(table: pd.DataFrame) -> list[Any]:
     """A table as a list of rows; a number that does not exist is None."""
     plain: list[Any] = json.loads(table.to_json(orient="records", double_precision=15))
     return plain
@@ -183,5 +185,5 @@ def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
     }
 
 
-def _file_stem(name: str) -> str:
+def _describe_file_stem(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")

@@ -18,13 +18,13 @@ from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.report.figures import Drawn
 from damping.report.gap_figures import gap_figures
-from damping.report.gap_page import doubts, following, place, reach, trends, verdict
+from damping.report.gap_page import describe_following, describe_verdict, list_doubts, list_trends, place, reach
 from damping.report.page import Block, Heading, List, Section, Table, Text
-from damping.report.words import number, share
+from damping.report.words import format_share, number
 from damping_reed1970.common import ReportPart, draw_block
 from damping_reed1970.records import PHI_T2, report_record
 from damping_reed1970.tables import load_table
-from damping_validation.blind_page import blind_rows, load_blind_table
+from damping_validation.blind_page import load_blind_table, tabulate_blind_rows
 
 
 @dataclass(frozen=True)
@@ -106,21 +106,23 @@ def gaps_part(found: Gaps) -> ReportPart:
         )
     ]
     tables: dict[str, pd.DataFrame] = {}
-    for number_, (one, what) in enumerate(((found.configuration_1, _planes), (found.configuration_2, _damping)), 1):
-        blocks += [Heading(one.mode.name), Text(verdict(one), lead=True)]
-        said = [place(one), *doubts(one), *trends(one), *what(one)]
-        blocks.append(List([*said, reach(one), following(one)]))
+    for number_, (one, what) in enumerate(
+        ((found.configuration_1, _list_planes), (found.configuration_2, _list_damping)), 1
+    ):
+        blocks += [Heading(one.mode.name), Text(describe_verdict(one), lead=True)]
+        said = [place(one), *list_doubts(one), *list_trends(one), *what(one)]
+        blocks.append(List([*said, reach(one), describe_following(one)]))
         for name, drawn in gap_figures(one).items():
             if name in SHOWN:
                 blocks.append(draw_block(f"gap-configuration-{number_}-{name}", Drawn(*drawn)))
         key = f"gap_configuration_{number_}"
-        tables[key] = hypotheses_table(one)
+        tables[key] = tabulate_hypotheses(one)
         caption = "The most probable explanations, with the natural logarithm of their evidence"
-        blocks.append(Table(tables[key].head(_MOST), caption, {"probability": share}, key=key))
+        blocks.append(Table(tables[key].head(_MOST), caption, {"probability": format_share}, key=key))
     blocks += [
         Heading("How far such a diagnosis can be trusted"),
         Text(_TRUST),
-        Table(blind_rows(load_blind_table()), _BLIND),
+        Table(tabulate_blind_rows(load_blind_table()), _BLIND),
     ]
     section = Section("gaps", "Two gaps between simulation and test", blocks)
     return ReportPart(section, tables)
@@ -135,7 +137,7 @@ _TRUST = (
 _BLIND = "Blind check of the gap diagnosis"
 
 
-def hypotheses_table(one: Diagnosis) -> pd.DataFrame:
+def tabulate_hypotheses(one: Diagnosis) -> pd.DataFrame:
     """Every hypothesis that was fitted, most probable first: ``explanation, probability, log_evidence``."""
     return pd.DataFrame(
         {
@@ -146,7 +148,7 @@ def hypotheses_table(one: Diagnosis) -> pd.DataFrame:
     )
 
 
-def _planes(one: Diagnosis) -> list[str]:
+def _list_planes(one: Diagnosis) -> list[str]:
     """The second plane in rad/s, if that is the explanation."""
     values = effect_values(one.leading.best).get("planar-coupling")
     if values is None:
@@ -159,8 +161,11 @@ def _planes(one: Diagnosis) -> list[str]:
     ]
 
 
-def _damping(one: Diagnosis) -> list[str]:
+def _list_damping(one: Diagnosis) -> list[str]:
     """How probable it is that damping forces, and no other effects, are missing."""
     kinds = [{CATALOGUE[name].kind for name in each.effects} for each in one.hypotheses]
     forces = sum(each.probability for each, kind in zip(one.hypotheses, kinds, strict=True) if kind == {"force"})
-    return [f"Missing forces that grow with amplitude, whichever they are, have probability {share(forces)} together."]
+    return [
+        f"Missing forces that grow with amplitude, whichever they are, have probability {format_share(forces)} "
+        f"together."
+    ]

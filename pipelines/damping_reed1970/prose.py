@@ -26,11 +26,11 @@ from damping.report.page import Block, Fold, Heading, List, Section, Table, Text
 from damping_reed1970.common import (
     ChapterFigure,
     ReportPart,
-    agreement_text,
+    build_known_table,
+    describe_agreement_text,
+    describe_file_of,
     draw_figure,
-    file_of,
-    known_table,
-    of_chapter,
+    tabulate_of_chapter,
 )
 
 #: Functions of the texts: numbers and lists in words.
@@ -63,38 +63,40 @@ class Chapter:
 def write_chapter(chapter: Chapter, text: Path) -> ReportPart:
     """The section of a chapter from its text, which may say ``agreement`` and every value of the chapter."""
     environment = Environment(undefined=StrictUndefined, trim_blocks=True)  # the page escapes what it shows
-    agreement = agreement_text(of_chapter(chapter.named["reproduction"], chapter.number))
+    agreement = describe_agreement_text(tabulate_of_chapter(chapter.named["reproduction"], chapter.number))
     filled = environment.from_string(text.read_text("utf-8")).render(
         {name: getattr(words, name) for name in _WORDS}, agreement=agreement, **chapter.values
     )
     parts = iter([part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n"))])
-    section = Section(f"chapter-{chapter.number}", chapter.title, list(_blocks(chapter, parts)))
-    return ReportPart(section, {file_of(chapter.number, name): frame for name, frame in chapter.tables.items()})
+    section = Section(f"chapter-{chapter.number}", chapter.title, list(_build_blocks(chapter, parts)))
+    return ReportPart(
+        section, {describe_file_of(chapter.number, name): frame for name, frame in chapter.tables.items()}
+    )
 
 
-def _blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
+def _build_blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
     """Blocks as far as the end of the text or of a fold."""
     for part in parts:
         if part.startswith("## "):
-            yield Heading(_line(part.removeprefix("## ")))
+            yield Heading(_describe_line(part.removeprefix("## ")))
         elif part.startswith("* "):
-            yield List([_line(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
+            yield List([_describe_line(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
         elif found := _DIRECTIVE.fullmatch(part):
-            kind, name, rest = found[1], found[2], _line(found[3])
+            kind, name, rest = found[1], found[2], _describe_line(found[3])
             if kind == "end":
                 return
             if kind == "fold":
-                yield Fold(rest, list(_blocks(chapter, parts)))
+                yield Fold(rest, list(_build_blocks(chapter, parts)))
             elif kind == "figure":
                 one = next(one for one in chapter.figures if one.name == name)
                 yield draw_figure(one, chapter.number)
             elif kind == "known":
-                yield from known_table(name, chapter.named[name])
+                yield from build_known_table(name, chapter.named[name])
             else:
                 yield replace(chapter.shown[name], caption=rest)
         else:
-            yield Text(_line(part))
+            yield Text(_describe_line(part))
 
 
-def _line(text: str) -> str:
+def _describe_line(text: str) -> str:
     return re.sub(r" *\n *", " ", text)

@@ -39,13 +39,13 @@ def report_record(name: str) -> pd.DataFrame:
     _check(name)
     match name:
         case "config-1-mode-2-rough":
-            return configuration_1_rough()
+            return tabulate_configuration_1_rough()
         case "config-1-mode-2-pitch":
-            return configuration_1_pitch()
-    return configuration_2(int(name[-1]))
+            return tabulate_configuration_1_pitch()
+    return tabulate_configuration_2(int(name[-1]))
 
 
-def configuration_1_rough() -> pd.DataFrame:
+def tabulate_configuration_1_rough() -> pd.DataFrame:
     """Configuration I, second mode, tail motion over the mode factor (Eq. 5.3.4), nothing else removed.
 
     Amplitude X_t/phi_t2 (Table 3.I), modal force phi_t2 F (Eq. 2.2.3), frequency omega/(2 pi), phase of the tail
@@ -66,7 +66,7 @@ def configuration_1_rough() -> pd.DataFrame:
     )
 
 
-def configuration_1_pitch() -> pd.DataFrame:
+def tabulate_configuration_1_pitch() -> pd.DataFrame:
     """Configuration I, second mode, motion in the principal pitch plane as Table 3.IV gives it.
 
     Amplitude A_2p and pitch energy of Table 3.IV with its corrected rows 6+ and 9+ (as chapter V uses them), force
@@ -88,7 +88,7 @@ def configuration_1_pitch() -> pd.DataFrame:
     )
 
 
-def configuration_2(mode: int) -> pd.DataFrame:
+def tabulate_configuration_2(mode: int) -> pd.DataFrame:
     """Configuration II, first or second mode: the resonance of each of the three sweeps (phase resonance).
 
     Force, frequency and generalized mass of Table 4.I (force of mode 2, sweep A corrected, erratum E4I-1), amplitude
@@ -107,7 +107,7 @@ def configuration_2(mode: int) -> pd.DataFrame:
     )
 
 
-def mode_text(name: str) -> str:
+def describe_mode_text(name: str) -> str:
     """The mode (simulated model) of the record ``name`` as TOML text.
 
     Raises:
@@ -115,8 +115,8 @@ def mode_text(name: str) -> str:
     """
     _check(name)
     if name.startswith("config-1"):
-        return _configuration_1_mode(pitch=name.endswith("pitch"))
-    return _configuration_2_mode(int(name[-1]))
+        return _describe_configuration_1_mode(pitch=name.endswith("pitch"))
+    return _describe_configuration_2_mode(int(name[-1]))
 
 
 _MODE = """\
@@ -142,7 +142,7 @@ viscous = {viscous}   # lb s/in: {viscous_source}
 """
 
 
-def _configuration_1_mode(pitch: bool) -> str:
+def _describe_configuration_1_mode(pitch: bool) -> str:
     omega = 11.40 if pitch else load_table("3_II").query("mode == 2")["modal_omega_rad_s"].mean()
     return _MODE.format(
         source="Saturn V, Configuration I (time point 2), second mode, pitch test",
@@ -159,7 +159,7 @@ def _configuration_1_mode(pitch: bool) -> str:
     )
 
 
-def _configuration_2_mode(mode: int) -> str:
+def _describe_configuration_2_mode(mode: int) -> str:
     sweeps = load_table("4_I").query("mode == @mode")
     damping = load_table("4_II").query("mode == @mode")["C1_lb_s_per_in"]
     frequency, mass = sweeps["modal_frequency_hz"], sweeps["generalized_mass_lb_s2_per_in"]

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, plain_rows, styled
+from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
 from damping.report.figures import Drawn
 from damping.report.page import Block, Fold, Section, Table, Text
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
@@ -109,7 +109,7 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
 
 def _describe(table: pd.DataFrame) -> str:
     """The figure in words."""
-    rows = percent_differences(table)
+    rows = tabulate_percent_differences(table)
     close = int((rows["percent"].abs() <= 1.0).sum())
     known = int(((rows["percent"].abs() > 1.0) & rows["erratum"].astype(str).ne("")).sum())
     return (
@@ -144,12 +144,12 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
         table: ``id, printed`` (text), ``computed, computed_after_correction`` (numbers or missing), ``erratum``
             (empty where there is none). Rows whose printed value is no number other than zero are not drawn.
     """
-    rows = percent_differences(table)
+    rows = tabulate_percent_differences(table)
     groups = list(rows["group"].unique())
     figure = Figure(figsize=(WIDTH, 1.1 + 0.2 * len(groups)))
     axes = figure.add_subplot()
     counts = rows["group"].value_counts()
-    plain_rows(axes, [f"{group} ({counts[group]})" for group in groups])
+    draw_plain_rows(axes, [f"{group} ({counts[group]})" for group in groups])
     axes.axvline(0.0, color=MUTED, linewidth=0.8)
     level = rows["group"].map(groups.index).to_numpy(float) + _spread(rows)
     known = rows["erratum"].astype(str).ne("").to_numpy()
@@ -172,18 +172,18 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def percent_differences(table: pd.DataFrame) -> pd.DataFrame:
+def tabulate_percent_differences(table: pd.DataFrame) -> pd.DataFrame:
     """Comparable rows with ``group``, ``percent`` and ``percent_corrected`` = 100 (computed/printed - 1)."""
     printed = pd.to_numeric(table["printed"], errors="coerce")
     rows = table.assign(
-        group=table["id"].map(group_of),
+        group=table["id"].map(describe_group_of),
         percent=100.0 * (pd.to_numeric(table["computed"], errors="coerce") / printed - 1.0),
         percent_corrected=100.0 * (pd.to_numeric(table["computed_after_correction"], errors="coerce") / printed - 1.0),
     )
     return rows[np.isfinite(rows["percent"]) & (printed != 0.0)].reset_index(drop=True)
 
 
-def group_of(identity: str) -> str:
+def describe_group_of(identity: str) -> str:
     """Group of an id: ``tab2II`` of ``tab2II.energy_factor[I]``."""
     return re.split(r"[.\[]", identity, maxsplit=1)[0]
 

@@ -14,7 +14,11 @@ from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.coefficients import CoefficientLines, coefficient_lines
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses
-from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines, chance_of_exponent, force_amplitude_lines
+from damping_reed1970.chapter_4.power_laws import (
+    ForceAmplitudeLines,
+    force_amplitude_lines,
+    tabulate_chance_of_exponent,
+)
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
@@ -56,7 +60,7 @@ class Studies:
             "level_coefficients": self._levels("coefficients"),
             "level_variations": self._levels("variations"),
             "level_predictions": self._levels("predictions"),
-            "chance_of_exponent": chance_of_exponent(),
+            "chance_of_exponent": tabulate_chance_of_exponent(),
             "nine_terms": self.nine.full,
             "nine_terms_summary": self.nine.summary,
             "nine_terms_elimination": self.nine.elimination,

@@ -49,13 +49,13 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
     Raises:
         InputError: unknown name, version or run; the message lists the choices.
     """
-    key = _choice(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
-    _choice(version, get_args(Version), "version of a table")
-    _choice(run, get_args(Run), "run of Table 5.IV")
+    key = _describe_choice(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
+    _describe_choice(version, get_args(Version), "version of a table")
+    _describe_choice(run, get_args(Run), "run of Table 5.IV")
     table = _read(f"tables/table_{key}.csv")
     if version != "printed":
-        table = _corrected(table, key, version, run)
-    return _numeric(table)
+        table = _tabulate_corrected(table, key, version, run)
+    return _tabulate_numeric(table)
 
 
 def load_corrections() -> pd.DataFrame:
@@ -78,7 +78,7 @@ def load_printed_results() -> pd.DataFrame:
 
 def load_force_laws() -> pd.DataFrame:
     """Damping forces summarised in section 6.1, one row a term, coefficients as printed (lb, in, s)."""
-    return _numeric(_read("tables/section_6_1.csv"), text=("equation",))
+    return _tabulate_numeric(_read("tables/section_6_1.csv"), text=("equation",))
 
 
 def load_recovered_inputs(name: str) -> pd.DataFrame:
@@ -87,8 +87,8 @@ def load_recovered_inputs(name: str) -> pd.DataFrame:
     Raises:
         InputError: there is no such file for the table; the message lists the choices.
     """
-    key = _choice(name.replace(".", "_"), ("5_III", "5_IV"), "table with recovered inputs")
-    return _numeric(_read(f"table_{key}_recovered_inputs.csv"))
+    key = _describe_choice(name.replace(".", "_"), ("5_III", "5_IV"), "table with recovered inputs")
+    return _tabulate_numeric(_read(f"table_{key}_recovered_inputs.csv"))
 
 
 def _read(path: str) -> pd.DataFrame:
@@ -96,7 +96,7 @@ def _read(path: str) -> pd.DataFrame:
     return pd.read_csv(data_folder() / "saturn-v" / path, dtype=str, keep_default_na=False)
 
 
-def _numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
+def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
     """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
     return table.apply(lambda column: column if column.name in text else _as_numbers(column))
 
@@ -107,7 +107,7 @@ def _as_numbers(column: pd.Series) -> pd.Series:
     return numbers if filled.notna().any() and numbers.notna().equals(filled.notna()) else column
 
 
-def _corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
+def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
     """Copy of a table (as text) with its corrections applied."""
     table = table.copy()
     corrections = load_corrections()
@@ -128,7 +128,7 @@ def _rows(table: pd.DataFrame, key_columns: str, key: str) -> pd.Series:
     return found
 
 
-def _choice(value: str, choices: tuple[str, ...], what: str) -> str:
+def _describe_choice(value: str, choices: tuple[str, ...], what: str) -> str:
     if value not in choices:
         raise InputError(f"unknown {what} '{value}'", expected=f"one of {', '.join(choices)}")
     return value

@@ -14,7 +14,7 @@ from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.plots.style import with_unit
+from damping.plots.style import describe_with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -84,9 +84,9 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
         results = [result(folder / name, seed) for name in names]
         for one in results:
             files[f"{one.name}.png"] = figure(one)
-            files[f"{one.name}.csv"] = record_to_csv(loads_table(one.at)).encode()
+            files[f"{one.name}.csv"] = record_to_csv(tabulate_loads(one.at)).encode()
             files[f"{one.name}-left-out.csv"] = record_to_csv(one.left_out).encode()
-        files["README.md"] = page(results, seed).encode()
+        files["README.md"] = describe_page(results, seed).encode()
         publish(out, files, seed=seed, versions=versions(), inputs=inputs)
     print(f"{out / 'README.md'} written")
 
@@ -108,7 +108,7 @@ def result(folder: Path, seed: int) -> BandResult:
     )
 
 
-def loads_table(loads: Loads) -> pd.DataFrame:
+def tabulate_loads(loads: Loads) -> pd.DataFrame:
     """A row a force: band, linear prediction, parts in per cent, cautions."""
     band = loads.average
     return pd.DataFrame(
@@ -135,20 +135,20 @@ def figure(one: BandResult) -> bytes:
     data, units = one.plan.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = real_bands(
-        loads_table(one.grid),
+        tabulate_loads(one.grid),
         tested,
         one.left_out,
-        with_unit("force at resonance", units.force),
-        with_unit("resonant amplitude", units.length),
+        describe_with_unit("force at resonance", units.force),
+        describe_with_unit("resonant amplitude", units.length),
     )
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
     return buffer.getvalue()
 
 
-def page(results: list[BandResult], seed: int) -> str:
+def describe_page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
-    goals = [row for one in results for row in _goals(one)]
+    goals = [row for one in results for row in _list_goals(one)]
     checks = pd.concat([one.left_out for one in results], ignore_index=True)
     given = checks[~checks["refused"]]
     head = _HEAD.format(
@@ -158,9 +158,9 @@ def page(results: list[BandResult], seed: int) -> str:
         given=len(given),
         refused=int(checks["refused"].sum()),
         worst=checks["linear_over_percent"].max(),
-        medians=_medians(given),
+        medians=_describe_medians(given),
     )
-    return head + "\n".join(_section(one) for one in results)
+    return head + "\n".join(_describe_section(one) for one in results)
 
 
 _HEAD = """# Design-load bands on real structures
@@ -180,7 +180,7 @@ they seem.
 """
 
 
-def _medians(given: pd.DataFrame) -> str:
+def _describe_medians(given: pd.DataFrame) -> str:
     """Errors of the medians, by number of levels below."""
     error = 100.0 * (given["median"] / given["measured"] - 1.0)
     parts = [
@@ -190,27 +190,29 @@ def _medians(given: pd.DataFrame) -> str:
     return "; ".join(parts)
 
 
-def _goals(one: BandResult) -> list[str]:
+def _list_goals(one: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
     if one.name in WARNED:
         refused = np.isnan(one.at.average.median).all()
         measured = one.at.cautions[-1][0] if refused else "a band"
-        return [f"| {_title(one)}: a warning rather than a confident band | {measured} | {_yes(bool(refused))} |"]
+        return [
+            f"| {_title(one)}: a warning rather than a confident band | {measured} | {_describe_yes(bool(refused))} |"
+        ]
     rows = []
     for ratio, most in GOALS.items():
         i = RATIOS.index(ratio)
         width = one.at.average.high[i] / one.at.average.low[i]
         measured = f"{width:.2f}" if np.isfinite(width) else f"refused: {one.at.cautions[i][0]}"
         goal = f"{_title(one)}: high/low at {ratio:g} times the tested force at most {most:g}"
-        rows.append(f"| {goal} | {measured} | {_yes(bool(width <= most))} |")
+        rows.append(f"| {goal} | {measured} | {_describe_yes(bool(width <= most))} |")
     return rows
 
 
-def _yes(met: bool) -> str:
+def _describe_yes(met: bool) -> str:
     return "yes" if met else "no"
 
 
-def _section(one: BandResult) -> str:
+def _describe_section(one: BandResult) -> str:
     """One structure: figure, table, what was left out, citation."""
     units, plan = one.mode.units, one.plan
     force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
@@ -223,7 +225,7 @@ def _section(one: BandResult) -> str:
         f"| force{force} | times tested | median{length} | 90 % band | high/low | linear over by % |"
         + "".join(f" {name.replace('_', ' ')} % |" for name in PARTS),
         "|" + "---|" * (6 + len(PARTS)),
-        *(_row(one.at, i) for i in range(len(RATIOS))),
+        *(_describe_row(one.at, i) for i in range(len(RATIOS))),
         f"\nLaws by weight: {laws}. Local exponent p from level to level: {exponents}.\n",
         *(f"- {caution}" for caution in said),
         f"\nDerived from: {CITATIONS[one.name][1]}." if one.name in CITATIONS else "",
@@ -231,7 +233,7 @@ def _section(one: BandResult) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _row(loads: Loads, i: int) -> str:
+def _describe_row(loads: Loads, i: int) -> str:
     band = loads.average
     if not np.isfinite(band.median[i]):
         return f"| {loads.force[i]:.3g} | {loads.ratio[i]:g} |" + " refused |" + " |" * (3 + len(PARTS))

@@ -54,11 +54,11 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
 
 def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     folder, labels = out / "cases", out / "labels.sealed.json"
-    strangers = {path.name for path in folder.glob("*")} - set(_names(cases, seed))
+    strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
     if strangers:
         raise InputError("holds cases of another run", file=folder, expected="an empty --out, or the same run again")
-    run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _generator_digest()}
-    sealed = _sealed_before(out, run)
+    run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
+    sealed = _describe_sealed_before(out, run)
     if sealed is None:
         sealed = make_cases(folder, labels, cases, seed, jobs=jobs, nearest=True)
         write_json(out / "sealed.json", {**run, "sha256": sealed})
@@ -74,7 +74,7 @@ def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     publish(out, scores, seed=seed, versions=versions(), inputs={}, kept=kept)
 
 
-def _sealed_before(out: Path, run: dict[str, Any]) -> str | None:
+def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
     """The SHA-256 of the labels in ``out``, if they are those of this very run; None otherwise."""
     try:
         noted = json.loads((out / "sealed.json").read_text(encoding="utf-8"))
@@ -84,7 +84,7 @@ def _sealed_before(out: Path, run: dict[str, Any]) -> str | None:
     return sealed if noted == {**run, "sha256": sealed} else None
 
 
-def _generator_digest() -> str:
+def _describe_generator_digest() -> str:
     """SHA-256 of the generator's source."""
     modules = sorted(Path(generator.__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
@@ -119,7 +119,7 @@ def make_cases(
     blind run, without it. Half are drawn clean, half in field conditions. The seed alone decides every case.
     ``nearest`` has the label say which other effect comes closest (seconds a case).
     """
-    names = _names(n, seed)
+    names = _list_names(n, seed)
     drawn = zip(strata(n, kinds), names, strict=True)
     tasks = [_Task(stratum, (seed, number), name, nearest) for number, (stratum, name) in enumerate(drawn)]
     sealed: dict[str, Any] = {}
@@ -135,7 +135,7 @@ def make_cases(
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _names(n: int, seed: int) -> list[str]:
+def _list_names(n: int, seed: int) -> list[str]:
     """Random names, all different, in no order."""
     rng = np.random.default_rng([seed, 0x6E616D65])
     return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False).tolist()]

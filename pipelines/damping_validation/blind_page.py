@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.report.page import FigureBlock, Footer, Section, Table, Text, page
+from damping.report.page import FigureBlock, Footer, Section, Table, Text, describe_page
 from damping_pipelines.exhibits import shipped_folder
 
 _WHAT = (
@@ -22,7 +22,7 @@ _WHAT = (
 )
 
 
-def blind_page(
+def describe_blind_page(
     table: pd.DataFrame, confusion: pd.DataFrame, drawings: Mapping[str, tuple[str, str]], seed: int, cases: int
 ) -> str:
     """The page as HTML.
@@ -37,23 +37,23 @@ def blind_page(
         Section(
             "table",
             "Goals and measured values",
-            [Text(_WHAT), Table(blind_rows(table), "All figures"), figures["table"]],
+            [Text(_WHAT), Table(tabulate_blind_rows(table), "All figures"), figures["table"]],
         ),
         Section(
             "confusion", "What was answered to what", [figures["confusion"], Table(counts, "Cases by truth and answer")]
         ),
     ]
-    return page(f"Blind check of the gap diagnosis: {cases} cases", sections, Footer(seed, {}, {}))
+    return describe_page(f"Blind check of the gap diagnosis: {cases} cases", sections, Footer(seed, {}, {}))
 
 
-def blind_rows(table: pd.DataFrame) -> pd.DataFrame:
+def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
     """What a reader sees of the table ``figure, goal, measured, low, high, cases, met``: shares in per cent."""
     return pd.DataFrame(
         {
             "figure": table["figure"],
             "goal": table["goal"].fillna(""),
             "measured": [
-                _measured(*row)
+                _describe_measured(*row)
                 for row in zip(*(table[name] for name in ("measured", "low", "high", "share")), strict=True)
             ],
             "cases": table["cases"],
@@ -62,7 +62,7 @@ def blind_rows(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _measured(value: float, low: float, high: float, share: bool) -> str:
+def _describe_measured(value: float, low: float, high: float, share: bool) -> str:
     """A value with its interval; NaN where there is none."""
     if np.isnan(value):
         return "-"

@@ -85,16 +85,16 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
     """Tables, figures and page of the results of all trials, by file name."""
     covered = {key[1:]: value for key, value in results.items() if key[0] == "coverage"}
     ranked = {key: value for key, value in results.items() if key[0] != "coverage"}
-    predictions = tables.predictions_table(covered)
-    ranks = tables.ranks_table(ranked)
+    predictions = tables.tabulate_predictions(covered)
+    ranks = tables.tabulate_ranks(ranked)
     summary = tables.rank_summary(ranks)
-    coverage = tables.coverage_table(predictions)
+    coverage = tables.tabulate_coverage(predictions)
     files = {
         f"{name}.csv": record_to_csv(table).encode()
         for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
     files |= {f"{name}.png": png(figure) for name, figure in figures(predictions, ranks).items()}
-    return files | {"README.md": page(predictions, summary, len(results), seed, quick).encode()}
+    return files | {"README.md": describe_page(predictions, summary, len(results), seed, quick).encode()}
 
 
 def all_trials(sizes: Sizes, seed: int) -> list[Trial]:
@@ -156,7 +156,7 @@ def figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]
             beyond[name] = values
     bands = {n: ecdf_band(n, tables.SURE) for n in set(counts.values())}
     return {
-        "coverage": plots.coverage(tables.coverage_table(predictions[predictions["way"] == "fast"]), LEVEL),
+        "coverage": plots.coverage(tables.tabulate_coverage(predictions[predictions["way"] == "fast"]), LEVEL),
         "ranks": plots.rank_histograms(beyond, tables.BINS, RANKED),
         "ecdf": plots.rank_ecdfs(found, bands, counts),
     }
@@ -169,18 +169,18 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
+def describe_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
     """The page: goals beside what was measured, every structure, figures."""
-    goals = tables.goals_table(predictions, ranks)
+    goals = tables.tabulate_goals(predictions, ranks)
     command = f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else "")
-    selection = tables.selection_table(predictions)
+    selection = tables.tabulate_selection(predictions)
     return _PAGE.format(
         trials=trials,
         command=command,
         goals="\n".join(f"| {r.goal} | {r.measured} | {'yes' if r.met else 'no'} |" for r in goals.itertuples()),
-        structures="\n".join(_structures(predictions[predictions["way"] == "fast"])),
+        structures="\n".join(_list_structures(predictions[predictions["way"] == "fast"])),
         leads="; ".join(f"{r.truth} {r.true_leads} of {r.trials}" for r in selection.itertuples()),
-        outside=_outside(ranks),
+        outside=_describe_outside(ranks),
         sure=f"{100 * tables.SURE:g}",
         refused=int(predictions["refused"].sum()),
         predictions=len(predictions),
@@ -190,9 +190,9 @@ def page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int,
     )
 
 
-def _structures(predictions: pd.DataFrame) -> list[str]:
+def _list_structures(predictions: pd.DataFrame) -> list[str]:
     """A line a structure, worst first at the largest ratio: held and above at each ratio, widths."""
-    table = tables.coverage_table(predictions)
+    table = tables.tabulate_coverage(predictions)
     lines = []
     for truth in table.loc[table["ratio"] == RATIOS[-1], "truth"]:  # the worst stands first
         rows = table[table["truth"] == truth].sort_values("ratio")
@@ -204,7 +204,7 @@ def _structures(predictions: pd.DataFrame) -> list[str]:
     return lines
 
 
-def _outside(ranks: pd.DataFrame) -> str:
+def _describe_outside(ranks: pd.DataFrame) -> str:
     """The quantities whose ranks leave their band."""
     names = [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()]
     return "; ".join(names) or "none"

@@ -129,15 +129,15 @@ def real_bands(bands: pd.DataFrame, tested: pd.DataFrame, left_out: pd.DataFrame
     """
     figure = Figure(figsize=(1.35 * WIDTH, 3.1))
     axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
-    _bands(axes[0], bands, tested)
+    _draw_bands(axes[0], bands, tested)
     axes[0].set_xlabel(force)
     axes[0].set_ylabel(amplitude)
-    _left_out(axes[1], left_out)
-    _parts(axes[2], bands)
+    _draw_left_out(axes[1], left_out)
+    _draw_parts(axes[2], bands)
     return figure
 
 
-def _bands(ax: Axes, bands: pd.DataFrame, tested: pd.DataFrame) -> None:
+def _draw_bands(ax: Axes, bands: pd.DataFrame, tested: pd.DataFrame) -> None:
     """Resonant amplitude against force, both logarithmic."""
     ax.axvspan(tested["force"].max(), bands["force"].max(), color=BEYOND, linewidth=0, zorder=0)
     ax.fill_between(bands["force"], bands["low"], bands["high"], color=PREDICTIVE, linewidth=0, label="90 % predictive")
@@ -163,7 +163,7 @@ def _bands(ax: Axes, bands: pd.DataFrame, tested: pd.DataFrame) -> None:
     ax.legend()
 
 
-def _left_out(ax: Axes, left_out: pd.DataFrame) -> None:
+def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
     place = np.arange(len(left_out))
     low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
@@ -182,7 +182,7 @@ def _left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     ax.set_title("higher levels left out")
 
 
-def _parts(ax: Axes, bands: pd.DataFrame) -> None:
+def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     """Standard deviation of each part against the extrapolation ratio."""
     for name, (label, colour) in _PARTS.items():
         ax.plot(bands["ratio"], bands[name], color=colour, label=label)

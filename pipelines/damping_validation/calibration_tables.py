@@ -13,9 +13,11 @@ from damping_validation.calibration import RANKED, RATIOS, Coverage, is_uniform
 from damping_validation.truths import TRUTHS
 
 #: Share of next tests that bands are to hold, least and most; largest share above them.
-HELD, ABOVE = (0.86, 0.96), 0.08
+HELD = (0.86, 0.96)
+ABOVE = 0.08
 #: The same of any one structure at the largest ratio: least share held, largest share above.
-WORST, WORST_ABOVE = 0.75, 0.20
+WORST = 0.75
+WORST_ABOVE = 0.20
 #: Largest ln width over that of a fitter who knows the form, at the largest ratio.
 OVER_ORACLE = 2.2
 #: Content of the band of ranks and of the binomial bounds that goals are held against.
@@ -24,7 +26,7 @@ SURE = 0.99
 BINS = 8
 
 
-def predictions_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
+def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
     """A row a trial and ratio: ``way, truth, trial, levels, span, noise, ratio`` and the fields of ``Coverage``.
 
     Args:
@@ -45,7 +47,7 @@ def predictions_table(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFra
     return pd.DataFrame(rows)
 
 
-def coverage_table(predictions: pd.DataFrame, by: Sequence[str] = ("way", "truth")) -> pd.DataFrame:
+def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "truth")) -> pd.DataFrame:
     """A row a group and ratio, the worst first: predictions given and refused, shares held, above and below, widths.
 
     ``width`` is the median of high/low, ``over_oracle`` that of ln width over the oracle's.
@@ -69,14 +71,14 @@ def coverage_table(predictions: pd.DataFrame, by: Sequence[str] = ("way", "truth
     return pd.concat([cells, shares], axis=1).reset_index().sort_values("share_held", kind="stable", ignore_index=True)
 
 
-def selection_table(predictions: pd.DataFrame) -> pd.DataFrame:
+def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
     """A row a structure of the library: trials by the fast way, and how often its law has the largest weight."""
     first = predictions[(predictions["ratio"] == RATIOS[0]) & (predictions["way"] == "fast")]
     first = first[first["truth"].map(lambda name: TRUTHS[name][1] is not None)]
     return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
 
 
-def ranks_table(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
+def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
     """A row a trial and quantity: the rank of its true value, 0 to ``RANKED``.
 
     Args:
@@ -104,12 +106,12 @@ def rank_summary(ranks: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def goals_table(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFrame:
+def tabulate_goals(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFrame:
     """Each goal beside its measured figure: ``goal, measured, met``."""
     rows = []
     for way in predictions["way"].unique():
         mine = predictions[predictions["way"] == way]
-        every, by_truth = coverage_table(mine, ("way",)), coverage_table(mine)
+        every, by_truth = tabulate_coverage(mine, ("way",)), tabulate_coverage(mine)
         columns = [every.sort_values("ratio")[name].tolist() for name in ("ratio", "given", "held", "share_above")]
         for ratio, given, held, above in zip(*columns, strict=True):
             interval = binomtest(int(held), int(given)).proportion_ci(SURE, "wilson")
@@ -120,7 +122,7 @@ def goals_table(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFrame:
             goal = f"{way}: at most {100 * ABOVE:g} % above the band at {ratio:g} times"
             rows.append({"goal": goal, "measured": f"{100 * above:.1f} %", "met": above <= ABOVE})
         if way != "chains":  # one trial a truth says nothing of it
-            rows += _farthest(way, by_truth[by_truth["ratio"] == RATIOS[-1]])
+            rows += _list_farthest(way, by_truth[by_truth["ratio"] == RATIOS[-1]])
     outside = int((~ranks["uniform"]).sum())
     most_outside = int(binom.ppf(SURE, len(ranks), 1.0 - SURE))
     goal = f"ranks of {len(ranks)} quantities inside their simultaneous {100 * SURE:g} % band, but for {most_outside}"
@@ -128,7 +130,7 @@ def goals_table(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _farthest(way: str, far: pd.DataFrame) -> list[dict[str, Any]]:
+def _list_farthest(way: str, far: pd.DataFrame) -> list[dict[str, Any]]:
     """Goals at the largest ratio: of each structure, and of widths where a law of the library holds."""
     ratio, over = RATIOS[-1], float(far["over_oracle"].median())
     worst, least = far["truth"].iloc[0], float(far["share_held"].iloc[0])

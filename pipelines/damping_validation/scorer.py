@@ -80,19 +80,19 @@ def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
 def score(cases: Cases, processor_seconds: float | None = None) -> list[Figure]:
     """Every figure of the table; ``processor_seconds`` of the whole diagnosis where answers do not tell their own."""
     return [
-        *_nulls(cases),
-        *_classes(cases),
-        *_sets(cases),
-        *_confidence(cases),
-        *_foreign(cases),
-        *_pairs(cases),
-        *_extents(cases),
-        *_calibration(cases),
-        *_work(cases, processor_seconds),
+        *_list_nulls(cases),
+        *_list_classes(cases),
+        *_list_sets(cases),
+        *_list_confidence(cases),
+        *_list_foreign(cases),
+        *_list_pairs(cases),
+        *_list_extents(cases),
+        *_list_calibration(cases),
+        *_list_work(cases, processor_seconds),
     ]
 
 
-def _share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal: Goal | None = None) -> Figure:
+def _draw_share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal: Goal | None = None) -> Figure:
     """The share of cases that are hit."""
     n, k = len(cases), sum(hit(case) for case in cases)
     if n == 0:
@@ -101,7 +101,7 @@ def _share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal: Goal |
     return Figure(name, goal or Goal(), k / n, float(interval.low), float(interval.high), n)
 
 
-def _statistic(
+def _draw_statistic(
     name: str, values: Sequence[float], of: Callable[..., np.floating | float], goal: Goal, share: bool = True
 ) -> Figure:
     """A mean or percentile of values, with its bootstrap interval (none for fewer than two values)."""
@@ -116,25 +116,25 @@ def _statistic(
     return Figure(name, goal, measured, float(low), float(high), data.size, share)
 
 
-def _only(cases: Cases, *families: str, gap: float = 0.0, below: float = np.inf) -> list[Verdict]:
+def _list_only(cases: Cases, *families: str, gap: float = 0.0, below: float = np.inf) -> list[Verdict]:
     return [case for case in cases if case.family in families and gap <= case.gap < below]
 
 
-def _nulls(cases: Cases) -> list[Figure]:
-    null = _only(cases, "null")
+def _list_nulls(cases: Cases) -> list[Figure]:
+    null = _list_only(cases, "null")
     parts = [
-        _share(f"null cases wrongly accused: {what}", [c for c in null if c.kind == f"null:{kind}"], _accused)
+        _draw_share(f"null cases wrongly accused: {what}", [c for c in null if c.kind == f"null:{kind}"], _accused)
         for kind, what in (
             ("nothing", "nothing changed"),
             ("parameters", "parameter errors"),
             ("scatter", "sweep-to-sweep scatter"),
         )
     ]
-    detected = _only(cases, "single", "pair", "outside", gap=DETECTABLE)
+    detected = _list_only(cases, "single", "pair", "outside", gap=DETECTABLE)
     return [
-        _share("null cases wrongly accused", null, _accused, Goal(high=0.01)),
+        _draw_share("null cases wrongly accused", null, _accused, Goal(high=0.01)),
         *parts,
-        _share("gap >= 1 sigma detected", detected, _accused, Goal(low=0.99)),
+        _draw_share("gap >= 1 sigma detected", detected, _accused, Goal(low=0.99)),
     ]
 
 
@@ -142,26 +142,30 @@ def _accused(case: Verdict) -> bool:
     return case.accused
 
 
-def _classes(cases: Cases) -> list[Figure]:
+def _list_classes(cases: Cases) -> list[Figure]:
     """Leading class of single effects: strictly, up to stated equivalents, and where the record can tell."""
     found: list[Figure] = []
     for field, where, goal in ((False, "clean noise", 0.97), (True, "field conditions", 0.92)):
-        some = [case for case in _only(cases, "single", gap=DETECTABLE) if case.field == field]
+        some = [case for case in _list_only(cases, "single", gap=DETECTABLE) if case.field == field]
         told = [case for case in some if case.apart is not None and case.apart >= APART]
         found += [
-            _share(f"leading class right, gap >= 1 sigma, {where}", some, lambda c: c.right, Goal(low=goal)),
-            _share(f"… or its stated equivalent, {where}", some, lambda c: c.right_or_equivalent),
-            _share(f"… where the nearest other class misses by >= {APART:g} sigma, {where}", told, lambda c: c.right),
+            _draw_share(f"leading class right, gap >= 1 sigma, {where}", some, lambda c: c.right, Goal(low=goal)),
+            _draw_share(f"… or its stated equivalent, {where}", some, lambda c: c.right_or_equivalent),
+            _draw_share(
+                f"… where the nearest other class misses by >= {APART:g} sigma, {where}", told, lambda c: c.right
+            ),
         ]
     return found
 
 
-def _sets(cases: Cases) -> list[Figure]:
-    single = _only(cases, "single", gap=DETECTABLE)
-    found = [_share("true class in the 0.95 set, gap >= 1 sigma", single, _in_set, Goal(0.94, 0.98))]
+def _list_sets(cases: Cases) -> list[Figure]:
+    single = _list_only(cases, "single", gap=DETECTABLE)
+    found = [_draw_share("true class in the 0.95 set, gap >= 1 sigma", single, _in_set, Goal(0.94, 0.98))]
     for field, where, most in ((False, "clean noise", 1.5), (True, "field conditions", 2.5)):
         sizes = [float(len(case.listed)) for case in single if case.field == field and case.said is not None]
-        found.append(_statistic(f"mean size of the 0.95 set, {where}", sizes, np.mean, Goal(high=most), share=False))
+        found.append(
+            _draw_statistic(f"mean size of the 0.95 set, {where}", sizes, np.mean, Goal(high=most), share=False)
+        )
     return found
 
 
@@ -169,12 +173,12 @@ def _in_set(case: Verdict) -> bool:
     return case.true in case.listed
 
 
-def _confidence(cases: Cases) -> list[Figure]:
-    known = [*_only(cases, "null"), *_only(cases, "single", "pair", gap=DETECTABLE)]
-    unknown = _only(cases, "outside", gap=DETECTABLE)
+def _list_confidence(cases: Cases) -> list[Figure]:
+    known = [*_list_only(cases, "null"), *_list_only(cases, "single", "pair", gap=DETECTABLE)]
+    unknown = _list_only(cases, "outside", gap=DETECTABLE)
     return [
-        _share("confidently wrong, effect known or none", known, _confidently_wrong, Goal(high=0.005)),
-        _share("confidently wrong, effect unknown", unknown, _confidently_wrong, Goal(high=0.10)),
+        _draw_share("confidently wrong, effect known or none", known, _confidently_wrong, Goal(high=0.005)),
+        _draw_share("confidently wrong, effect unknown", unknown, _confidently_wrong, Goal(high=0.10)),
     ]
 
 
@@ -182,18 +186,24 @@ def _confidently_wrong(case: Verdict) -> bool:
     return case.said is not None and not case.right and case.probability > CONFIDENT and not case.unexplained
 
 
-def _foreign(cases: Cases) -> list[Figure]:
-    inimitable = [case for case in _only(cases, "outside") if (case.left_by_nearest or 0.0) >= DETECTABLE]
-    known = _only(cases, "single", "pair", gap=DETECTABLE)
+def _list_foreign(cases: Cases) -> list[Figure]:
+    inimitable = [case for case in _list_only(cases, "outside") if (case.left_by_nearest or 0.0) >= DETECTABLE]
+    known = _list_only(cases, "single", "pair", gap=DETECTABLE)
     return [
-        _share(
-            "unexplained: outside the library, gap >= 2 sigma", _only(cases, "outside", gap=CLEAR), _open, Goal(0.85)
+        _draw_share(
+            "unexplained: outside the library, gap >= 2 sigma",
+            _list_only(cases, "outside", gap=CLEAR),
+            _open,
+            Goal(0.85),
         ),
-        _share(
-            "unexplained: outside the library, gap >= 4 sigma", _only(cases, "outside", gap=LARGE), _open, Goal(0.97)
+        _draw_share(
+            "unexplained: outside the library, gap >= 4 sigma",
+            _list_only(cases, "outside", gap=LARGE),
+            _open,
+            Goal(0.97),
         ),
-        _share("… of which no effect of the library leaves < 1 sigma", inimitable, _open),
-        _share("unexplained though the effect is in the library, gap >= 1 sigma", known, _open),
+        _draw_share("… of which no effect of the library leaves < 1 sigma", inimitable, _open),
+        _draw_share("unexplained though the effect is in the library, gap >= 1 sigma", known, _open),
     ]
 
 
@@ -201,7 +211,7 @@ def _open(case: Verdict) -> bool:
     return case.unexplained
 
 
-def _pairs(cases: Cases) -> list[Figure]:
+def _list_pairs(cases: Cases) -> list[Figure]:
     kinds = (
         ("pair:force-instrument", "force + instrument", Goal(low=0.95)),
         ("pair:two-forces", "two forces", Goal(low=0.80)),
@@ -210,8 +220,10 @@ def _pairs(cases: Cases) -> list[Figure]:
     found = []
     for kind, what, goal in kinds:
         some = [c for c in cases if c.kind == kind]
-        found.append(_share(f"both of a pair named: {what}", some, _both, goal))
-        found.append(_share(f"… or a stated equivalent: {what}", some, lambda c: _both(c) or c.right_or_equivalent))
+        found.append(_draw_share(f"both of a pair named: {what}", some, _both, goal))
+        found.append(
+            _draw_share(f"… or a stated equivalent: {what}", some, lambda c: _both(c) or c.right_or_equivalent)
+        )
     return found
 
 
@@ -219,17 +231,21 @@ def _both(case: Verdict) -> bool:
     return case.said is not None and case.true <= case.said
 
 
-def _extents(cases: Cases) -> list[Figure]:
+def _list_extents(cases: Cases) -> list[Figure]:
     """Where the effect acts, and how far the gap shrinks on levels that did not choose it."""
-    known = _only(cases, "single", "pair", gap=DETECTABLE)
+    known = _list_only(cases, "single", "pair", gap=DETECTABLE)
     overlaps = [case.iou if case.iou is not None else 0.0 for case in known]
-    clear = _held_out(_only(cases, "single", "pair", gap=CLEAR))
-    small = _held_out(_only(cases, "single", "pair", gap=DETECTABLE, below=CLEAR))
+    clear = _held_out(_list_only(cases, "single", "pair", gap=CLEAR))
+    small = _held_out(_list_only(cases, "single", "pair", gap=DETECTABLE, below=CLEAR))
     return [
-        _statistic("footprint against the cells truly altered, mean IoU", overlaps, np.mean, Goal(low=0.9)),
-        _statistic("held-out shrinkage, class right, gap >= 2 sigma: median", clear, np.median, Goal(low=0.98)),
-        _statistic("held-out shrinkage, class right, gap >= 2 sigma: 10th percentile", clear, _tenth, Goal(low=0.90)),
-        _statistic("held-out shrinkage, class right, gap 1-2 sigma: 10th percentile", small, _tenth, Goal(low=0.80)),
+        _draw_statistic("footprint against the cells truly altered, mean IoU", overlaps, np.mean, Goal(low=0.9)),
+        _draw_statistic("held-out shrinkage, class right, gap >= 2 sigma: median", clear, np.median, Goal(low=0.98)),
+        _draw_statistic(
+            "held-out shrinkage, class right, gap >= 2 sigma: 10th percentile", clear, _tenth, Goal(low=0.90)
+        ),
+        _draw_statistic(
+            "held-out shrinkage, class right, gap 1-2 sigma: 10th percentile", small, _tenth, Goal(low=0.80)
+        ),
     ]
 
 
@@ -241,8 +257,8 @@ def _tenth(values: np.ndarray) -> float:
     return float(np.percentile(values, 10))
 
 
-def _calibration(cases: Cases) -> list[Figure]:
-    known = [case for case in _only(cases, "null", "single", "pair") if case.said is not None]
+def _list_calibration(cases: Cases) -> list[Figure]:
+    known = [case for case in _list_only(cases, "null", "single", "pair") if case.said is not None]
     if not known:
         return [Figure("expected calibration error", Goal(high=0.05), None, None, None, 0)]
     pairs = np.array([[case.probability, float(case.right)] for case in known])
@@ -264,14 +280,14 @@ def calibration_error(pairs: np.ndarray) -> float:
     return float(misfit.sum() / counts.sum())
 
 
-def _work(cases: Cases, processor_seconds: float | None) -> list[Figure]:
+def _list_work(cases: Cases, processor_seconds: float | None) -> list[Figure]:
     low, high = _TYPICAL_ROWS
     own = [c.cpu_seconds for c in cases if c.cpu_seconds is not None and low <= c.rows <= high]
     name, goal = "processor time per case of 120 to 180 points, s", Goal(high=2.0)
     if own or processor_seconds is None or not cases:
-        time = _statistic(name, own, np.mean, goal, share=False)
+        time = _draw_statistic(name, own, np.mean, goal, share=False)
     else:
         mean = processor_seconds / len(cases)
         time = Figure("processor time per case, all of it, s", goal, mean, None, None, len(cases), share=False)
-    failed = _share("cases without an answer", cases, lambda case: case.said is None, Goal(high=0.0))
+    failed = _draw_share("cases without an answer", cases, lambda case: case.said is None, Goal(high=0.0))
     return [time, failed]

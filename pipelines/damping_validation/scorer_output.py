@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots.style import ALERT, INK, MUTED, WIDTH, plain_rows, styled, to_svg
-from damping_validation.blind_page import blind_page
+from damping.plots.style import ALERT, INK, MUTED, WIDTH, draw_plain_rows, styled, to_svg
+from damping_validation.blind_page import describe_blind_page
 from damping_validation.scorer import DETECTABLE, Figure, Goal
 from damping_validation.verdicts import Verdict
 
@@ -38,7 +38,7 @@ SCORES = (
 
 def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> dict[str, bytes]:
     """Contents of ``SCORES`` by name: tables, both drawings as SVG and PNG, the report."""
-    matrix, table = confusion(cases), _frame(figures)
+    matrix, table = tabulate_confusion(cases), _tabulate_frame(figures)
     files = {
         "table.csv": table.to_csv(index=False, lineterminator="\n").encode(),
         "table.md": to_markdown(figures).encode(),
@@ -52,7 +52,7 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
     for name, (drawing, title) in drawn.items():
         svgs[name] = (to_svg(drawing, f"blind-{name}", title, title), title)
         files |= {f"{name}.svg": svgs[name][0].encode(), f"{name}.png": _to_png(drawing)}
-    return files | {"report.html": blind_page(table, matrix, svgs, seed, len(cases)).encode()}
+    return files | {"report.html": describe_blind_page(table, matrix, svgs, seed, len(cases)).encode()}
 
 
 def _to_png(drawing: Drawing) -> bytes:
@@ -61,7 +61,7 @@ def _to_png(drawing: Drawing) -> bytes:
     return buffer.getvalue()
 
 
-def confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
+def tabulate_confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
     """Cases by true kind (rows; all nulls, others with a gap of at least one sigma) and answer (columns)."""
     some = [case for case in cases if case.family == "null" or case.gap >= DETECTABLE]
     families = {"null": 0, "single": 1, "pair": 2, "outside": 3}
@@ -85,11 +85,11 @@ def _answer(case: Verdict) -> str:
     return next(iter(case.said), NONE)
 
 
-def _frame(figures: Sequence[Figure]) -> pd.DataFrame:
+def _tabulate_frame(figures: Sequence[Figure]) -> pd.DataFrame:
     rows = [
         {
             "figure": figure.name,
-            "goal": goal_text(figure.goal, figure.share),
+            "goal": describe_goal_text(figure.goal, figure.share),
             "measured": figure.measured,
             "low": figure.low,
             "high": figure.high,
@@ -102,7 +102,7 @@ def _frame(figures: Sequence[Figure]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def goal_text(goal: Goal, share: bool) -> str:
+def describe_goal_text(goal: Goal, share: bool) -> str:
     """The goal in words: <= 1 %, >= 97 %, 94-98 %; empty without one."""
     scale, unit = (100.0, " %") if share else (1.0, "")
     low, high = (None if bound is None else f"{scale * bound:g}" for bound in (goal.low, goal.high))
@@ -116,13 +116,13 @@ def to_markdown(figures: Sequence[Figure]) -> str:
     lines = ["| figure | goal | measured (95 % interval) | cases | met |", "|---|---|---|---|---|"]
     for figure in figures:
         met = {True: "yes", False: "**no**", None: ""}[figure.met]
-        goal = goal_text(figure.goal, figure.share).replace(">=", "≥").replace("<=", "≤")
+        goal = describe_goal_text(figure.goal, figure.share).replace(">=", "≥").replace("<=", "≤")
         name = figure.name.replace(">=", "≥").replace("<=", "≤")
-        lines.append(f"| {name} | {goal} | {_measured_text(figure)} | {figure.cases} | {met} |")
+        lines.append(f"| {name} | {goal} | {_describe_measured_text(figure)} | {figure.cases} | {met} |")
     return "\n".join(lines) + "\n"
 
 
-def _measured_text(figure: Figure) -> str:
+def _describe_measured_text(figure: Figure) -> str:
     if figure.measured is None:
         return "-"
     scale, unit = (100.0, " %") if figure.share else (1.0, "")
@@ -139,7 +139,7 @@ def draw_table(figures: Sequence[Figure]) -> Drawing:
     shown = [figure for figure in figures if figure.share]
     drawing = Drawing(figsize=(WIDTH * 1.25, 0.8 + 0.24 * len(shown)))
     axes = drawing.subplots()
-    plain_rows(axes, [f"{figure.name} ({figure.cases})" for figure in shown])
+    draw_plain_rows(axes, [f"{figure.name} ({figure.cases})" for figure in shown])
     for row, figure in enumerate(shown):
         goal = figure.goal
         if goal.low is not None or goal.high is not None:

@@ -25,13 +25,13 @@ from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit, audit
-from damping.records.keys import nearest
+from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.regression.design import required_columns, take_columns
+from damping.regression.design import list_required_columns, take_columns
 from damping.regression.program import regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import columns_of, parse_terms
+from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import (
     ConditionResult,
     DiagnosisResult,
@@ -191,9 +191,9 @@ def regress(
     wanted = response.strip()
     if not wanted:
         raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *columns_of(parsed)]))
+    names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
     table = frame.reset_index(drop=True)
-    _check_numbers(table, required_columns(names, [str(name) for name in table.columns]), source)
+    _check_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source)
     return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
 
 
@@ -201,7 +201,7 @@ def _check_numbers(table: pd.DataFrame, names: Sequence[str], source: str) -> No
     """InputError for the first column that is missing, or holds what is no finite number; ``sweep`` may be text."""
     for name in names:
         if name not in table.columns:
-            hint = nearest(name, map(str, table.columns))
+            hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
         if name == "sweep" and not pd.api.types.is_numeric_dtype(table[name]):
             continue

@@ -22,10 +22,10 @@ from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records.audit import Audit
-from damping.records.keys import nearest
+from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.regression.form import regress_form, terms_table
+from damping.regression.form import regress_form, tabulate_terms
 from damping.regression.printout import printout
 from damping.regression.program import Regression
 from damping.report import forms
@@ -85,7 +85,7 @@ class Result(ABC):
         return f"<div><p><b>{escape(self.title)}</b></p>{html}{f'<ul>{remarks}</ul>' if remarks else ''}</div>"
 
 
-def _findings(audit: Audit | None) -> list[dict[str, Any]]:
+def _list_findings(audit: Audit | None) -> list[dict[str, Any]]:
     """The findings of an audit as the forms carry them."""
     return list(audit.to_json()["findings"]) if audit else []
 
@@ -150,7 +150,9 @@ class RankingResult(Result):
             if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
                 return RankedLaw(candidate, self.ranking.data)
         names = [candidate.name for candidate in self.ranking.candidates]
-        raise InputError(f"no law {law!r}", expected=f"{nearest(str(law), names)} or another of the column law")
+        raise InputError(
+            f"no law {law!r}", expected=f"{describe_nearest(str(law), names)} or another of the column law"
+        )
 
     def __len__(self) -> int:
         return len(self.ranking.candidates)
@@ -158,7 +160,7 @@ class RankingResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """A row a law, best first: ``rank, law, weight, score, held_out_error, ...``; errors in per cent."""
-        table = forms.candidates_table(self.ranking)
+        table = forms.tabulate_candidates(self.ranking)
         first = ["rank", "law", "weight", "score", "held_out_error"]
         return table[[*first, *(name for name in table.columns if name not in first)]]
 
@@ -166,13 +168,13 @@ class RankingResult(Result):
     def cautions(self) -> tuple[str, ...]:
         """Whether any law fits, where none does; and what is odd about the mode beside the record."""
         verdict = self.ranking.fit.sentence
-        odd = forms.mode_cautions(self.ranking.data, self.mode) if self.mode else ()
+        odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
         return (*([verdict] if verdict else ()), *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
         form: dict[str, Any] = plain(
-            {**forms.rank_form(self.ranking), "audit": _findings(self.audit), "cautions": list(self.cautions)}
+            {**forms.rank_form(self.ranking), "audit": _list_findings(self.audit), "cautions": list(self.cautions)}
         )
         return form
 
@@ -216,18 +218,18 @@ class LoadsResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """A row a force with the keys of the form; NaN where no prediction is given, ``cautions`` say why."""
-        return forms.loads_table(self.extrapolation.loads)
+        return forms.tabulate_loads(self.extrapolation.loads)
 
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is odd about the mode beside the record."""
-        return (*self.swept, *forms.mode_cautions(self.extrapolation.plan.data, self.mode))
+        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
         form = forms.loads_form(self.extrapolation.loads, self.extrapolation.plan)
         form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
-        values: dict[str, Any] = plain({**form, "audit": _findings(self.audit), "cautions": list(self.cautions)})
+        values: dict[str, Any] = plain({**form, "audit": _list_findings(self.audit), "cautions": list(self.cautions)})
         return values
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
@@ -240,7 +242,7 @@ class LoadsResult(Result):
         )
         low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), loads.force.max())
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
-        tables = (forms.loads_table(bands), forms.loads_by_model_table(bands), tested, self.table)
+        tables = (forms.tabulate_loads(bands), forms.tabulate_loads_by_model(bands), tested, self.table)
         about = (loads.level, units.force, units.length, bands.limit)
         if ax is None:
             return design_loads(*tables, *about)
@@ -277,19 +279,21 @@ class DiagnosisResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """A row an explanation, most probable first: ``effects, probability``."""
-        return forms.explanations_table(self.diagnosis)
+        return forms.tabulate_explanations(self.diagnosis)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""
-        form: dict[str, Any] = plain({**forms.gap_form(self.diagnosis, self.posterior), "audit": _findings(self.audit)})
+        form: dict[str, Any] = plain(
+            {**forms.gap_form(self.diagnosis, self.posterior), "audit": _list_findings(self.audit)}
+        )
         return form
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
         from damping.plots.gap import draw_probabilities, gap_probabilities  # noqa: PLC0415 - as above
-        from damping.report.gap_figures import probability_table  # noqa: PLC0415 - as above
+        from damping.report.gap_figures import tabulate_probability  # noqa: PLC0415 - as above
 
-        table = probability_table(self.diagnosis)
+        table = tabulate_probability(self.diagnosis)
         if ax is None:
             return gap_probabilities(table)
         draw_probabilities(ax, table)
@@ -301,7 +305,14 @@ class DiagnosisResult(Result):
         from damping.report import gap_page as text  # noqa: PLC0415 - as above
 
         d = self.diagnosis
-        told = [text.verdict(d), text.place(d), *text.doubts(d), *text.outside(d), text.reach(d), text.following(d)]
+        told = [
+            text.describe_verdict(d),
+            text.place(d),
+            *text.list_doubts(d),
+            *text.list_outside(d),
+            text.reach(d),
+            text.describe_following(d),
+        ]
         return (*told, *(f"Caution: {caution}." for caution in d.cautions))
 
     @property
@@ -324,7 +335,7 @@ class RegressionResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """A row a term of the selected model: ``name, coefficient, std_error, t_ratio, p_value``."""
-        return terms_table(self.regression.selected.fit)
+        return tabulate_terms(self.regression.selected.fit)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``regress/1``."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from damping.extrapolation.near import BISTABLE, CHANGES, bistability, trend
+from damping.extrapolation.near import BISTABLE, CHANGES, describe_bistability, trend
 
 
 def test_a_power_law_has_one_exponent(peaks):
@@ -60,4 +60,4 @@ def test_bistability_counts_half_power_bandwidths(peaks):
     shift = 0.05 * BISTABLE
     for factor, said in ((0.9, False), (1.1, True)):
         data = peaks(np.array([0.5, 1.0]), np.array([0.5, 1.0]), np.array([10.0 + factor * shift, 10.0]))
-        assert bool(bistability(data, 2.0)) == said
+        assert bool(describe_bistability(data, 2.0)) == said

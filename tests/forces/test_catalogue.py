@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from damping.errors import InputError
-from damping.forces import CATALOGUE, EnergyTerm, Slip, Sum, VelocityPower, Viscous, from_damping, make, parameter_names
+from damping.forces import (
+    CATALOGUE,
+    EnergyTerm,
+    Slip,
+    Sum,
+    VelocityPower,
+    Viscous,
+    from_damping,
+    list_parameter_names,
+    make,
+)
 
 NAMES = [
     "viscous",
@@ -27,9 +37,9 @@ def test_names_are_those_of_the_file_formats() -> None:
 
 
 def test_parameters() -> None:
-    assert parameter_names("viscous") == ("coefficient",)
-    assert parameter_names("velocity-power") == ("coefficient", "exponent")
-    assert parameter_names("slip") == ("stiffness", "limit")
+    assert list_parameter_names("viscous") == ("coefficient",)
+    assert list_parameter_names("velocity-power") == ("coefficient", "exponent")
+    assert list_parameter_names("slip") == ("stiffness", "limit")
 
 
 def test_make() -> None:

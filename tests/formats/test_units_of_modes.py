@@ -11,7 +11,7 @@ from damping import effects, forces
 from damping.arrays import INCH_M, POUND_FORCE_N
 from damping.formats.quantity import convert_mode, factors
 from damping.gap.steady import swept
-from damping.records.mode import Mode, Units, mode_to_toml, read_mode
+from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 
 US = Units("lbf", "in", "s")
 MODE = Mode("m", 2.0, 1.5, units=US, damping={"viscous": {"coefficient": 0.4}})
@@ -63,7 +63,7 @@ def test_every_force_and_effect_is_tried():
 @every_mode
 def test_there_and_back(mode, tmp_path):
     path = tmp_path / "mode.toml"
-    path.write_text(mode_to_toml(to_si(mode)))
+    path.write_text(describe_mode_to_toml(to_si(mode)))
     back = convert_mode(read_mode(path), factors(Units("N", "m", "s"), "us", source=""), "us")
     for before, after in ((mode.damping, back.damping), (mode.effects, back.effects)):
         assert before.keys() == after.keys()

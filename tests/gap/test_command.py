@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from damping.records.mode import mode_to_toml, read_mode
+from damping.records.mode import describe_mode_to_toml, read_mode
 from damping_pipelines.cli import main
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
@@ -50,7 +50,7 @@ def command(*words):
 def case(lab, tmp_path_factory):
     """A folder with ``model.toml`` and ``data.csv`` of a lag of phase, with names that are no HTML."""
     folder = tmp_path_factory.mktemp("case")
-    (folder / "model.toml").write_text(mode_to_toml(lab.mode(name=NAME)))
+    (folder / "model.toml").write_text(describe_mode_to_toml(lab.mode(name=NAME)))
     table = lab.measured("phase-lag", points=12).table
     table["sweep"] = "<b>" + table["sweep"] + "</b>"
     table.to_csv(folder / "data.csv", index=False)

@@ -8,7 +8,7 @@ import pytest
 from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
-from damping.records.mode import mode_to_toml, read_mode
+from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
 
@@ -23,7 +23,7 @@ def written(lab, tmp_path):
 
     def write(name):
         path = tmp_path / f"{name}.toml"
-        path.write_text(mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best, CATALOGUE)))
+        path.write_text(describe_mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best, CATALOGUE)))
         return path
 
     return write

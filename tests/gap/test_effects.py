@@ -16,7 +16,7 @@ from damping.gap.steady import fitted_terms, steady
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.generator import draw
-from damping_validation.generator.noise import columns, data_text, model_text
+from damping_validation.generator.noise import columns, describe_data_text, describe_model_text
 from damping_validation.generator.plan import force_unit
 
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
@@ -132,8 +132,12 @@ def test_drawn_cases_are_fitted_too(name, tmp_path):
     """As the blind cases are: other forces in the simulation, sweeps that scatter, parameters off; but no noise."""
     drawn = draw(name, False, np.random.default_rng((97, 1)))
     bench, cells = drawn.bench, drawn.cells
-    (tmp_path / "data.csv").write_text(data_text(columns(bench.rows, drawn.noise, cells.amplitude, cells.phase)))
-    (tmp_path / "model.toml").write_text(model_text("drawn", replace(bench, scatter_declared=bench.scatter[0] > 0.0)))
+    (tmp_path / "data.csv").write_text(
+        describe_data_text(columns(bench.rows, drawn.noise, cells.amplitude, cells.phase))
+    )
+    (tmp_path / "model.toml").write_text(
+        describe_model_text("drawn", replace(bench, scatter_declared=bench.scatter[0] > 0.0))
+    )
     own = alone(name, read_record(tmp_path / "data.csv"), read_mode(tmp_path / "model.toml"))[frozenset({name})].best
     # 0.3 sigma shift chi-square of 200 values by 18, less than its standard deviation of 20: it is not seen. The centre
     # of a drawn dip of force lies off resonance, where the form has it

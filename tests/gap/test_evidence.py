@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from damping.effects import CATALOGUE
 from damping.gap.corrected import sample_effects
-from damping.gap.fit import Fit, Unknowns, evidences, fit, log_likelihood, settled, unknowns
+from damping.gap.fit import ModelFit, Unknowns, evidences, fit_model, log_likelihood, marginalise_scatter, unknowns
 from damping.gap.model import Scatter
 from damping.gap.problem import setting
 from damping.gap.search import Search
@@ -53,8 +53,8 @@ def linear():
     return Linear(r0, J, D, Scatter(0.02, 0.01))
 
 
-def exactly(model: Linear) -> Fit:
-    return fit(model, np.zeros((1, 3)), weights=np.ones(40))[0]
+def exactly(model: Linear) -> ModelFit:
+    return fit_model(model, np.zeros((1, 3)), weights=np.ones(40))[0]
 
 
 def test_laplace_is_exact_for_a_linear_model(linear):
@@ -92,7 +92,7 @@ def test_evidence_of_other_scatter_is_that_of_a_fit_made_at_it(lab):
     scatters = [Scatter(a, f * XI) for a, f in ((0.003, 0.03), (0.006, 0.06), (0.012, 0.015), (0.025, 0.12))]
     found = evidences(plain, tuple(scatters))
     for scatter, value in zip(scatters, found, strict=True):
-        again = fit(replace(plain.model, scatter=scatter), plain.y[np.newaxis, : plain.model.size])[0]
+        again = fit_model(replace(plain.model, scatter=scatter), plain.y[np.newaxis, : plain.model.size])[0]
         # weights of wild points and the curve of the model change a little with the mode: a tenth of what tells
         np.testing.assert_allclose(value, again.log_evidence, rtol=0.0, atol=0.2, err_msg=str(scatter))
 
@@ -106,12 +106,12 @@ def test_unknown_scatter_is_averaged_by_its_prior(lab):
     rows = lab.bench(levels=3, points=14).rows
     start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode(None, None))
     plain = Search(start.problem, {}, unknown).run()[0].plain
-    one = settled(plain, unknown, -np.inf)
+    one = marginalise_scatter(plain, unknown, -np.inf)
     values = evidences(one, unknown.all) + unknown.log_prior
     np.testing.assert_allclose(one.log_evidence, np.log(np.sum(np.exp(values))), rtol=0.0, atol=1e-9)  # rounding
     assert one.model.scatter == unknown.all[int(np.argmax(evidences(plain, unknown.all) + unknown.log_prior))]
     known = Unknowns((plain.model.scatter,), np.zeros(1), plain.model.scatter)
-    assert settled(plain, known, -np.inf) is plain
+    assert marginalise_scatter(plain, known, -np.inf) is plain
 
 
 def test_noise_that_was_estimated_has_five_nodes_of_its_uncertainty():
@@ -135,7 +135,7 @@ def sampled(lab):
 def test_importance_draws_give_the_evidence_of_laplace(sampled):
     leading, posterior = sampled
     k = leading.model.size
-    same = fit(leading.model, leading.y[np.newaxis, :k], leading.y[np.newaxis, k:], leading.weights)[0]
+    same = fit_model(leading.model, leading.y[np.newaxis, :k], leading.y[np.newaxis, k:], leading.weights)[0]
     assert posterior.standard_error < 0.05
     # Monte Carlo error, and the skew of a strength known to 1.5 %: of the order of its square
     np.testing.assert_allclose(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import searched, shortest, weighed
+from damping.gap.diagnose import cover_probability, search_hypotheses, weigh_hypotheses
 from damping.gap.directed import directed_tests, unexplained
 from damping.gap.problem import setting
 
@@ -32,7 +32,7 @@ def scattered(lab):
 
 def found(record, mode, library=CATALOGUE):
     """Effects of the leading explanation, and whether it leaves something unexplained."""
-    known, search = searched(setting(record, mode), library)
+    known, search = search_hypotheses(setting(record, mode), library)
     leading = search.ranked()[0]
     left = known.dispersion > 1.0 or unexplained(leading.best, directed_tests(leading.best), library)
     return leading.effects, left
@@ -78,8 +78,8 @@ def test_parameters_far_beyond_tolerance_are_named(lab, name, unit, side):
     rows = lab.bench().rows
     key, nominal = ("omega", lab.omega) if name == "natural-frequency" else ("viscous", lab.viscous)
     cells = lab.linear(rows, **{key: nominal * (1.0 + side * 5.0 * unit)})  # 5 tolerances
-    _, search = searched(setting(lab.record(rows, cells, 3), lab.mode()), CATALOGUE)
-    explanations = shortest(weighed(search.ranked()))
+    _, search = search_hypotheses(setting(lab.record(rows, cells, 3), lab.mode()), CATALOGUE)
+    explanations = cover_probability(weigh_hypotheses(search.ranked()))
     assert explanations[0].effects == (name,)
     # at 1 % noise of 120 values frequency and damping are known to 1e-5 and 0.2 %; only damping of case II is linear
     # too: it is viscous damping with a coefficient that falls as 1/omega, by 6 % to either end of the band

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import searched
+from damping.gap.diagnose import search_hypotheses
 from damping.gap.problem import setting
-from damping.gap.size import gap, held_out, shrinkage, whitened
+from damping.gap.size import hold_levels_out, measure_gap, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 def honest(lab):
     """The finished search of a record of the simulation itself, with noise."""
     rows = lab.bench().rows
-    return searched(setting(lab.record(rows, lab.linear(rows), 2), lab.mode()), CATALOGUE)
+    return search_hypotheses(setting(lab.record(rows, lab.linear(rows), 2), lab.mode()), CATALOGUE)
 
 
 def test_whitening_is_the_symmetric_root():
@@ -62,13 +62,13 @@ def test_a_gap_before_and_after(lab):
 def test_no_gap_has_no_shrinkage(honest):
     leading = honest[1].ranked()[0]
     assert leading.effects == ()
-    found = gap(leading.best)
+    found = measure_gap(leading.best)
     assert found.shrinkage is None
     np.testing.assert_allclose([found.before, found.after], 1.0, rtol=0.0, atol=0.2)  # three standard errors, as above
     assert footprint_cells(leading.best) == ()
     assert max(abs(cell.z) for cell in residual_cells(leading.best)) < 6.0  # chi-square of 5 in one of 24 cells
     setting_, search = honest
-    assert held_out(setting_, search, leading.best).shrinkage is None
+    assert hold_levels_out(setting_, search, leading.best).shrinkage is None
 
 
 def test_where_shares_and_z(lab):
@@ -124,8 +124,8 @@ def test_a_level_held_out_chooses_nothing(lab):
     table = record.table.copy()
     table.loc[table["sweep"] == "C", "amplitude"] *= 1.1
     table.loc[table["sweep"] == "C", "phase"] += 0.1
-    known, search = searched(setting(replace(record, table=table), lab.mode()), CATALOGUE)
-    spoilt = held_out(known, search, search.ranked()[0].best).folds[0]
+    known, search = search_hypotheses(setting(replace(record, table=table), lab.mode()), CATALOGUE)
+    spoilt = hold_levels_out(known, search, search.ranked()[0].best).folds[0]
     clean = lab.diagnosed("velocity-squared").held_out.folds[0]
     assert spoilt.sweeps == clean.sweeps == ("C",)
     assert spoilt.effects == clean.effects
@@ -136,4 +136,4 @@ def test_a_level_held_out_chooses_nothing(lab):
 def test_one_level_can_hold_nothing_out(lab):
     rows = lab.bench(levels=1).rows
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode())
-    assert held_out(known, None, None) is None
+    assert hold_levels_out(known, None, None) is None

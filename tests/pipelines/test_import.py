@@ -23,7 +23,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
-from damping_pipelines.export import export, form_table, to_png
+from damping_pipelines.export import export, tabulate_form, to_png
 from damping_pipelines.import_ import RingDown, band, import_file, pairs, scales
 from damping_pipelines.rank import load
 from damping_pipelines.store import write_json
@@ -340,7 +340,7 @@ def test_any_form_is_a_table_or_an_error(tmp_path: Path, form: dict[str, object]
     path = tmp_path / "form.json"
     path.write_text(json.dumps(form))
     with pytest.raises(InputError):
-        form_table(path)
+        tabulate_form(path)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from damping.plots.design_loads import ForceAmplitude, design_loads, force_ampli
 from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
 from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
 from damping.plots.style import to_svg
-from damping_reed1970.reproduction import draw_reproduction, group_of, percent_differences
+from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 
 HOSTILE = "<b>$x</b>&\"'"
 LAWS = ("viscous", "viscous + velocity-squared", "coulomb + A^4")
@@ -221,12 +221,12 @@ def test_convergence_marks_what_fails() -> None:
 
 
 def test_reproduction_compares_what_can_be_compared() -> None:
-    rows = percent_differences(REPRODUCTION)
+    rows = tabulate_percent_differences(REPRODUCTION)
     assert list(rows["id"]) == ["tab2II.energy_factor[I]", "eq4313[1]"]
     # 3/2 - 1 and 2.5/2 - 1 in per cent; exact in binary
     np.testing.assert_array_equal(rows["percent"], [0.0, 50.0])
     np.testing.assert_array_equal(rows["percent_corrected"], [np.nan, 25.0])
-    assert group_of("tab2II.energy_factor[I]") == "tab2II"
+    assert describe_group_of("tab2II.energy_factor[I]") == "tab2II"
 
 
 def test_corner_contours_hold_the_stated_shares() -> None:

@@ -13,7 +13,7 @@ from damping.forces import CubicStiffness, Sum, Viscous
 from damping.gap.sweeping import simulated_force
 from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.steady import steady_state
-from damping.records.mode import Mode, mode_to_toml, read_mode
+from damping.records.mode import Mode, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
 from damping_pipelines.sweep import sweep
@@ -162,7 +162,7 @@ frequency_ratio = 1.01
         name="m", frequency=mode.frequency, mass=mode.mass, damping={"viscous": {"coefficient": 2.0}}, effects={}
     )
     path = tmp_path / "linear.toml"
-    path.write_text(mode_to_toml(viscous) + text)
+    path.write_text(describe_mode_to_toml(viscous) + text)
     sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz")
     record = read_record(tmp_path / "record.csv")
     omega = record.column("frequency") * 2.0 * np.pi

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from damping import effects
 from damping.errors import InputError
-from damping.forces import CATALOGUE, parameter_names
+from damping.forces import CATALOGUE, list_parameter_names
 from damping.records.keys import MAX_TOML_SIZE
-from damping.records.mode import Mode, Repeatability, Tolerance, Units, mode_to_toml, read_mode
+from damping.records.mode import Mode, Repeatability, Tolerance, Units, describe_mode_to_toml, read_mode
 
 MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
 FORCES = ", ".join(CATALOGUE)
@@ -206,7 +206,7 @@ def test_whole_file(scratch):
         "phase-lag": {"lag": -0.05},
         "planar-coupling": {"angle": 0.3, "frequency_ratio": 1.02},
     }
-    assert replace(read_mode(scratch(mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
+    assert replace(read_mode(scratch(describe_mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
 
 
 def test_defaults(scratch):
@@ -239,7 +239,9 @@ MODES = st.builds(
     units=st.builds(Units, TEXT, TEXT, TEXT),
     damping=st.fixed_dictionaries(
         {},
-        optional={name: st.fixed_dictionaries(dict.fromkeys(parameter_names(name), POSITIVE)) for name in CATALOGUE},
+        optional={
+            name: st.fixed_dictionaries(dict.fromkeys(list_parameter_names(name), POSITIVE)) for name in CATALOGUE
+        },
     ),
     effects=st.fixed_dictionaries({}, optional={name: tables(effect) for name, effect in effects.CATALOGUE.items()}),
 )
@@ -248,7 +250,7 @@ MODES = st.builds(
 @settings(deadline=None, max_examples=100)
 @given(mode=MODES)
 def test_round_trip(mode, scratch):
-    path = scratch(mode_to_toml(mode), "mode.toml")
+    path = scratch(describe_mode_to_toml(mode), "mode.toml")
     assert read_mode(path) == replace(mode, source=str(path))
 
 

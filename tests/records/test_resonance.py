@@ -13,7 +13,7 @@ from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, number_levels, phase_offset, resonance, resonances
+from damping.records.resonance import energy_per_cycle, number_levels, phase_offset, resonance, tabulate_resonances
 
 M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz
@@ -182,7 +182,7 @@ def test_without_a_passage_the_largest_amplitude_is_taken():
 
 def test_one_row_a_sweep_is_at_resonance():
     table = pd.DataFrame({"sweep": ["b", "a"], "force": [1.0, 2.0], "frequency": [3.0, 4.0], "amplitude": [5.0, 6.0]})
-    rows = resonances(Record(table, "made"))
+    rows = tabulate_resonances(Record(table, "made"))
     assert list(rows.columns) == ["sweep", "force", "frequency", "amplitude", "phase_offset", "method", "row"]
     assert rows.to_numpy().tolist() == [["b", 1.0, 3.0, 5.0, 0.0, "row", 0], ["a", 2.0, 4.0, 6.0, 0.0, "row", 1]]
     np.testing.assert_allclose(energy_per_cycle(Record(table, "made")), [5 * pi, 12 * pi], rtol=1e-15)
@@ -220,7 +220,7 @@ ROWS = st.lists(
 @given(rows=ROWS)
 def test_any_record_has_finite_resonances(rows):
     table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"])
-    found = resonances(Record.trusted(table, ""))
+    found = tabulate_resonances(Record.trusted(table, ""))
     assert len(found) == table["sweep"].nunique()
     assert np.isfinite(found[["force", "frequency", "amplitude", "phase_offset"]].to_numpy()).all()
     assert (table["sweep"].to_numpy()[found["row"]] == found["sweep"]).all()

@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from damping.signals.modal import energy_loss
 from damping_reed1970.chapter_3 import PLANES, yaw_response
 from damping_reed1970.chapter_3.captions import chapter_3_figures
-from damping_reed1970.chapter_3.implications import branch_table, mean_table
-from damping_reed1970.chapter_3.planar_fits import energy_split, fit_table, phasors, planar_fits, yaw_table
+from damping_reed1970.chapter_3.implications import tabulate_branch, tabulate_mean
+from damping_reed1970.chapter_3.planar_fits import fit_table, phasors, planar_fits, tabulate_energy_split, tabulate_yaw
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.tables import load_errata
 
@@ -25,7 +25,7 @@ def result(chapter_3: Chapter3) -> Chapter3:
 
 def test_branches_of_table_3_iv() -> None:
     """Which root the report took, and where there is none (erratum E3IV-1)."""
-    table = branch_table().set_index("point")
+    table = tabulate_branch().set_index("point")
     taken = table["taken"]
     assert [p for p in taken.index if taken[p] == "low"] == ["1", "2", "3", "4", "5", "6", "14", "15"]
     assert [p for p in taken.index if taken[p] == "high"] == ["7", "8", "9", "11", "12"]
@@ -41,7 +41,7 @@ def test_branches_of_table_3_iv() -> None:
 
 def test_roots_by_another_method() -> None:
     """Bracketed roots of the energy balance on either side of its maximum."""
-    table = branch_table()
+    table = tabulate_branch()
     F = phasors("A2").F / PLANES.phi
     for i, row in table[table["roots"] == 2].iterrows():
         force = float(F[int(i)])  # type: ignore[call-overload]  # the index of this table is that of the points
@@ -57,7 +57,7 @@ def test_roots_by_another_method() -> None:
 
 def test_mean_coefficient_on_each_branch() -> None:
     """Eq. 3.2.18: 2.30 printed; 1.675 and 4.457 are those of erratum E3IV-1."""
-    means = mean_table().set_index("choice")["C_1"]
+    means = tabulate_mean().set_index("choice")["C_1"]
     assert_allclose(means["as printed"], 2.30, rtol=0, atol=0.005)
     proof = load_errata().set_index("id")["proof"]["E3IV-1"]
     assert f"C1={means['every low root, points 10 and 13 at the xi of the largest energy']:.3f}" in proof
@@ -102,8 +102,8 @@ def test_energy_split_and_yaw_are_those_of_the_model() -> None:
     ]
     put_in = -np.pi * data.F * model.response(data.F, data.omega).imag
     assert_allclose(parts[0] + parts[1], put_in, rtol=1e-12)
-    assert_allclose(energy_split(fits)["free"], 100.0 * parts[1] / put_in, rtol=1e-10)
-    table = yaw_table(fits)
+    assert_allclose(tabulate_energy_split(fits)["free"], 100.0 * parts[1] / put_in, rtol=1e-10)
+    table = tabulate_yaw(fits)
     assert_allclose(table["free"], np.abs(yaw_response(model.oscillator, data.F, data.omega)), rtol=1e-14)
     # Table 3.I, point 8: 2.34e-2 in over .041
     assert_allclose(table["measured"][7], 0.0234 / 0.041, rtol=1e-12)

@@ -15,7 +15,7 @@ from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes, hysteresis_l
 from damping_reed1970.chapter_4 import SWEEP_C, resonances
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, RATIOS, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.coefficients import coefficient_lines
-from damping_reed1970.chapter_4.power_laws import chance_of_exponent, force_amplitude_lines
+from damping_reed1970.chapter_4.power_laws import force_amplitude_lines, tabulate_chance_of_exponent
 
 CURVES = amplitude_frequency()
 
@@ -136,7 +136,7 @@ def test_lines_of_figure_4_10() -> None:
 
 def test_chance_of_the_exponents_by_simulation() -> None:
     rng, runs = np.random.default_rng(3), 200_000
-    for row in chance_of_exponent().to_dict("records"):
+    for row in tabulate_chance_of_exponent().to_dict("records"):
         _, A, _ = resonances(row["mode"], "corrected")
         x = np.log(A) + 0.01 * rng.standard_normal((runs, 3))  # linear damping: ln F = constant + ln A, A read with 1 %
         x = x - x.mean(axis=1, keepdims=True)

@@ -5,10 +5,10 @@ from math import pi
 import numpy as np
 import pytest
 
-from damping.records.mode import mode_to_toml, read_mode
+from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
-from damping.records.resonance import resonances
+from damping.records.resonance import tabulate_resonances
 
 NAMES = ("brake-reuss-beam", "eth-beam", "sloshing-tank")
 
@@ -18,12 +18,12 @@ def test_round_trip(name, real, scratch):
     record, mode = read_record(real / name / "record.csv"), read_mode(real / name / "mode.toml")
     again = read_record(scratch(record_to_csv(record)))
     assert again.table.equals(record.table)
-    assert vars(read_mode(scratch(mode_to_toml(mode), "mode.toml"))) | {"source": mode.source} == vars(mode)
+    assert vars(read_mode(scratch(describe_mode_to_toml(mode), "mode.toml"))) | {"source": mode.source} == vars(mode)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_resonances_are_smooth_with_force(name, real):
-    found = resonances(read_record(real / name / "record.csv"))
+    found = tabulate_resonances(read_record(real / name / "record.csv"))
     assert (found["method"] == "interpolated").all()
     for _, family in found.groupby(found["sweep"].str[0]):  # sweeps at constant force, response or drive
         assert family["force"].is_monotonic_increasing
@@ -44,7 +44,7 @@ def roughness(found):
 def test_beam_damping_doubles(real):
     """The damping ratio rises from 0.15 % to over 0.3 % within the levels (accuracy of the statement: 0.005 %)."""
     folder = real / "brake-reuss-beam"
-    found, mode = resonances(read_record(folder / "record.csv")), read_mode(folder / "mode.toml")
+    found, mode = tabulate_resonances(read_record(folder / "record.csv")), read_mode(folder / "mode.toml")
     omega = 2 * pi * found["frequency"]
     ratio = found["force"] / (2 * mode.mass * omega**2 * found["amplitude"])
     assert ratio.min() == pytest.approx(0.0015, abs=5e-5)
@@ -53,11 +53,13 @@ def test_beam_damping_doubles(real):
 
 def test_beam_phase_turns_with_level(real):
     """At constant response the phase is rotated by an angle that grows with level."""
-    found = resonances(read_record(real / "brake-reuss-beam" / "record.csv")).set_index("sweep")["phase_offset"]
+    found = tabulate_resonances(read_record(real / "brake-reuss-beam" / "record.csv")).set_index("sweep")[
+        "phase_offset"
+    ]
     assert (np.diff(found[["R5", "R20", "R30", "R40"]]) > 0).all()
 
 
 def test_micro_beam_phase_offset(real):
     """Its phase carries a constant offset of about 3 degrees, lag too large; about: within half a degree or so."""
-    found = np.degrees(resonances(read_record(real / "eth-beam" / "record.csv"))["phase_offset"])
+    found = np.degrees(tabulate_resonances(read_record(real / "eth-beam" / "record.csv"))["phase_offset"])
     assert found.between(2.3, 3.5).all()

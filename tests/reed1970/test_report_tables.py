@@ -15,7 +15,7 @@ from damping.errors import InputError
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_reed1970 import tables as report_tables
-from damping_reed1970.records import RECORD_NAMES, mode_text, record_text, report_record
+from damping_reed1970.records import RECORD_NAMES, describe_mode_text, record_text, report_record
 from damping_reed1970.tables import (
     TABLE_NAMES,
     data_folder,
@@ -156,7 +156,7 @@ def test_force_laws_are_section_6_1() -> None:
 @pytest.mark.parametrize("name", RECORD_NAMES)
 def test_committed_records_and_modes_are_generated(name: str) -> None:
     assert (FOLDER / "records" / f"{name}.csv").read_text(encoding="utf-8") == record_text(name)
-    assert (FOLDER / "modes" / f"{name}.toml").read_text(encoding="utf-8") == mode_text(name)
+    assert (FOLDER / "modes" / f"{name}.toml").read_text(encoding="utf-8") == describe_mode_text(name)
 
 
 @pytest.mark.parametrize("name", RECORD_NAMES)
@@ -178,7 +178,7 @@ def test_the_rough_record_conserves_energy() -> None:
 
 def test_modes_and_records_of_configuration_2_agree() -> None:
     for name in ("config-2-mode-1", "config-2-mode-2"):
-        record, mode = report_record(name), tomllib.loads(mode_text(name))
+        record, mode = report_record(name), tomllib.loads(describe_mode_text(name))
         C = record["force"] / (2 * np.pi * record["frequency"] * record["amplitude"])  # Eq. 4.1.7
         # the printed C_1 agree with Eq. 4.1.7 to 0.1 per cent, so does their mean
         assert mode["damping"]["viscous"] == pytest.approx(C.mean(), rel=1e-3)
@@ -193,7 +193,7 @@ def test_modes_and_records_of_configuration_2_agree() -> None:
         (lambda: load_table("5_IV", "used", "E9"), "E3"),  # type: ignore[arg-type]  # what is tested
         (lambda: load_recovered_inputs("3_I"), "5_III"),
         (lambda: record_text("config-3"), "config-2-mode-1"),
-        (lambda: mode_text("config-3"), "config-2-mode-1"),
+        (lambda: describe_mode_text("config-3"), "config-2-mode-1"),
     ],
 )
 def test_an_unknown_name_lists_the_choices(call: object, named: str) -> None:

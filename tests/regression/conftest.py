@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from damping.regression.design import Design, design_of, design_of_arrays, take_columns
-from damping.regression.terms import columns_of, parse_terms
+from damping.regression.terms import list_columns_of, parse_terms
 from damping_reed1970.tables import load_table
 
 #: Eq. 5.3.6.
@@ -30,7 +30,7 @@ def report_design() -> Callable[..., Design]:
         amplitude = next(column for column in table.columns if column in ("A_in", "A2bar_in", "A2p_in"))
         data = pd.DataFrame({"A": table[amplitude], "omega": table["omega_rad_s"], "E": table["E_in_lb"]}).astype(float)
         parsed = parse_terms(terms)
-        return design_of(take_columns(data, ("E", *columns_of(parsed))), "E", parsed)
+        return design_of(take_columns(data, ("E", *list_columns_of(parsed))), "E", parsed)
 
     return build
 

@@ -8,7 +8,7 @@ import pytest
 
 from damping.errors import AnalysisError
 from damping.records.reading import read_table
-from damping.regression.design import required_columns, take_columns
+from damping.regression.design import list_required_columns, take_columns
 from damping_reed1970.tables import data_folder
 
 
@@ -29,8 +29,8 @@ def test_aliases_only_where_the_column_is_missing() -> None:
 
 def test_names_with_blanks() -> None:
     blank = table(**{"tail amplitude": [1.0]})
-    assert required_columns(["tailamplitude"], list(blank.columns)) == ("tail amplitude",)
-    assert required_columns(["tail  amplitude"], list(blank.columns)) == ("tail amplitude",)
+    assert list_required_columns(["tailamplitude"], list(blank.columns)) == ("tail amplitude",)
+    assert list_required_columns(["tail  amplitude"], list(blank.columns)) == ("tail amplitude",)
 
 
 def test_energy_as_given_wins() -> None:
@@ -66,9 +66,9 @@ def test_energy_of_the_reports_record() -> None:
 
 
 def test_missing_columns_are_asked_for_by_name() -> None:
-    assert required_columns(["energy"], ["force", "amplitude"]) == ("force", "amplitude", "phase")
-    assert required_columns(["energy"], ["amplitude"]) == ("energy",)
-    assert required_columns(["A", "omega"], ["force"]) == ("A", "omega")
+    assert list_required_columns(["energy"], ["force", "amplitude"]) == ("force", "amplitude", "phase")
+    assert list_required_columns(["energy"], ["amplitude"]) == ("energy",)
+    assert list_required_columns(["A", "omega"], ["force"]) == ("A", "omega")
 
 
 def test_no_row_left_is_refused() -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from damping.errors import AnalysisError, InputError
 from damping.regression.terms import (
     Term,
-    columns_of,
     deviations,
+    list_columns_of,
     multiply,
     parse_term,
     parse_terms,
@@ -50,7 +50,7 @@ def test_equality_and_order_are_of_the_product() -> None:
     assert parse_term("omega*A^2") == parse_term("A*omega*A")
     assert len({parse_term("A^2"), parse_term("A*A"), parse_term("A")}) == 2
     assert sorted(parse_terms("omega, A^2, A, 1")) == list(parse_terms("1, A, A^2, omega"))
-    assert columns_of(parse_terms("omega*B, A^2, 1, B")) == ("B", "omega", "A")
+    assert list_columns_of(parse_terms("omega*B, A^2, 1, B")) == ("B", "omega", "A")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import between, number, signed
+from damping.report.words import format_between, format_signed, number
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))
@@ -70,10 +70,10 @@ def test_slider_shows_the_tables(opened, html, rendered, study):
             box.get_by_role("button", name=f"{force:g} {units.force}").click()
             band = design.average
             assert shown(one.page, "median") == f"{number(band.median[i])} in"
-            assert shown(one.page, "predictive") == between(band.low[i], band.high[i], "in")
+            assert shown(one.page, "predictive") == format_between(band.low[i], band.high[i], "in")
             assert shown(one.page, "linear") == f"{number(design.linear[i])} in"
             over = (design.overprediction, design.overprediction_low, design.overprediction_high)
-            assert shown(one.page, "over") == "{} ({} to {})".format(*(signed(values[i]) for values in over))
+            assert shown(one.page, "over") == "{} ({} to {})".format(*(format_signed(values[i]) for values in over))
             assert shown(one.page, "ratio") == number(design.ratio[i])
 
 
@@ -137,10 +137,12 @@ def value(text: str) -> float:
 def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     import pandas as pd
 
-    from damping.report.page import Footer, Section, Table, page
+    from damping.report.page import Footer, Section, Table, describe_page
 
     path = tmp_path / "page.html"
-    path.write_text(page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))
+    path.write_text(
+        describe_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {}))
+    )
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered

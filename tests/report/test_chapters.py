@@ -14,13 +14,13 @@ from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
 from damping.report.words import number
-from damping_reed1970.chapter_2.masses import lumped_masses
-from damping_reed1970.chapter_2.page import AMPLITUDES, energies_at
+from damping_reed1970.chapter_2.masses import tabulate_lumped_masses
+from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.chapter_4.page import spreads
-from damping_reed1970.chapter_5.page import regression_rows
-from damping_reed1970.common import ReportPart, agreement_text, chapter_of, of_chapter
-from damping_reed1970.errata import evidence, in_symbols
+from damping_reed1970.chapter_4.page import tabulate_spreads
+from damping_reed1970.chapter_5.page import tabulate_regression_rows
+from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text, tabulate_of_chapter
+from damping_reed1970.errata import describe_in_symbols, evidence
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.gaps import diagnose_gaps
 from damping_reed1970.reproduction import count_agreements
@@ -141,7 +141,7 @@ def test_sentences_say_the_numbers(parts: list[ReportPart], results: ReportResul
 
 
 def test_energies_of_the_slip_joint(results: ReportResults) -> None:
-    at = energies_at(results.studies.slip.energies)
+    at = tabulate_energies_at(results.studies.slip.energies)
     A = np.array(AMPLITUDES)
     # K - K1 = 3/4, A1 = 1: exact 4 (K - K1)(A - 1) and printed (K - K1)(A^2 - 1) (erratum E243); read off a table of
     # 300 amplitudes by straight lines, which misses a parabola by (step)^2/8 of its curvature, 3e-4 at most
@@ -150,7 +150,7 @@ def test_energies_of_the_slip_joint(results: ReportResults) -> None:
 
 
 def test_lumped_masses_have_their_closed_form() -> None:
-    found = lumped_masses()
+    found = tabulate_lumped_masses()
     j = np.arange(1, 4)
     # LAPACK's symmetric eigenvalues: a few units of rounding, more where they are squared away from 0
     np.testing.assert_allclose(found["omega"], found["omega_closed_form"], rtol=0.0, atol=1e-12)
@@ -163,14 +163,14 @@ def test_lumped_masses_have_their_closed_form() -> None:
 
 def test_spreads_are_those_of_the_levels(results: ReportResults) -> None:
     variations = results.studies.tables()["level_variations"]
-    wide = spreads(variations).set_index("case")
+    wide = tabulate_spreads(variations).set_index("case")
     assert len(wide) == variations["case"].nunique()
     xi = results.studies.levels[1, "xi"].variations.drop_duplicates("case").set_index("case")["spread_percent"]
     assert wide.loc["III", "mode 1, damping factor ξ"] == xi["III"]
 
 
 def test_regressions_side_by_side(results: ReportResults) -> None:
-    rows = regression_rows(results.tables["regressions"])
+    rows = tabulate_regression_rows(results.tables["regressions"])
     reported = rows[rows["fit"].isin(["E1", "E2", "E3", "E4"])]
     # printed to three or four digits from the recovered inputs (errata E5III-1 to E5IV-2): half a unit of the last one
     np.testing.assert_allclose(reported["from recovered or made"], reported["printed"], rtol=3e-3, atol=0.0)
@@ -185,7 +185,7 @@ def test_counts_of_the_reproduction(results: ReportResults) -> None:
     kinds = ["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
     assert (table[kinds].sum(axis=1) == table["printed numbers"]).all()
     assert {chapter_of(identity) for identity in rows["id"]} == {2, 3, 4, 5}
-    text = agreement_text(of_chapter(rows, 4))
+    text = describe_agreement_text(tabulate_of_chapter(rows, 4))
     assert text.startswith(f"Of the {table.loc['chapter IV', 'printed numbers']} numbers")
 
 
@@ -214,7 +214,7 @@ def test_errata_come_with_their_proof_and_their_numbers(parts: list[ReportPart],
     ],
 )
 def test_proofs_in_symbols(plain: str, expected: str) -> None:
-    assert in_symbols(plain) == expected
+    assert describe_in_symbols(plain) == expected
 
 
 def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[ReportPart]) -> None:

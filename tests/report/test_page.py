@@ -18,10 +18,10 @@ import pytest
 
 from damping.plots.style import to_svg
 from damping.report.figures import record_figures
-from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, page, written
+from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_page, describe_written
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import force_text, number, signed
+from damping.report.words import format_force_text, format_signed, number
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -93,7 +93,7 @@ def test_the_page_runs_one_script_the_same_on_every_page(rendered: Rendered, rea
     kinds = Counter(attributes.get("type") for tag, attributes in reader.elements if tag == "script")
     # one program; and for the one record with design forces the numbers behind its slider
     assert kinds == {None: 1, "application/json": 1}
-    assert programs(rendered.html) == programs(page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+    assert programs(rendered.html) == programs(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
 
 
 def test_the_slider_holds_the_tables_of_design_loads(study: StudyResult, rendered: Rendered) -> None:
@@ -107,7 +107,7 @@ def test_the_slider_holds_the_tables_of_design_loads(study: StudyResult, rendere
         for force, wanted in zip(design.force, getattr(design.average, name), strict=True):
             np.testing.assert_allclose(data[name][forces.index(force)], wanted, rtol=5e-5, atol=0.0)
     at = forces.index(design.force[1])
-    assert data["texts"]["over"][at].startswith(signed(design.overprediction[1]))
+    assert data["texts"]["over"][at].startswith(format_signed(design.overprediction[1]))
     assert data["texts"]["median"][at] == f"{number(design.average.median[1])} in"
 
 
@@ -164,7 +164,7 @@ def test_hostile_text_is_text(hostile: StudyResult) -> None:
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0
-    assert programs(out.html) == programs(page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+    assert programs(out.html) == programs(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
     assert reader.count("script") == 2  # the page's own and the numbers of one slider
     assert "<img" not in out.html
     assert any("<img src=x onerror=alert(1)>" in text for text in reader.texts)
@@ -188,11 +188,11 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     design, text = study.records[0].design, " ".join(reader.texts)
     assert design is not None
     for said in (
-        f"At {force_text(design.force[1], 'lb')}, {number(design.ratio[1])} times the largest tested force",
+        f"At {format_force_text(design.force[1], 'lb')}, {number(design.ratio[1])} times the largest tested force",
         f"{number(design.average.median[1])} in",
         f"{number(design.average.low[1])} to {number(design.average.high[1])} in",
         f"{number(design.linear[1])} in",
-        signed(design.overprediction[1]),
+        format_signed(design.overprediction[1]),
         study.records[0].ranking.candidates[0].name,
     ):
         assert said in text, said
@@ -237,7 +237,7 @@ def test_blocks_are_escaped_one_by_one() -> None:
     bad = "<i>&"
     blocks = [Heading(bad), Text(bad), List([bad], numbered=True), Fold(bad, [Text(bad)])]
     blocks.append(Table(pd.DataFrame({bad: [bad]}), bad, headings={bad: bad}, key=bad))
-    html = page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
+    html = describe_page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
     assert "<i>" not in html
     # page title, heading, contents; section, heading, text, list; fold 2; table 4; footer 4
     assert html.count("&lt;i&gt;&amp;") == 17
@@ -245,4 +245,4 @@ def test_blocks_are_escaped_one_by_one() -> None:
 
 def test_cells_are_written_for_people() -> None:
     values = [True, False, None, float("nan"), pd.NA, "", 3, 2.5, "text"]
-    assert [written(value) for value in values] == ["yes", "no", "–", "–", "–", "–", "3", "2.500", "text"]
+    assert [describe_written(value) for value in values] == ["yes", "no", "–", "–", "–", "–", "3", "2.500", "text"]

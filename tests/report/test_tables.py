@@ -14,19 +14,19 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.records.mode import Units
 from damping.report.figures import leading, record_figures, shown_laws
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
-from damping.report.study import power_line, render
+from damping.report.study import render, tabulate_power_line
 from damping.report.tables import record_tables
 from damping.report.words import (
-    between,
     count,
-    energy_unit,
-    joined,
+    format_between,
+    format_energy_unit,
+    format_joined,
+    format_parameter_label,
+    format_parameter_unit,
+    format_percent,
+    format_share,
+    format_signed,
     number,
-    parameter_label,
-    parameter_unit,
-    percent,
-    share,
-    signed,
 )
 from damping_reed1970.chapter_6 import UNITS
 
@@ -138,7 +138,7 @@ def test_power_law_row_is_the_fit(peaks: RecordResult, tables: dict[str, pd.Data
 
 def test_power_line_passes_through_the_fit_and_widens(peaks: RecordResult) -> None:
     law, A = peaks.power_laws[0], peaks.data.tested_amplitude
-    line = power_line(law, A)
+    line = tabulate_power_line(law, A)
     np.testing.assert_allclose(law.amplitude(line["force"].to_numpy()), A, rtol=1e-12)  # inverse of one another
     width = np.log(line["high"] / line["low"]).to_numpy()
     assert width.argmin() == np.abs(np.log(A) - np.log(A).mean()).argmin()  # narrowest near the mean of ln A
@@ -164,18 +164,20 @@ def test_viscous_is_always_drawn_for_comparison(peaks: RecordResult) -> None:
 
 @pytest.mark.parametrize("force", UNITS)
 def test_units_are_those_of_the_report(force: str) -> None:
-    ours = parameter_unit(force, POUND).replace("²", "^2").replace("³", "^3").replace("·", " ")
+    ours = format_parameter_unit(force, POUND).replace("²", "^2").replace("³", "^3").replace("·", " ")
     assert ours == UNITS[force]
 
 
 def test_other_units_and_labels() -> None:
-    said = [parameter_unit(name, POUND) for name in ("displacement", "coulomb", "slip", "slip limit", "A^3*omega^2")]
+    said = [
+        format_parameter_unit(name, POUND) for name in ("displacement", "coulomb", "slip", "slip limit", "A^3*omega^2")
+    ]
     # E = a A^3 omega^2 in lb in: a in lb s^2/in^2
     assert said == ["lb/in", "lb", "lb/in", "in", "lb·s²/in²"]
-    assert parameter_unit("velocity-power exponent", POUND) == parameter_unit("scatter", POUND) == ""
-    assert parameter_unit("viscous", Units()) == energy_unit(Units()) == ""
-    assert parameter_label("viscous", POUND) == "viscous (lb·s/in)"
-    assert parameter_label("viscous", Units()) == "viscous"
+    assert format_parameter_unit("velocity-power exponent", POUND) == format_parameter_unit("scatter", POUND) == ""
+    assert format_parameter_unit("viscous", Units()) == format_energy_unit(Units()) == ""
+    assert format_parameter_label("viscous", POUND) == "viscous (lb·s/in)"
+    assert format_parameter_label("viscous", Units()) == "viscous"
 
 
 def test_numbers_as_people_write_them() -> None:
@@ -191,10 +193,10 @@ def test_numbers_as_people_write_them() -> None:
         "–",
         "0.100",
     ]
-    assert [share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", "< 0.001", "0"]
-    assert [percent(x) for x in (67.6, -9.96, 1.234, 1e-9, float("inf"))] == ["68", "−10", "1.2", "< 0.01", "–"]
-    assert [signed(x) for x in (67.6, -3.2, 0.0)] == ["+68 %", "−3.2 %", "0 %"]
-    assert between(2.587, 3.2557, "in") == "2.59 to 3.26 in"
-    assert joined(["a", "b", "c"]) == "a, b and c"
-    assert joined(["a, b", "c", "d"]) == "a, b; c and d"
+    assert [format_share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", "< 0.001", "0"]
+    assert [format_percent(x) for x in (67.6, -9.96, 1.234, 1e-9, float("inf"))] == ["68", "−10", "1.2", "< 0.01", "–"]
+    assert [format_signed(x) for x in (67.6, -3.2, 0.0)] == ["+68 %", "−3.2 %", "0 %"]
+    assert format_between(2.587, 3.2557, "in") == "2.59 to 3.26 in"
+    assert format_joined(["a", "b", "c"]) == "a, b and c"
+    assert format_joined(["a, b", "c", "d"]) == "a, b; c and d"
     assert [count(n, "sweep") for n in (1, 3)] == ["1 sweep", "3 sweeps"]

@@ -14,7 +14,7 @@ from damping.errors import AnalysisError
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping.signals.modal import PrincipalPlanes, energy_loss, plane_motion
-from damping_reed1970.chapter_3.study import conditioned_table, saturn_steps
+from damping_reed1970.chapter_3.study import saturn_steps, tabulate_conditioned
 from damping_reed1970.tables import data_folder, load_table
 
 HZ = 2.0 * np.pi
@@ -194,7 +194,7 @@ def test_no_row_with_a_damping_factor(two_planes: pd.DataFrame) -> None:
 
 @pytest.fixture(scope="module")
 def saturn() -> pd.DataFrame:
-    return conditioned_table(saturn_steps()).set_index("point")
+    return tabulate_conditioned(saturn_steps()).set_index("point")
 
 
 def test_table_3_i(saturn: pd.DataFrame) -> None:
@@ -211,7 +211,7 @@ def test_table_3_i(saturn: pd.DataFrame) -> None:
 def test_table_3_i_where_the_errata_are() -> None:
     """The computed column differs from the print at the cells of E3I-2, E3I-3 and E3I-4 and agrees once corrected."""
     printed = load_table("3_I").set_index("point")["tip_yaw_disp_in"]
-    found = conditioned_table(saturn_steps()).set_index("point")["tip_yaw"]
+    found = tabulate_conditioned(saturn_steps()).set_index("point")["tip_yaw"]
     off = np.abs(found / printed - 1.0) > 0.0062
     assert list(off[off].index) == [2, 6, 14]
 

@@ -14,7 +14,7 @@ import pytest
 
 from damping.errors import InputError
 from damping_validation.scorer import Figure, Goal, calibration_error, read_sealed, score
-from damping_validation.scorer_output import SCORES, confusion, goal_text, render_scores, to_markdown
+from damping_validation.scorer_output import SCORES, describe_goal_text, render_scores, tabulate_confusion, to_markdown
 from damping_validation.verdicts import Verdict, footprint_overlap, read_verdicts, verdict
 
 FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]
@@ -210,7 +210,7 @@ def test_confusion_counts_every_case_once():
         verdict("", label("pair:two-forces", "pair"), answer("phase-lag", "slip")),
         verdict("", label("pair:two-forces", "pair"), {"format": "gap/1", "error": "broken"}),
     ]
-    matrix = confusion(cases)
+    matrix = tabulate_confusion(cases)
     assert list(matrix.index) == ["null:nothing", "slip", "pair:two-forces", "iwan"]
     assert matrix.to_numpy().sum() == 6
     assert matrix.loc["null:nothing", "none"] == 1
@@ -222,10 +222,10 @@ def test_confusion_counts_every_case_once():
 
 
 def test_goals_read_as_they_are_meant():
-    assert goal_text(Goal(high=0.01), True) == "<= 1 %"
-    assert goal_text(Goal(0.94, 0.98), True) == "94-98 %"
-    assert goal_text(Goal(high=1.5), False) == "<= 1.5"
-    assert goal_text(Goal(), True) == ""
+    assert describe_goal_text(Goal(high=0.01), True) == "<= 1 %"
+    assert describe_goal_text(Goal(0.94, 0.98), True) == "94-98 %"
+    assert describe_goal_text(Goal(high=1.5), False) == "<= 1.5"
+    assert describe_goal_text(Goal(), True) == ""
     assert Goal(0.94, 0.98).met(0.95)
     assert not Goal(0.94, 0.98).met(0.99)
     assert Goal().met(0.5) is None

@@ -24,10 +24,10 @@ from damping.records.audit import Audit, audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.gap_page import gap_page
+from damping.report.gap_page import describe_gap_page
 from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
-from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask, printable
-from damping_pipelines.fleet.record_page import FleetRecord, failed_page, record_page
+from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask, describe_printable
+from damping_pipelines.fleet.record_page import FleetRecord, describe_failed_page, record_page
 from damping_pipelines.fleet.time_limit import OutOfTimeError, limit_time
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
@@ -60,7 +60,7 @@ def _analyse(task: FleetTask) -> FleetResult:
         found.require(task.settings.despite)
         data = observe(record)
     except DampingError as error:
-        return failed(task, printable(str(error)))
+        return failed(task, describe_printable(str(error)))
     return _Analysis(task, record, mode, data, found).result()
 
 
@@ -68,7 +68,7 @@ def failed(task: FleetTask, reason: str) -> FleetResult:
     """The row and the page of a record that failed."""
     row = row_of(task) | {"reason": reason}
     settings = task.settings
-    page = failed_page(task.name, reason, settings.method, task.seed, settings.versions, _inputs(task))
+    page = describe_failed_page(task.name, reason, settings.method, task.seed, settings.versions, _inputs(task))
     return FleetResult(row, {row["report"]: page})
 
 
@@ -115,7 +115,7 @@ class _Analysis:
             "rows": len(self.record),
             "levels": len(self.data.sweeps),
             "largest_tested_force": self.data.tested_force.max(),
-            "audit": "; ".join(printable(str(finding)) for finding in self.audit.findings),
+            "audit": "; ".join(describe_printable(str(finding)) for finding in self.audit.findings),
         }
         pages: dict[str, str] = {}
         ranking = self._tried("rank", self._rank)
@@ -126,7 +126,7 @@ class _Analysis:
         row |= loads_columns(loads.design, loads.plan) if loads else {}
         if diagnosis:
             row |= gap_columns(diagnosis)
-            pages[f"{report_stem(task)}-gap.html"] = gap_page(
+            pages[f"{report_stem(task)}-gap.html"] = describe_gap_page(
                 diagnosis, None, task.seed, task.settings.versions, _inputs(task)
             )
         done = [part for part in (ranking, loads, diagnosis) if part is not None]
@@ -139,7 +139,7 @@ class _Analysis:
         try:
             return work()
         except DampingError as error:
-            self.reasons.append(f"{stage}: {printable(str(error))}")
+            self.reasons.append(f"{stage}: {describe_printable(str(error))}")
             return None
 
     def _rank(self) -> Ranking:

@@ -26,7 +26,7 @@ from damping_pipelines.fleet.inputs import (
     find_cases,
     tasks_of,
 )
-from damping_pipelines.fleet.page import COLUMNS, fleet_page
+from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
 from damping_pipelines.fleet.runners import (
     DIED,
     INTERNAL,
@@ -38,7 +38,7 @@ from damping_pipelines.fleet.runners import (
     serial,
 )
 from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import describe_code, digest_code, versions
+from damping_pipelines.provenance import describe_code, describe_digest_code, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import Advance, console, progress
 
@@ -87,7 +87,7 @@ def fleet(
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     check_address(dashboard)
     settings = FleetSettings(
-        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, digest_code(), time_limit
+        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, describe_digest_code(), time_limit
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
@@ -267,7 +267,7 @@ def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
     """The page of the fleet, and what to say at the end."""
     table = kept.read(COLUMNS)
     asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
-    page = fleet_page(table, settings.method, asked, settings.seed, settings.versions)
+    page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
     _seal(out, kept, page.encode(), settings)
     counts = table["status"].value_counts()
     said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)

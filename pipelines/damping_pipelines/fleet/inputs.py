@@ -112,9 +112,11 @@ def find_cases(folder: Path) -> list[FleetCase]:
     for entry in os.scandir(folder):
         path = Path(entry.path)
         if entry.is_dir() and ((path / "data.csv").exists() or (path / "model.toml").exists()):
-            cases.append(FleetCase(shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True))
+            cases.append(
+                FleetCase(describe_shown(entry.name), entry.name, path / "data.csv", path / "model.toml", True)
+            )
         elif entry.name.endswith(".csv") and entry.is_file():
-            cases.append(FleetCase(shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
+            cases.append(FleetCase(describe_shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
     if not cases:
         raise InputError(
             "holds no record", file=folder, expected="NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
@@ -122,12 +124,12 @@ def find_cases(folder: Path) -> list[FleetCase]:
     return sorted(cases, key=lambda case: (case.name, case.is_model))
 
 
-def shown(name: str) -> str:
+def describe_shown(name: str) -> str:
     """A file name as text for any file and terminal: bytes that are no UTF-8 and control characters as escapes."""
-    return printable(os.fsencode(name).decode("utf-8", "backslashreplace"))
+    return describe_printable(os.fsencode(name).decode("utf-8", "backslashreplace"))
 
 
-def printable(text: str) -> str:
+def describe_printable(text: str) -> str:
     """One line, control characters written as escapes."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
@@ -157,12 +159,12 @@ def _content(path: Path, max_size: int) -> tuple[bytes | None, str]:
     """The bytes of a file, or None with the reason."""
     try:
         if path.exists() and not path.is_file():  # a pipe would be waited for
-            return None, f"{shown(path.name)}: is no regular file"
+            return None, f"{describe_shown(path.name)}: is no regular file"
         with path.open("rb") as stream:
             content = stream.read(max_size + 1)
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        return None, f"{shown(path.name)}: {reason}"
+        return None, f"{describe_shown(path.name)}: {reason}"
     if len(content) > max_size:
-        return None, f"{shown(path.name)}: larger than {max_size} bytes"
+        return None, f"{describe_shown(path.name)}: larger than {max_size} bytes"
     return content, ""

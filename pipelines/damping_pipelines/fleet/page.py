@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from damping.plots.style import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, law_style, plain_rows, styled, to_svg
-from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, page
-from damping.report.words import count, joined, number, percent, share, signed
+from damping.plots.style import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
+from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, describe_page
+from damping.report.words import count, format_joined, format_percent, format_share, format_signed, number
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
@@ -35,7 +35,7 @@ def leading_laws(counts: pd.Series) -> Figure:
     figure = Figure(figsize=(WIDTH, 0.8 + 0.24 * len(shown)))
     axes = figure.add_subplot()
     laws = [str(law) for law in shown.index]
-    plain_rows(axes, laws)
+    draw_plain_rows(axes, laws)
     colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, value in enumerate(shown):
@@ -87,7 +87,7 @@ OUTLYING = 3.5
 _OVER = "linear_overprediction_percent"
 
 
-def fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions: Mapping[str, str]) -> str:
+def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions: Mapping[str, str]) -> str:
     """The page as HTML. Equal arguments give equal text.
 
     Args:
@@ -95,17 +95,17 @@ def fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions
     """
     sections = [
         Section("answer", "The answer first", _answer(table, method, asked)),
-        Section("laws", "Which laws lead", _laws(table)),
-        Section("loads", "What linear damping would have said", _loads(table, asked)),
-        Section("outliers", "Outliers", _outliers(table)),
-        Section("failures", "Failures", _failures(table)),
-        Section("gaps", "Gaps to the simulations", _gaps(table)),
-        Section("records", "All records", _records(table)),
+        Section("laws", "Which laws lead", _build_laws(table)),
+        Section("loads", "What linear damping would have said", _build_loads(table, asked)),
+        Section("outliers", "Outliers", _build_outliers(table)),
+        Section("failures", "Failures", _build_failures(table)),
+        Section("gaps", "Gaps to the simulations", _build_gaps(table)),
+        Section("records", "All records", _build_records(table)),
     ]
-    return page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
+    return describe_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
 
 
-def outliers(table: pd.DataFrame) -> pd.DataFrame:
+def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
     """Records that stand apart from the fleet, with the reason: ``name, report, why``.
 
     A value is apart by ``OUTLYING`` times 1.4826 of the median absolute deviation, the standard deviation of a normal
@@ -124,14 +124,14 @@ def outliers(table: pd.DataFrame) -> pd.DataFrame:
             continue
         z = (values - middle) / spread
         for row in np.flatnonzero((np.abs(z) if both else z) > OUTLYING):
-            said = f"{what} {percent(values[row])} %, fleet {percent(middle)} % (z = {number(z[row], 2)})"
+            said = f"{what} {format_percent(values[row])} %, fleet {format_percent(middle)} % (z = {number(z[row], 2)})"
             found.setdefault(int(row), []).append(said)
     rows = sorted(found)
     chosen = table.iloc[rows][["name", "report", "law"]].reset_index(drop=True)
     return chosen.assign(why=["; ".join(found[row]) for row in rows])
 
 
-def _links(table: pd.DataFrame) -> list[Link]:
+def _list_links(table: pd.DataFrame) -> list[Link]:
     return [Link(name, report) for name, report in zip(table["name"], table["report"], strict=True)]
 
 
@@ -145,8 +145,8 @@ def _answer(table: pd.DataFrame, method: str, asked: str) -> list[Block]:
         facts.append((str(leading.index[0]), f"leads in {leading.iloc[0]} of them"))
     if len(over):
         low, high = np.quantile(over, [0.05, 0.95])
-        facts.append((signed(np.median(over)), "linear over median amplitude, median record"))
-        facts.append((f"{signed(low)} to {signed(high)}", "in nine records of ten"))
+        facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
+        facts.append((f"{format_signed(low)} to {format_signed(high)}", "in nine records of ten"))
     refused = len(good) - len(over)
     said = [f"Design loads are for {asked}. Posteriors by {method}, in every row."]
     if refused:
@@ -154,13 +154,13 @@ def _answer(table: pd.DataFrame, method: str, asked: str) -> list[Block]:
     return [Facts(facts), Text(" ".join(said))]
 
 
-def _laws(table: pd.DataFrame) -> list[Block]:
+def _build_laws(table: pd.DataFrame) -> list[Block]:
     led = table.dropna(subset=["law"])
     if led.empty:
         return [Text("No record could be ranked.")]
     counts = led["law"].value_counts().sort_index().sort_values(ascending=False, kind="stable")
     weights = led.groupby("law")["weight"].mean()
-    said = joined(f"{law} {value}" for law, value in counts.head(3).items())
+    said = format_joined(f"{law} {value}" for law, value in counts.head(3).items())
     drawn = to_svg(leading_laws(counts), "leading-laws", "Records by leading law", f"Bars; most often: {said}.")
     frame = pd.DataFrame(
         {
@@ -171,17 +171,20 @@ def _laws(table: pd.DataFrame) -> list[Block]:
         }
     )
     caption = "Records by the law of largest weight in their ranking"
-    return [FigureBlock(drawn, f"{caption}."), Table(frame, caption, {"share": share, "mean weight there": share})]
+    return [
+        FigureBlock(drawn, f"{caption}."),
+        Table(frame, caption, {"share": format_share, "mean weight there": format_share}),
+    ]
 
 
-def _loads(table: pd.DataFrame, asked: str) -> list[Block]:
+def _build_loads(table: pd.DataFrame, asked: str) -> list[Block]:
     frame = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
     frame.columns = pd.Index(["percent", "low", "high"])
     frame = frame.loc[np.isfinite(frame.to_numpy()).all(axis=1)]
     if frame.empty:
         return [Text("No record has a prediction at its largest design force.")]
     quartiles = np.quantile(frame["percent"], [0.25, 0.5, 0.75])
-    said = f"Quartiles {joined(signed(q) for q in quartiles)}."
+    said = f"Quartiles {format_joined(format_signed(q) for q in quartiles)}."
     drawn = to_svg(sorted_overprediction(frame), "overprediction", "Sorted overprediction of linear damping", said)
     caption = (
         f"Linear prediction over the median at {asked}, per cent, sorted, with the predictive interval of each record. "
@@ -190,24 +193,24 @@ def _loads(table: pd.DataFrame, asked: str) -> list[Block]:
     return [FigureBlock(drawn, caption)]
 
 
-def _outliers(table: pd.DataFrame) -> list[Block]:
-    found = outliers(table)
+def _build_outliers(table: pd.DataFrame) -> list[Block]:
+    found = tabulate_outliers(table)
     if found.empty:
         return [Text("No record stands apart from the others.")]
-    frame = pd.DataFrame({"record": _links(found), "law": found["law"], "why": found["why"]})
+    frame = pd.DataFrame({"record": _list_links(found), "law": found["law"], "why": found["why"]})
     what = f"{count(len(found), 'record')} apart from the fleet by {OUTLYING:g} robust standard deviations"
-    return [_table(frame, what)]
+    return [_build_table(frame, what)]
 
 
-def _failures(table: pd.DataFrame) -> list[Block]:
+def _build_failures(table: pd.DataFrame) -> list[Block]:
     found = table[table["status"] != "done"]
     if found.empty:
         return [Text("None.")]
-    frame = pd.DataFrame({"record": _links(found), "status": found["status"], "reason": found["reason"]})
-    return [_table(frame, f"{count(len(found), 'record')} of which all or a part could not be done")]
+    frame = pd.DataFrame({"record": _list_links(found), "status": found["status"], "reason": found["reason"]})
+    return [_build_table(frame, f"{count(len(found), 'record')} of which all or a part could not be done")]
 
 
-def _gaps(table: pd.DataFrame) -> list[Block]:
+def _build_gaps(table: pd.DataFrame) -> list[Block]:
     found = table[table["effects"].notna()]
     if found.empty:
         return [Text("No record has a simulation beside it.")]
@@ -217,16 +220,16 @@ def _gaps(table: pd.DataFrame) -> list[Block]:
     blocks: list[Block] = [Table(frame, "Leading explanation of the gap, by number of records")]
     left = found[found["unexplained"].astype(bool)]
     if len(left):
-        listed = pd.DataFrame({"record": _links(left), "explanation": named.loc[left.index]})
-        blocks.append(_table(listed, f"{count(len(left), 'record')} with more than noise left"))
+        listed = pd.DataFrame({"record": _list_links(left), "explanation": named.loc[left.index]})
+        blocks.append(_build_table(listed, f"{count(len(left), 'record')} with more than noise left"))
     return blocks
 
 
-def _records(table: pd.DataFrame) -> list[Block]:
+def _build_records(table: pd.DataFrame) -> list[Block]:
     ordered = table.sort_values(_OVER, ascending=False, kind="stable", na_position="last").head(MOST_LISTED)
     frame = pd.DataFrame(
         {
-            "record": _links(ordered),
+            "record": _list_links(ordered),
             "status": ordered["status"],
             "law": ordered["law"],
             "weight": ordered["weight"].astype(float),
@@ -239,10 +242,10 @@ def _records(table: pd.DataFrame) -> list[Block]:
     what = f"{len(ordered)} of {len(table)} records, largest overprediction first"
     if len(ordered) < len(table):
         what += "; the column report of the data set names the page of every record"
-    return [Fold(what, [Table(frame, what, {"weight": share, "linear over": signed})])]
+    return [Fold(what, [Table(frame, what, {"weight": format_share, "linear over": format_signed})])]
 
 
-def _table(frame: pd.DataFrame, caption: str) -> Block:
+def _build_table(frame: pd.DataFrame, caption: str) -> Block:
     if len(frame) > MOST_ROWS:
         caption += f"; the first {MOST_ROWS} here, all in the data set"
     return Table(frame.head(MOST_ROWS), caption)

@@ -17,7 +17,7 @@ from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import forms
-from damping.report.gap_page import doubts, following, place, reach, verdict
+from damping.report.gap_page import describe_following, describe_verdict, list_doubts, place, reach
 from damping.report.page import (
     Block,
     Callout,
@@ -30,9 +30,18 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    page,
+    describe_page,
 )
-from damping.report.words import between, count, force_text, number, percent, quantity, share, signed
+from damping.report.words import (
+    count,
+    format_between,
+    format_force_text,
+    format_percent,
+    format_quantity,
+    format_share,
+    format_signed,
+    number,
+)
 
 
 @dataclass(frozen=True)
@@ -67,26 +76,26 @@ def record_page(one: FleetRecord) -> str:
     """The page as HTML. Equal arguments give equal text."""
     sections = [Section("answer", "The answer first", _answer(one))]
     if one.ranking:
-        sections.append(Section("law", "Which law", _law(one.ranking)))
+        sections.append(Section("law", "Which law", _build_law(one.ranking)))
     if one.design:
-        sections.append(Section("loads", "Design loads", _loads(one, one.design)))
+        sections.append(Section("loads", "Design loads", _build_loads(one, one.design)))
     if one.diagnosis:
-        sections.append(Section("gap", "The gap to the simulation", _gap(one.diagnosis, one.gap_report)))
-    sections.append(Section("basis", "What this rests on", _basis(one)))
+        sections.append(Section("gap", "The gap to the simulation", _build_gap(one.diagnosis, one.gap_report)))
+    sections.append(Section("basis", "What this rests on", _build_basis(one)))
     if one.findings:
         sections.insert(0, Section("audit", "Is the record what it seems?", [List(one.findings)]))
-    return page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
+    return describe_page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
 
 
-def failed_page(
+def describe_failed_page(
     name: str, reason: str, method: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
 ) -> str:
     """The page of a record of which nothing could be done."""
     blocks: list[Block] = [Callout("This record failed", [reason]), Text(f"Posteriors were to be had by {method}.")]
-    return page(name, [Section("answer", "No answer", blocks), _back()], Footer(seed, versions, inputs))
+    return describe_page(name, [Section("answer", "No answer", blocks), _build_back()], Footer(seed, versions, inputs))
 
 
-def _back() -> Section:
+def _build_back() -> Section:
     return Section("fleet", "The fleet", [Links([Link("Summary of all records", "../fleet.html")])])
 
 
@@ -95,28 +104,28 @@ def _answer(one: FleetRecord) -> list[Block]:
     facts = []
     if one.ranking:
         best = max(one.ranking.candidates, key=lambda candidate: candidate.weight)
-        facts.append((best.name, f"law of largest weight ({share(best.weight)})"))
+        facts.append((best.name, f"law of largest weight ({format_share(best.weight)})"))
     if one.design:
         i, unit = int(one.design.force.argmax()), one.mode.units
         average = one.design.average
         facts.append(
             (
-                quantity(average.median[i], unit.length),
-                f"resonant amplitude at {force_text(one.design.force[i], unit.force)}, "
-                f"{between(average.low[i], average.high[i])}",
+                format_quantity(average.median[i], unit.length),
+                f"resonant amplitude at {format_force_text(one.design.force[i], unit.force)}, "
+                f"{format_between(average.low[i], average.high[i])}",
             )
         )
-        facts.append((signed(one.design.overprediction[i]), "linear damping over that"))
+        facts.append((format_signed(one.design.overprediction[i]), "linear damping over that"))
     if facts:
         blocks.append(Facts(facts))
     if one.diagnosis:
-        blocks.append(Text(verdict(one.diagnosis), lead=True))
+        blocks.append(Text(describe_verdict(one.diagnosis), lead=True))
     if one.reasons:
         blocks.append(Callout("What could not be done", one.reasons))
     return blocks
 
 
-def _law(ranking: Ranking) -> list[Block]:
+def _build_law(ranking: Ranking) -> list[Block]:
     rows = [
         {
             "rank": c.rank,
@@ -135,7 +144,12 @@ def _law(ranking: Ranking) -> list[Block]:
         "held_out_error": "held-out error (%)",
         "average_absolute_percent": "mean |%|",
     }
-    formats = {"weight": share, "held_out_error": percent, "average_absolute_percent": percent, "score": _one_decimal}
+    formats = {
+        "weight": format_share,
+        "held_out_error": format_percent,
+        "average_absolute_percent": format_percent,
+        "score": _describe_one_decimal,
+    }
     frame = pd.DataFrame(rows).astype({"rank": "Int64"})
     if frame["held_out_error"].isna().all():  # not asked for, or one level
         frame = frame.drop(columns="held_out_error")
@@ -143,11 +157,11 @@ def _law(ranking: Ranking) -> list[Block]:
     return [Table(frame, caption, formats, headings)]
 
 
-def _one_decimal(value: float) -> str:
+def _describe_one_decimal(value: float) -> str:
     return f"{value:.1f}".replace("-", "−") if np.isfinite(value) else "–"
 
 
-def _loads(one: FleetRecord, design: Loads) -> list[Block]:
+def _build_loads(one: FleetRecord, design: Loads) -> list[Block]:
     blocks: list[Block] = []
     if one.own_forces:
         blocks.append(
@@ -161,7 +175,7 @@ def _loads(one: FleetRecord, design: Loads) -> list[Block]:
             "force": design.force,
             "times tested": design.ratio,
             "median": average.median,
-            "predictive": [between(a, b) for a, b in zip(average.low, average.high, strict=True)],
+            "predictive": [format_between(a, b) for a, b in zip(average.low, average.high, strict=True)],
             "linear": design.linear,
             "over": design.overprediction,
             "cautions": ["; ".join(said) for said in design.cautions],
@@ -172,20 +186,22 @@ def _loads(one: FleetRecord, design: Loads) -> list[Block]:
         Table(
             frame,
             f"Resonant amplitude at the design forces, averaged over models by weight; {one.mode.units}.",
-            {"force": lambda force: f"{force:.6g}", "over": signed},
+            {"force": lambda force: f"{force:.6g}", "over": format_signed},
             headings,
         )
     )
     weights = pd.DataFrame(
         {"law": [b.name for b in design.by_model], "weight": [b.weight for b in design.by_model]}
         | {
-            f"at {force_text(force, one.mode.units.force)}": [
-                f"{number(b.median[i])} ({between(b.low[i], b.high[i])})" for b in design.by_model
+            f"at {format_force_text(force, one.mode.units.force)}": [
+                f"{number(b.median[i])} ({format_between(b.low[i], b.high[i])})" for b in design.by_model
             ]
             for i, force in enumerate(design.force)
         }
     )
-    blocks.append(Table(weights, "Laws that take part, each with its own median and interval", {"weight": share}))
+    blocks.append(
+        Table(weights, "Laws that take part, each with its own median and interval", {"weight": format_share})
+    )
     return blocks
 
 
@@ -193,10 +209,10 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
     data, units = one.data, one.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = design_loads(
-        forms.loads_table(bands),
-        forms.loads_by_model_table(bands),
+        forms.tabulate_loads(bands),
+        forms.tabulate_loads_by_model(bands),
         tested,
-        forms.loads_table(design),
+        forms.tabulate_loads(design),
         bands.level,
         units.force,
         units.length,
@@ -206,18 +222,18 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
     return FigureBlock(to_svg(drawn, identifier(one.name), f"{one.name}: design loads", said), said)
 
 
-def _gap(diagnosis: Diagnosis, gap_report: str) -> list[Block]:
-    said = [place(diagnosis), *doubts(diagnosis), reach(diagnosis)]
+def _build_gap(diagnosis: Diagnosis, gap_report: str) -> list[Block]:
+    said = [place(diagnosis), *list_doubts(diagnosis), reach(diagnosis)]
     rows = [{"explanation": " + ".join(e.effects) or "no effect", "p": e.probability} for e in diagnosis.explanations]
     return [
-        List([*said, following(diagnosis)]),
-        Table(pd.DataFrame(rows), "Explanations, most probable first", {"p": share}, {"p": "probability"}),
+        List([*said, describe_following(diagnosis)]),
+        Table(pd.DataFrame(rows), "Explanations, most probable first", {"p": format_share}, {"p": "probability"}),
         *([Callout("Cautions", diagnosis.cautions)] if diagnosis.cautions else []),
         Links([Link("The whole diagnosis", gap_report)]),
     ]
 
 
-def _basis(one: FleetRecord) -> list[Block]:
+def _build_basis(one: FleetRecord) -> list[Block]:
     data = one.data
     spoken = [
         f"{count(len(one.record), 'row')} in {count(len(data.sweeps), 'sweep')}; {one.mode.units}.",

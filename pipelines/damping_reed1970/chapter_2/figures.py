@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.plots.style import INK, LINEAR, MUTED, WIDTH, law_style, styled
-from damping.report.words import joined
+from damping.report.words import format_joined
 from damping_reed1970.chapter_2 import (
     REFERENCE,
     EquivalenceError,
@@ -79,11 +79,11 @@ def slip_equivalent(slip: Loop, printed: Loop, corrected: Loop, error: Equivalen
     left.set_title(f"Loops at A = {reference:g} A₁")
     left.set_ylim(-2.9, 2.1)
     left.legend(loc="lower right", fontsize=7)
-    _errors(right, error, reference)
+    _draw_errors(right, error, reference)
     return figure
 
 
-def _errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
+def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
     square = law_style("velocity-squared").colour
     lines = (
         (error.coefficient_percent, LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
@@ -139,8 +139,9 @@ def chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[Chap
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
             f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
             "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
-            f"The printed energy is right at {_equal(slip.energies, 'printed')} times that amplitude only, a fixed "
-            f"coefficient at {_equal(slip.energies, 'corrected_equivalent')} times.",
+            f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude "
+            f"only, a fixed "
+            f"coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
             lambda: slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
         ),
         ChapterFigure(
@@ -152,5 +153,5 @@ def chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[Chap
     ]  # fmt: skip
 
 
-def _equal(energies: pd.DataFrame, column: str) -> str:
-    return joined(f"{A:.2f}" for A in equal_amplitudes(energies, column))
+def _describe_equal(energies: pd.DataFrame, column: str) -> str:
+    return format_joined(f"{A:.2f}" for A in equal_amplitudes(energies, column))

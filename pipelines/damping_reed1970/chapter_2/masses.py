@@ -111,7 +111,7 @@ MASSES = 4
 JOINTS = {"joint 1-2": 0.01, "joint 2-3": 0.02, "joint 3-4": 0.01}
 
 
-def lumped_masses() -> pd.DataFrame:
+def tabulate_lumped_masses() -> pd.DataFrame:
     """A row a mode, with m = k = 1 and the displacement of mass 1 as modal coordinate.
 
     ``omega`` computed and ``omega_closed_form``; ``mass`` generalized; ``force``: modal force of a unit load at mass 4

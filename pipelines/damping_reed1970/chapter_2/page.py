@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.report.words import joined, number
+from damping.report.words import format_joined, number
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
 from damping_reed1970.chapter_2.figures import chapter_2_figures
-from damping_reed1970.chapter_2.masses import JOINTS, lumped_masses
+from damping_reed1970.chapter_2.masses import JOINTS, tabulate_lumped_masses
 from damping_reed1970.common import ReportPart, chapter_table
 from damping_reed1970.prose import Chapter, write_chapter
 from damping_reed1970.studies import ReportResults
@@ -23,16 +23,16 @@ AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 def chapter_2(results: ReportResults) -> ReportPart:
     """The page: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
     found = results.studies
-    loops, energies, modes = found.loops.areas, found.slip.energies, lumped_masses()
-    at, last = energies_at(energies), modes.iloc[-1]
+    loops, energies, modes = found.loops.areas, found.slip.energies, tabulate_lumped_masses()
+    at, last = tabulate_energies_at(energies), modes.iloc[-1]
     most = max(JOINTS, key=lambda name: float(last[name]))
     values = {
         "loops": len(loops),
         "loop_difference": 100.0 * loops["relative_difference"].abs().max(),
         "low": at.iloc[1],
         "high": at.iloc[-1],
-        "right": _times(equal_amplitudes(energies, "printed")),
-        "equal": _times(equal_amplitudes(energies, "corrected_equivalent")),
+        "right": _describe_times(equal_amplitudes(energies, "printed")),
+        "equal": _describe_times(equal_amplitudes(energies, "corrected_equivalent")),
         "reference": REFERENCE,
         "masses": len(modes),
         "mode_difference": (modes["omega"] - modes["omega_closed_form"]).abs().max(),
@@ -54,7 +54,7 @@ def chapter_2(results: ReportResults) -> ReportPart:
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def energies_at(energies: pd.DataFrame) -> pd.DataFrame:
+def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:
     """Energies interpolated at ``AMPLITUDES``, with what the printed formula and the equivalent make of the exact."""
     A = np.array(AMPLITUDES)
     names = ("exact", "printed", "corrected_equivalent")
@@ -66,6 +66,6 @@ def energies_at(energies: pd.DataFrame) -> pd.DataFrame:
     )[["amplitude", "exact", "printed", "printed_over_exact", "corrected_equivalent", "equivalent_percent"]]
 
 
-def _times(amplitudes: FloatArray) -> str:
+def _describe_times(amplitudes: FloatArray) -> str:
     """``1.24 and 2.00 A₁``."""
-    return f"{joined(number(A) for A in amplitudes)} A₁"
+    return f"{format_joined(number(A) for A in amplitudes)} A₁"

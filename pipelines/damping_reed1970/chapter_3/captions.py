@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 from damping.arrays import FloatArray
-from damping.report.words import counted, joined, points_text
+from damping.report.words import format_counted, format_joined, format_points_text
 from damping_reed1970.chapter_3 import PLANES, figures
 from damping_reed1970.chapter_3.planar_fits import PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
@@ -22,31 +22,33 @@ def peaks(values: FloatArray) -> int:
     return len(find_peaks(values, prominence=_RISE * values.max())[0])
 
 
-def two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
+def describe_two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Peaks of the tail displacement: of the printed points, and of the fit of two planes."""
     points, curve = (peaks(np.asarray(values)) for values in (measured["tail"], tail.amplitude[0]))
     return (
-        f"{len(measured)} printed points with {counted(points, 'peak')}, and the planar oscillator fitted to the tail "
+        f"{len(measured)} printed points with {format_counted(points, 'peak')}, and the planar oscillator "
+        f"fitted to the tail "
         "(motion in phase with the force fitted too) with its 90 per cent band: two planes at an angle give "
-        f"{counted(curve, 'peak')}."
+        f"{format_counted(curve, 'peak')}."
     )
 
 
-def sines_beside_the_fit(measured: pd.DataFrame, tail: PlanarBand) -> str:
+def describe_sines_beside_the_fit(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Mean distance of the printed sines from the fit, before and after the frequency at which the fit reaches 1."""
     fitted = np.sin(tail.phase[0])
     off = np.sin(measured["tail_phase"]) - np.interp(measured["omega"], tail.omega, fitted)
     before = measured["omega"] < tail.omega[fitted.argmax()]
     left, right = float(off[before].mean()), float(off[~before].mean())
     text = (
-        f"Printed points and the same fit; the printed sines are {_side(left)} on average before resonance and "
-        f"{_side(right)} after it"
+        f"Printed points and the same fit; the printed sines are {_describe_side(left)} on average before "
+        f"resonance and "
+        f"{_describe_side(right)} after it"
     )
     # a phase too small: its sine is too small below pi/2 and too large above
     return text + (", as if all phases had been read too small." if left < 0.0 < right else ".")
 
 
-def modal_points(measured: pd.DataFrame, mode: PlanarBand) -> str:
+def describe_modal_points(measured: pd.DataFrame, mode: PlanarBand) -> str:
     """How far computed amplitudes, and those of the fit, are from the printed ones."""
     printed = measured["A_2_printed"].to_numpy(float)
     computed = float(np.abs(measured["A_2"] / printed - 1.0).max())
@@ -58,9 +60,9 @@ def modal_points(measured: pd.DataFrame, mode: PlanarBand) -> str:
     )
 
 
-def without_a_root(measured: pd.DataFrame) -> str:
+def describe_without_a_root(measured: pd.DataFrame) -> str:
     """Points at which no damping factor balances the energy."""
-    return points_text(measured.loc[measured["pitch"].isna(), "point"])
+    return format_points_text(measured.loc[measured["pitch"].isna(), "point"])
 
 
 def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
@@ -74,7 +76,7 @@ def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
     return float(change.max()), float(change[first.argmax()])
 
 
-def effect_of_steps(effect: pd.DataFrame) -> str:
+def describe_effect_of_steps(effect: pd.DataFrame) -> str:
     """What the steps change."""
     largest, at_peak = change_by_conditioning(effect)
     return (
@@ -83,52 +85,55 @@ def effect_of_steps(effect: pd.DataFrame) -> str:
     )
 
 
-def roots_taken(branches: pd.DataFrame) -> str:
+def describe_roots_taken(branches: pd.DataFrame) -> str:
     """Which root the report took at which points."""
     took = [
-        f"the {branch} one at {points_text(branches.loc[branches['taken'] == branch, 'point'])}"
+        f"the {branch} one at {format_points_text(branches.loc[branches['taken'] == branch, 'point'])}"
         for branch in ("low", "high")
     ]
     none = branches.loc[branches["roots"] == 0, "point"]
     text = (
-        f"Low and high root of the energy balance at each point with the printed factor: the report took {joined(took)}"
+        f"Low and high root of the energy balance at each point with the printed factor: the report took "
+        f"{format_joined(took)}"
     )
-    return f"{text}; at {points_text(none)} there is none." if len(none) else f"{text}."
+    return f"{text}; at {format_points_text(none)} there is none." if len(none) else f"{text}."
 
 
-def yaw_predicted(yaw: pd.DataFrame) -> str:
+def describe_yaw_predicted(yaw: pd.DataFrame) -> str:
     """Distance of each prediction from the measured yaw motion."""
     names = [str(name) for name in yaw.columns.drop(["point", "omega", "measured"])]
     rms = [float(np.sqrt(np.mean((yaw[name] - yaw["measured"]) ** 2))) for name in names]
-    said = joined(f"{value:.2g} in ({name.replace(',', ' and')})" for name, value in zip(names, rms, strict=True))
+    said = format_joined(
+        f"{value:.2g} in ({name.replace(',', ' and')})" for name, value in zip(names, rms, strict=True)
+    )
     return (
         "Yaw motion that fits to the pitch motion predict, beside the measured yaw motion, which no fit has seen: rms "
         f"distance {said}."
     )
 
 
-def _side(off: float) -> str:
+def _describe_side(off: float) -> str:
     return f"{abs(off):.2f} {'lower' if off < 0.0 else 'higher'}"
 
 
 def chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
     """Every figure of the chapter with its"""
-    return [*_of_the_report(result), *_beyond(result)]
+    return [*_list_of_the_report(result), *_list_beyond(result)]
 
 
-def _of_the_report(result: Chapter3) -> list[ChapterFigure]:
+def _list_of_the_report(result: Chapter3) -> list[ChapterFigure]:
     measured, tail, mode = result.measured, result.bands["tail"], result.bands["A2"]
     omega = measured["omega"].to_numpy(float)
     displacement = (PLANES.phi * tail.amplitude[0], PLANES.phi * tail.amplitude[1], PLANES.phi * tail.amplitude[2])
     return [
         ChapterFigure(
             "tail-displacement", "3.2", "Tail displacement against frequency",
-            two_peaks(measured, tail),
+            describe_two_peaks(measured, tail),
             lambda: figures.tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
         ),
         ChapterFigure(
             "tail-phase-sine", "3.3", "Sine of the tail phase angle against frequency",
-            sines_beside_the_fit(measured, tail),
+            describe_sines_beside_the_fit(measured, tail),
             lambda: figures.tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
         ),
         ChapterFigure(
@@ -139,7 +144,7 @@ def _of_the_report(result: Chapter3) -> list[ChapterFigure]:
         ),
         ChapterFigure(
             "modal-amplitude", "3.6", "Amplitude of the second mode against frequency",
-            modal_points(measured, mode),
+            describe_modal_points(measured, mode),
             lambda: figures.modal_amplitude(measured, mode.omega, mode.amplitude),
         ),
         ChapterFigure(
@@ -151,19 +156,20 @@ def _of_the_report(result: Chapter3) -> list[ChapterFigure]:
         ChapterFigure(
             "principal-amplitudes", "3.10", "Amplitudes in the principal planes",
             "Printed values, those at the nearest root of the energy balance (none at "
-            f"{without_a_root(measured)}), and curves with one damping factor: planes fitted, and planes of the "
+            f"{describe_without_a_root(measured)}), and curves with one damping factor: planes fitted, and "
+            f"planes of the "
             "report.",
             lambda: figures.principal_amplitudes(measured, result.corrected, result.curves),
         ),
     ]  # fmt: skip
 
 
-def _beyond(result: Chapter3) -> list[ChapterFigure]:
+def _list_beyond(result: Chapter3) -> list[ChapterFigure]:
     measured, mode = result.measured, result.bands["A2"]
     return [
         ChapterFigure(
             "conditioning-effect", "", "What each step of the conditioning removed",
-            effect_of_steps(result.effect),
+            describe_effect_of_steps(result.effect),
             lambda: figures.conditioning_effect(result.effect, result.tables["removed"]),
         ),
         ChapterFigure(
@@ -179,14 +185,14 @@ def _beyond(result: Chapter3) -> list[ChapterFigure]:
         ),
         ChapterFigure(
             "damping-roots", "", "All damping factors that balance the energy",
-            roots_taken(result.tables["branches"]),
+            describe_roots_taken(result.tables["branches"]),
             lambda: figures.damping_roots(
                 result.tables["branches"], np.quantile(result.draws["xi"], [0.05, 0.5, 0.95]).tolist()
             ),
         ),
         ChapterFigure(
             "yaw-amplitude", "", "Yaw amplitude, measured and predicted",
-            yaw_predicted(result.tables["yaw"]),
+            describe_yaw_predicted(result.tables["yaw"]),
             lambda: figures.yaw_amplitude(result.tables["yaw"]),
         ),
     ]  # fmt: skip

@@ -31,24 +31,24 @@ def single(y_label: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
+def draw_band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
     """A curve with its band."""
     median, low, high = curve
     axes.fill_between(omega, low, high, color=CREDIBLE, linewidth=0, label=label)
     axes.plot(omega, median, color=AVERAGE, linewidth=1.3)
 
 
-def printed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
+def draw_printed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
     """Printed points: open circles."""
     axes.plot(omega, y, "o", color="none", markeredgecolor=MEASURED, markersize=5.5, zorder=4, label=label)
 
 
-def computed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
+def draw_computed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
     """Computed points: dots that fit into the circles."""
     axes.plot(omega, y, ".", color=LINEAR, markersize=4.5, zorder=5, label=label)
 
 
-def from_zero(axes: Axes) -> None:
+def draw_from_zero(axes: Axes) -> None:
     """Axis from zero, with room above for the legend."""
     axes.set_ylim(0.0, 1.45 * axes.dataLim.ymax)
     axes.legend(loc="upper left", fontsize=7.5)
@@ -65,10 +65,10 @@ def tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve:
         omega, X: the points, rad/s and in. over, curve: frequencies of the fit, and its displacement.
     """
     figure, axes = single("tail displacement (in)")
-    band(axes, over, curve, "planar oscillator fitted to the tail, 90 % band")
+    draw_band(axes, over, curve, "planar oscillator fitted to the tail, 90 % band")
     axes.plot(omega, X, color=MUTED, linestyle=DASH, linewidth=0.9, label="printed points joined")
-    printed(axes, omega, X, "printed (Table 3.III)")
-    from_zero(axes)
+    draw_printed(axes, omega, X, "printed (Table 3.III)")
+    draw_from_zero(axes)
     return figure
 
 
@@ -80,9 +80,9 @@ def tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curv
     # between the ends of the band the sine has a maximum where the phase passes pi/2
     ends = np.sin(low), np.sin(high)
     top = np.where((low < 0.5 * np.pi) & (high > 0.5 * np.pi), 1.0, np.maximum(*ends))
-    band(axes, over, (np.sin(median), np.minimum(*ends), top), "planar oscillator fitted to the tail, 90 % band")
-    printed(axes, omega, np.sin(phase), "printed (Table 3.III, point 1 corrected)")
-    from_zero(axes)
+    draw_band(axes, over, (np.sin(median), np.minimum(*ends), top), "planar oscillator fitted to the tail, 90 % band")
+    draw_printed(axes, omega, np.sin(phase), "printed (Table 3.III, point 1 corrected)")
+    draw_from_zero(axes)
     return figure
 
 
@@ -94,10 +94,10 @@ def phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figu
         measured: ``omega, tail_phase, phi_2_printed, phi_2`` (rad). over, curve: the planar fit to the mode.
     """
     figure, axes = single("phase angle (rad)")
-    band(axes, over, curve, "planar oscillator fitted to the mode, 90 % band")
+    draw_band(axes, over, curve, "planar oscillator fitted to the mode, 90 % band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
-    printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
-    computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
+    draw_printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
+    draw_computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
     axes.set_yticks([0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi, np.pi], ["0", "π/4", "π/2", "3π/4", "π"])
     axes.set_ylim(0.0, np.pi)
     axes.legend(loc="upper left")
@@ -108,10 +108,10 @@ def phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figu
 def modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6): ``omega, A_2_printed, A_2`` and the planar fit."""
     figure, axes = single("modal amplitude (in)")
-    band(axes, over, curve, "planar oscillator fitted, 90 % band")
-    printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
-    computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
-    from_zero(axes)
+    draw_band(axes, over, curve, "planar oscillator fitted, 90 % band")
+    draw_printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
+    draw_computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
+    draw_from_zero(axes)
     return figure
 
 
@@ -124,11 +124,11 @@ def input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.Dat
         curves: ``omega, energy, energy_report``: what one damping factor for all points loses.
     """
     figure, axes = single("energy per cycle (in-lb)")
-    _one_damping(axes, curves, "energy")
-    printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
-    computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
+    _draw_one_damping(axes, curves, "energy")
+    draw_printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
+    draw_computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
     axes.plot(corrected["omega"], corrected["energy"], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
-    from_zero(axes)
+    draw_from_zero(axes)
     return figure
 
 
@@ -144,9 +144,9 @@ def principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves
     figure = Figure(figsize=(WIDTH, 3.6))
     panels = figure.subplots(1, 2, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
-        _one_damping(axes, curves, plane)
-        printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
-        computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
+        _draw_one_damping(axes, curves, plane)
+        draw_printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
+        draw_computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
         axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
         axes.set_title(f"Principal {plane} plane")
         axes.set_xlabel(OMEGA)
@@ -174,7 +174,7 @@ def conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
         change = 100.0 * (rows["amplitude"].to_numpy() / first["amplitude"].to_numpy() - 1.0)
         amplitude.plot(rows["omega"], change, **style)
         phase.plot(rows["omega"], rows["phase"].to_numpy() - first["phase"].to_numpy(), **style)
-    _parts(right, removed)
+    _draw_parts(right, removed)
     for axes, title in zip(
         (left, right, amplitude, phase),
         ("Amplitude (in)", "Removed, in phase with the force (in)", "Change of amplitude (%)", "Change of phase (rad)"),
@@ -188,7 +188,7 @@ def conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
     return figure
 
 
-def _parts(axes: Axes, removed: pd.DataFrame) -> None:
+def _draw_parts(axes: Axes, removed: pd.DataFrame) -> None:
     """One line a part, labelled at its right end; the total beside."""
     parts = removed.drop(columns=["point", "omega"], errors="ignore")
     colours = (YAW, PITCH, "#009e73", "#aa4499", "#999933")
@@ -201,7 +201,7 @@ def _parts(axes: Axes, removed: pd.DataFrame) -> None:
     axes.legend(loc="upper right", ncols=3, fontsize=7)
 
 
-def _one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
+def _draw_one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
     """Curves with one damping factor for all points: the fitted planes, and the report's."""
     axes.plot(curves["omega"], curves[name], color=AVERAGE, label="planes and ξ fitted")
     report = curves[f"{name}_report"]
@@ -226,15 +226,15 @@ def planar_overlay(
         (upper, "amplitude", "A_2_printed", amplitude),
         (lower, "phase", "phi_2_printed", phase),
     ):
-        band(axes, over, curve, "all parameters free: median and 90 % band")
+        draw_band(axes, over, curve, "all parameters free: median and 90 % band")
         for suffix, colour, line, label in (
             ("held", LINEAR, DASH, "θ = 28°, M = 21 held"),
             ("more", PITCH, DOT, "with motion in phase and a common lag"),
         ):
             axes.plot(curves["omega"], curves[f"{name}_{suffix}"], color=colour, linestyle=line, label=label)
-        printed(axes, measured["omega"], measured[points], "measured (Table 3.III)")
+        draw_printed(axes, measured["omega"], measured[points], "measured (Table 3.III)")
     upper.set_ylabel("modal amplitude (in)")
-    from_zero(upper)
+    draw_from_zero(upper)
     lower.set_ylabel("phase lag (rad)")
     lower.set_yticks([0.0, 0.5 * np.pi, np.pi], ["0", "π/2", "π"])
     lower.set_xlabel(OMEGA)
@@ -278,7 +278,7 @@ def damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: floa
         axes.plot(omega, branches[f"xi_{name}"], marker, color=colour, markersize=4.5, label=f"{name} root")
     none = branches[branches["roots"] == 0]
     axes.plot(none["omega"], none["xi_of_largest"], "x", color=ALERT, label="no root: ξ of the largest energy")
-    printed(axes, omega, branches["xi_printed"], "printed (Table 3.IV)")
+    draw_printed(axes, omega, branches["xi_printed"], "printed (Table 3.IV)")
     axes.set_yscale("log")
     axes.set_ylim(1e-4, largest)
     axes.set_yticks([1e-4, 1e-3, 0.005, 1e-2, largest], ["0.0001", "0.001", "0.005", "0.01", f"{largest:g}"])
@@ -300,6 +300,6 @@ def yaw_amplitude(yaw: pd.DataFrame) -> Figure:
     styles = ((AVERAGE, "-"), (LINEAR, DASH), (PITCH, DOT))
     for (colour, line), name in zip(styles, yaw.columns.drop(["point", "omega", "measured"]), strict=False):
         axes.plot(yaw["omega"], yaw[name], color=colour, linestyle=line, label=f"predicted: {name}")
-    printed(axes, yaw["omega"], yaw["measured"], "measured (Table 3.I, over the mode factor)")
-    from_zero(axes)
+    draw_printed(axes, yaw["omega"], yaw["measured"], "measured (Table 3.I, over the mode factor)")
+    draw_from_zero(axes)
     return figure

@@ -32,10 +32,10 @@ from damping_reed1970.chapter_3.planar_fits import (
     Fits,
     Known,
     comparison,
-    energy_split,
     phasors,
     second_plane_probability,
-    yaw_table,
+    tabulate_energy_split,
+    tabulate_yaw,
 )
 from damping_reed1970.tables import columns, load_table
 
@@ -43,7 +43,7 @@ from damping_reed1970.tables import columns, load_table
 LARGEST_XI = 0.05
 
 
-def points() -> pd.DataFrame:
+def tabulate_points() -> pd.DataFrame:
     """Table 3.IV, the 15 rows that are not marked as corrected, with the force of Table 3.I."""
     table = load_table("3_IV").query("corrected_row == 0").reset_index(drop=True)
     return table.assign(force_lb=load_table("3_I")["force_lb"])
@@ -55,7 +55,7 @@ def roots_at(planes: PrincipalPlanes, table: pd.DataFrame) -> list[DampingRoots]
     return [damping_roots(planes, *row) for row in zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)]
 
 
-def branch_table(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     """By point: both roots, the printed xi, the branch it is on, and the energy in each plane on each branch.
 
     Columns: ``point, omega, energy`` (put in), ``largest_energy`` (that can be lost, at ``xi_of_largest``), ``roots``
@@ -63,7 +63,7 @@ def branch_table(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     ``energy_printed`` (lost at the printed xi), and ``pitch_low, yaw_low, pitch_high, yaw_high``: energies lost in the
     planes, and ``A_pitch_low, A_pitch_high``: amplitudes.
     """
-    table = points()
+    table = tabulate_points()
     found = roots_at(planes, table)
     F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
     low, high = _low_and_high(found)
@@ -79,7 +79,7 @@ def branch_table(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
             "xi_low": low,
             "xi_high": high,
             "xi_printed": printed,
-            "taken": _taken(low, high, printed),
+            "taken": _list_taken(low, high, printed),
             "energy_printed": energy_loss(planes, F, omega, printed),
             **{
                 f"{name}_{key}": value
@@ -95,19 +95,19 @@ def _low_and_high(found: Sequence[DampingRoots]) -> tuple[FloatArray, FloatArray
     return branch(found, 0), branch(found, -1)
 
 
-def _taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
+def _list_taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
     """The branch whose root is nearer to the printed xi."""
     nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
     return np.where(np.isnan(low), "none", nearer).tolist()
 
 
-def mean_table(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     """What the mean coefficient C_1 (Eq. 3.2.18) and the mean xi become on each branch.
 
     ``points`` counts the points that have a value; "xi of the largest energy" fills points 10 and 13, which have no
     root, with the xi at which the most is lost.
     """
-    table = points()
+    table = tabulate_points()
     found = roots_at(planes, table)
     omega, printed = columns(table, "omega_rad_s", "xi")
     none = np.array([point.roots.size == 0 for point in found])
@@ -145,9 +145,15 @@ def fitted_planes(fit: PlanarFit) -> PrincipalPlanes:
 REPORT = "theta = 28, M = 21"
 
 
-def implications(fits: Fits, known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_implications(fits: Fits, known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     """Columns ``question, value, low, high`` (interval where there is one, else NaN) and ``says``."""
-    rows = [*_angle(fits, known), *_planes(known), *_in_phase(fits, known), *_yaw(fits), *_noise(fits)]
+    rows = [
+        *_list_angle(fits, known),
+        *_list_planes(known),
+        *_list_in_phase(fits, known),
+        *_list_yaw(fits),
+        *_list_noise(fits),
+    ]
     return pd.DataFrame(rows, columns=["question", "value", "low", "high", "says"])
 
 
@@ -158,7 +164,7 @@ def _row(question: str, value: float, says: str, low: float = np.nan, high: floa
     return question, float(value), float(low), float(high), says
 
 
-def _angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
     """The angle of 28 degrees and the mass of 21 against both free."""
     low, median, high = _interval(known["A2", "free"], "theta")
     inside = "inside" if low <= 28.0 <= high else "outside"
@@ -190,7 +196,7 @@ def _chi_square(held: PlanarFit, free: PlanarFit, one: str, two: str) -> Row:
     return _row(f"chi-square of {one} over {two}", found["chi_square"], says)
 
 
-def _planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
     """One plane or two, and where the second is."""
     odds = float(np.exp(known["A2", "free"].evidence.log_z - known["A2", "one plane"].evidence.log_z))
     rows = [_row("Bayes factor of two planes over one", odds, "planar coupling is needed")]
@@ -203,7 +209,7 @@ def _planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
     return rows
 
 
-def _in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
     """Motion in phase with the force that is left in the modal motion, and all of it in the tail."""
     C_t = load_table("3_III", "corrected")["correction_Ct2_in"].mean()
     gain = comparison(fits["A2", "constant", "free + in phase"], fits["A2", "constant", "free"])
@@ -231,9 +237,9 @@ def _in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
     ]
 
 
-def _yaw(fits: Fits) -> list[Row]:
+def _list_yaw(fits: Fits) -> list[Row]:
     """The yaw motion, which was measured and not fitted, and the energy it takes."""
-    yaw, split = yaw_table(fits), energy_split(fits)
+    yaw, split = tabulate_yaw(fits), tabulate_energy_split(fits)
     rows = []
     for variant in ("free", REPORT, "free + in phase + lag"):
         error = float(np.sqrt(np.mean((yaw[variant] - yaw["measured"]) ** 2)))
@@ -245,7 +251,7 @@ def _yaw(fits: Fits) -> list[Row]:
     return [*rows, _row("energy lost in the yaw plane over all points, per cent (free)", shares["free"], says)]
 
 
-def _noise(fits: Fits) -> list[Row]:
+def _list_noise(fits: Fits) -> list[Row]:
     """How far the residuals are from independent noise."""
     free, more = fits["A2", "constant", "free"], fits["A2", "constant", "free + in phase"]
     peak = float(np.abs(phasors("A2").q).max())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.report.words import NOTHING, between
+from damping.report.words import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
@@ -58,7 +58,7 @@ def chapter_3(results: ReportResults) -> ReportPart:
     shown = {name: chapter_table(3, name, frame, headings) for name, frame in tables.items()} | {
         "fits": chapter_table(3, "planar_fits", fit_rows(main)),
         "planar_fits": chapter_table(3, "planar_fits", fit_rows(fits, ["data", "noise"])),
-        "posteriors": chapter_table(3, "planar_posteriors", posterior_rows(tables["planar_posteriors"])),
+        "posteriors": chapter_table(3, "planar_posteriors", tabulate_posterior_rows(tables["planar_posteriors"])),
         "branches": chapter_table(3, "branches", branches[list(ROOTS)], ROOTS),
         "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(ROOTS)], ROOTS),
         "branch_energies": chapter_table(3, "branches", branches[["point", "energy_printed", *of_planes]]),
@@ -102,7 +102,7 @@ def _plane_values(found: Chapter3) -> dict[str, Any]:
         "factors": factors,
         "held_factor": factors[HELD],
         "phase": row(posteriors, data="A2", fit="free + in phase", parameter="R"),
-        "angles": [f"θ {between(one['low'], one['high'])}" for one in angles],
+        "angles": [f"θ {format_between(one['low'], one['high'])}" for one in angles],
     }
 
 
@@ -126,14 +126,14 @@ def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
     columns: dict[str, object] = {name: fits[name] for name in [*(head or []), "fit"]}
     for name, (label, digits) in SHOWN.items():
         pairs = fits[[name, f"{name}_se"]].to_numpy(float)
-        columns[label] = [_with_error(value, error, digits) for value, error in pairs]
+        columns[label] = [_describe_with_error(value, error, digits) for value, error in pairs]
     columns["residual, in"] = fits["sigma"]
     columns["chi-square"] = fits["chi_square"]
     columns["p-value"] = fits["p_value_correlated"]
     return pd.DataFrame(columns)
 
 
-def posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
+def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     """A row a sampled posterior, each parameter as median and interval."""
     rows = []
     for data, fit in SAMPLED:
@@ -153,7 +153,7 @@ def posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     ]
 
 
-def _with_error(value: float, error: float, digits: int) -> str:
+def _describe_with_error(value: float, error: float, digits: int) -> str:
     """``11.393 ± 0.004``; a value that is held alone, nothing for a part that is not there."""
     if np.isnan(value) or (value == 0.0 and error == 0.0):
         return NOTHING
@@ -162,4 +162,4 @@ def _with_error(value: float, error: float, digits: int) -> str:
 
 
 def _pair(fit: pd.Series[float], name: str, digits: int) -> str:
-    return _with_error(float(fit[name]), float(fit[f"{name}_se"]), digits)
+    return _describe_with_error(float(fit[name]), float(fit[f"{name}_se"]), digits)

@@ -110,7 +110,7 @@ def yaw_amplitude(model: PlanarModel, data: Phasors) -> FloatArray:
     return np.abs(yaw_response(model.oscillator, data.F, data.omega))
 
 
-def yaw_table(fits: Fits) -> pd.DataFrame:
+def tabulate_yaw(fits: Fits) -> pd.DataFrame:
     """Yaw amplitude by point: measured (Table 3.I, tail yaw over the mode factor), and predicted by fits to pitch."""
     motion = load_table("3_I", "corrected")
     omega, yaw = columns(motion, "omega_rad_s", "tail_yaw_disp_in_e2")
@@ -122,7 +122,7 @@ def yaw_table(fits: Fits) -> pd.DataFrame:
     return pd.DataFrame({"point": motion["point"], "omega": omega, "measured": yaw / 100 / PLANES.phi, **predicted})
 
 
-def energy_split(fits: Fits) -> pd.DataFrame:
+def tabulate_energy_split(fits: Fits) -> pd.DataFrame:
     """Share of the energy that the yaw plane takes, in per cent by point: Table 3.IV as printed, and two fits."""
     table = load_table("3_IV").query("corrected_row == 0")
     pitch, yaw = columns(table, "energy_pitch_in_lb", "energy_yaw_in_lb")
@@ -216,7 +216,7 @@ def _known(name: str, variant: str, seed: int) -> Known:
     return Known(name, variant, prior, found.draws, found, None)
 
 
-def posterior_table(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     """Median and interval of every parameter (theta in degrees, R F in in), and how well it is known.
 
     ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
@@ -238,7 +238,7 @@ def posterior_table(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def evidence_table(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_evidence(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     """Log marginal likelihood of each variant on the modal motion A2, and its Bayes factor over ``free``."""
     free = known["A2", "free"].evidence
     rows = [

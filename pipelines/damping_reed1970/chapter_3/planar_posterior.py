@@ -27,7 +27,7 @@ from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.infer.chains import Chains, Settings, Start, Target, run
+from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import Evidence, importance, sobol
 from damping.infer.law import REACH, log_prior
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
@@ -195,5 +195,5 @@ def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Set
     """Sample the planar oscillator with four ensembles until every parameter is known (see ``sampling.Settings``)."""
     evidence = planar_evidence(prior, data, seed)
     target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
-    chains = run(target, Start(evidence.draws, evidence.proposal), lambda x: {}, seed, settings)
+    chains = run(target, ChainStart(evidence.draws, evidence.proposal), lambda x: {}, seed, settings)
     return PlanarPosterior(prior, chains, evidence)

@@ -16,12 +16,12 @@ from damping.signals.description import Description
 from damping.signals.modal import input_energy, nearest_root, plane_motion
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.implications import (
-    branch_table,
     fitted_planes,
-    implications,
-    mean_table,
-    points,
     roots_at,
+    tabulate_branch,
+    tabulate_implications,
+    tabulate_mean,
+    tabulate_points,
 )
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
@@ -29,15 +29,15 @@ from damping_reed1970.chapter_3.planar_fits import (
     Known,
     PlanarBand,
     band,
-    energy_split,
-    evidence_table,
     fit_table,
     phasors,
     planar_fits,
     planar_posteriors,
-    posterior_table,
     prior_draws,
-    yaw_table,
+    tabulate_energy_split,
+    tabulate_evidence,
+    tabulate_posterior,
+    tabulate_yaw,
 )
 from damping_reed1970.tables import columns, data_folder, load_table
 
@@ -84,26 +84,26 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
     free = fits["A2", "constant", "free"]
     main = posteriors[SAMPLED[0]]
     tables = {
-        "conditioned": conditioned_table(steps),
-        "removed": removed_table(steps),
+        "conditioned": tabulate_conditioned(steps),
+        "removed": tabulate_removed(steps),
         "planar_fits": fit_table(fits),
-        "planar_posteriors": posterior_table(posteriors),
-        "planar_evidence": evidence_table(posteriors),
-        "yaw": yaw_table(fits),
-        "energy_split": energy_split(fits),
-        "branches": branch_table(),
-        "branches_fitted": branch_table(fitted_planes(free)),
-        "branch_means": mean_table(),
-        "implications": implications(fits, posteriors),
+        "planar_posteriors": tabulate_posterior(posteriors),
+        "planar_evidence": tabulate_evidence(posteriors),
+        "yaw": tabulate_yaw(fits),
+        "energy_split": tabulate_energy_split(fits),
+        "branches": tabulate_branch(),
+        "branches_fitted": tabulate_branch(fitted_planes(free)),
+        "branch_means": tabulate_mean(),
+        "implications": tabulate_implications(fits, posteriors),
     }
     bands = {name: band(posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
-        measured=measured_table(steps),
-        corrected=corrected_rows(),
-        effect=effect_table(steps),
-        curves=fitted_curves(fits),
+        measured=tabulate_measured(steps),
+        corrected=tabulate_corrected_rows(),
+        effect=tabulate_effect(steps),
+        curves=tabulate_fitted_curves(fits),
         fits=fits,
         posteriors=posteriors,
         bands=bands,
@@ -122,7 +122,7 @@ def saturn_steps() -> tuple[ConditioningStep, ...]:
     return condition(raw, description)
 
 
-def conditioned_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
+def tabulate_conditioned(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """Tables 3.I and 3.III by point: ``NAME_printed`` (corrected where an erratum is known) and ``NAME``, computed.
 
     Displacements of the tip in pitch and yaw, tail yaw, total correction C_t2, modal phase and amplitude.
@@ -130,7 +130,7 @@ def conditioned_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     by_name = {step.name: step.after for step in steps}
     table_i, table_iii = load_table("3_I", "corrected"), load_table("3_III", "corrected")
     moved, modal = by_name["yaw from pitch"], by_name["record"]
-    correction = -removed_table(steps)[["rigid body", "mode 1", "mode 3", "mode 4"]].sum(axis=1)
+    correction = -tabulate_removed(steps)[["rigid body", "mode 1", "mode 3", "mode 4"]].sum(axis=1)
     return pd.DataFrame(
         {
             "point": table_i["point"],
@@ -150,21 +150,21 @@ def conditioned_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     )
 
 
-def removed_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
+def tabulate_removed(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """In-phase motion that each step removed, modal inches by point (positive: with the force)."""
     parts = [step.removed for step in steps if step.name in ("rigid body", "adjacent modes")]
     first = steps[0].before
     return pd.concat([first[["point", "omega"]], *parts], axis=1)
 
 
-def measured_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
+def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """What the figures of the chapter show, by point.
 
     ``point, omega``; ``tail`` (in), ``tail_phase`` (rad), ``A_2_printed, phi_2_printed`` and computed ``A_2, phi_2``;
     ``energy_printed`` and ``energy`` = pi X_t F sin(phi_t) (in-lb); ``pitch_printed, yaw_printed`` of Table 3.IV and
     ``pitch, yaw`` with the root of Eq. 3.2.15 nearest to the printed xi (NaN where there is none).
     """
-    table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), points()
+    table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), tabulate_points()
     X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
     F, omega = columns(motion, "force_lb", "omega_rad_s")
     roots = roots_at(PLANES, rows)
@@ -191,20 +191,20 @@ def measured_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     )
 
 
-def corrected_rows() -> pd.DataFrame:
+def tabulate_corrected_rows() -> pd.DataFrame:
     """Rows that Table 3.IV marks as corrected for experimental error: no measurement stands behind them (E3IV-9)."""
     rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
     omega, energy, pitch, yaw = columns(rows, "omega_rad_s", "energy_input_in_lb", "A2p_in", "A2y_in")
     return pd.DataFrame({"point": rows["point"], "omega": omega, "energy": energy, "pitch": pitch, "yaw": yaw})
 
 
-def effect_table(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
+def tabulate_effect(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """Amplitude and phase after each step from the mode factor to the last removal, rows of a step together."""
     shown = [step for step in steps if step.name in ("mode factor", "rigid body", "adjacent modes")]
     return pd.concat([s.after[["omega", "amplitude", "phase"]].assign(step=s.name) for s in shown], ignore_index=True)
 
 
-def fitted_curves(fits: Fits) -> pd.DataFrame:
+def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
     """Curves over frequency with one xi for all points; the force is interpolated between the points.
 
     ``pitch, yaw, energy``: amplitudes in the principal planes (Eq. 3.2.12) and energy per cycle of the free fit;

@@ -43,7 +43,7 @@ def equation_4_1_5(F_e: FloatArray, M: FloatArray, omega_n: FloatArray, xi_1: Fl
     return F_e / (2.0 * M * omega_n**2 * xi_1)
 
 
-def sweeps(version: Version = "printed") -> pd.DataFrame:
+def tabulate_sweeps(version: Version = "printed") -> pd.DataFrame:
     """Tables 4.I and 4.II side by side; ``label`` is mode and sweep (1A), ``omega_n`` in rad/s.
 
     Corrected: the one wrong modal force (2A, erratum E4I-1) is the product phi_r F of its own row.
@@ -180,7 +180,7 @@ def section_4_3(version: Version = "printed") -> dict[str, float]:
 def computed() -> dict[str, float]:
     """Every result of the chapter, from the tables as printed where the recipe does not say otherwise."""
     return {
-        **table_4_i_ii(sweeps()),
+        **table_4_i_ii(tabulate_sweeps()),
         **equations_4_1_8_to_4_1_15(),
         **table_4_v(),
         **table_4_iv(),
@@ -192,7 +192,7 @@ def computed() -> dict[str, float]:
 
 def after_correction() -> dict[str, float]:
     """Results that the corrected modal force of mode 2, sweep A changes (erratum E4I-1)."""
-    return {**table_4_i_ii(sweeps("corrected")), **section_4_3("corrected")}
+    return {**table_4_i_ii(tabulate_sweeps("corrected")), **section_4_3("corrected")}
 
 
 def resonances(mode: int, version: Version) -> tuple[FloatArray, FloatArray, FloatArray]:

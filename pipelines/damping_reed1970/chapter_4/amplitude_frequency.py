@@ -154,7 +154,7 @@ def amplitude_frequency(
         curves=curves,
         amplitude=A,
         undamped=np.stack([1.0 - distance, 1.0 + distance]),
-        widths=_widths(forces, M, omega_n, F, A_m),
+        widths=_tabulate_widths(forces, M, omega_n, F, A_m),
     )
 
 
@@ -177,7 +177,7 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
     )
 
 
-def _widths(forces: dict[str, Force], M: float, omega_n: float, F: float, A_m: float) -> pd.DataFrame:
+def _tabulate_widths(forces: dict[str, Force], M: float, omega_n: float, F: float, A_m: float) -> pd.DataFrame:
     rows = []
     for name, force in forces.items():
         for share in (0.5, 0.9):

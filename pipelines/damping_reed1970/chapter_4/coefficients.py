@@ -45,7 +45,7 @@ PRINTED_FORCES = {(IV.name, 1): (0.506, 1.886), (IV.name, 2): (3.715, 12.08), (V
 ERRATA = {(IV.name, 1): "E41-3", (IV.name, 2): "E41-3", (V.name, 1): "E4-1"}
 
 
-def linear_coefficients() -> pd.DataFrame:
+def tabulate_linear_coefficients() -> pd.DataFrame:
     """A row a mode, inputs, model and coefficient, with statistics from 1 degree of freedom (three sweeps).
 
     ``inputs``: ``printed`` takes C_1 of Table 4.II, ``corrected`` F_e/(omega A_m) of the corrected Table 4.I.
@@ -53,7 +53,7 @@ def linear_coefficients() -> pd.DataFrame:
     """
     versions: tuple[Version, ...] = ("printed", "corrected")
     parts = [
-        _rows(mode, version, model, *coefficients_against_amplitude(mode, version))
+        _tabulate_rows(mode, version, model, *coefficients_against_amplitude(mode, version))
         for mode in (1, 2)
         for model in MODELS
         for version in versions
@@ -82,7 +82,7 @@ def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fl
     return np.array([C_1[middle] - slope * x[middle], slope])
 
 
-def _rows(mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> pd.DataFrame:
+def _tabulate_rows(mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> pd.DataFrame:
     found, key = fit_model(model, A, C_1), (model.name, mode)
     half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * found.std_errors
     factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)

@@ -20,9 +20,9 @@ from damping.plots.style import (
     MUTED,
     PREDICTIVE,
     WIDTH,
+    draw_plain_rows,
     law_style,
     plain_log,
-    plain_rows,
     styled,
 )
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, CaseCurve
@@ -46,11 +46,11 @@ def linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
     figure = Figure(figsize=(WIDTH, 3.2))
     for axes, lines in zip(np.atleast_1d(figure.subplots(1, len(modes))), modes, strict=True):
-        _coefficient_panel(axes, lines)
+        _draw_coefficient_panel(axes, lines)
     return figure
 
 
-def _coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
+def _draw_coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
     models = {"I + IV": "viscous + displacement-velocity", "I + V": "viscous + quadratic-displacement"}
     labels = {"I + IV": "C₀₁ + C₁₁ A (cases I + IV)", "I + V": "C₀₁ + C₁₁ A² (cases I + V)"}
     for cases, law in models.items():
@@ -61,7 +61,7 @@ def _coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
     printed = data.lines[data.lines["cases"] == "printed"]
     amplitude, C_1 = printed["amplitude_in"], printed["C_1_lb_s_per_in"]
     axes.plot(amplitude, C_1, color=LINEAR, linestyle=(0, (4, 3)), linewidth=1.1, label="printed (4.1.10)")
-    _sweeps(axes, data.points, "amplitude_in", "C_1_lb_s_per_in")
+    _draw_sweeps(axes, data.points, "amplitude_in", "C_1_lb_s_per_in")
     top = float(data.points["C_1_lb_s_per_in"].max())
     axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top))
     axes.set_title(_MODES[data.mode])
@@ -70,7 +70,7 @@ def _coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
     axes.legend(loc="upper left", fontsize=7)
 
 
-def _sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
+def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
     axes.plot(points[x], points[y], "o", color=MEASURED, markersize=6, markeredgecolor="white", zorder=4)
     for sweep, a, b in points[["sweep", x, y]].itertuples(index=False):
         axes.annotate(str(sweep), (a, b), (5, -10), textcoords="offset points", fontsize=8)
@@ -87,7 +87,7 @@ def response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Figure:
     figure = Figure(figsize=(0.72 * WIDTH, 3.3))
     axes = figure.add_subplot()
     curve = result.curves[0]
-    _undamped(axes, result)
+    _draw_undamped(axes, result)
     axes.plot(*_through(curve, curve.amplitude, curve.amplitude), color=INK, label="damped")
     axes.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)))
     top = 1.6 * result.A_m
@@ -113,9 +113,9 @@ def response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.3))
     panels = figure.subplots(1, 2, sharey=True)
     for axes, chosen, title in zip(panels, _split(result), ("Cases I to IV", "Case V"), strict=True):
-        _undamped(axes, result)
+        _draw_undamped(axes, result)
         for curve in chosen:
-            _line(axes, curve.name, *_through(curve, curve.amplitude, curve.amplitude))
+            _draw_line(axes, curve.name, *_through(curve, curve.amplitude, curve.amplitude))
         axes.plot(
             [1.0], [result.A_m], "o", color=MEASURED, markersize=6, markeredgecolor="white", label="measured resonance"
         )
@@ -134,7 +134,7 @@ def phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     figure = Figure(figsize=(0.72 * WIDTH, 3.3))
     axes = figure.add_subplot()
     for curve in result.curves:
-        _line(axes, curve.name, *_through(curve, *np.degrees(curve.phase)))
+        _draw_line(axes, curve.name, *_through(curve, *np.degrees(curve.phase)))
     axes.set(xlim=(1.0 - width, 1.0 + width), ylim=(0.0, 180.0), yticks=[0, 45, 90, 135, 180])
     axes.set_xticks([1.0 - 0.75 * width, 1.0, 1.0 + 0.75 * width])
     axes.set_xlabel("frequency ratio squared η²")
@@ -153,8 +153,8 @@ def differences(result: AmplitudeFrequency, printed: tuple[float, float]) -> Fig
     figure = Figure(figsize=(WIDTH, 3.3))
     left, right = figure.subplots(1, 2)
     for curve in result.curves:
-        _line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
-        _line(right, curve.name, curve.amplitude, curve.epsilon)
+        _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
+        _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
     left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
     left.plot(printed[0], 1e3 * printed[1], "s", color=ALERT, markersize=5, label="printed, case I", zorder=4)
     left.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 4.0))
@@ -179,7 +179,7 @@ def undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]) -> 
     figure = Figure(figsize=(0.72 * WIDTH, 3.2))
     axes = figure.add_subplot()
     for curve in result.curves:
-        _line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
+        _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
     axes.plot(*printed, "s", color=ALERT, markersize=5, label="printed, case I: 14 per cent at ½", zorder=4)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
     axes.set_xlabel("amplitude / resonant amplitude")
@@ -198,7 +198,7 @@ def force_amplitude(modes: Sequence[ForceAmplitudeLines], example: tuple[float, 
     """
     figure = Figure(figsize=(WIDTH, 3.5))
     for axes, lines in zip(figure.subplots(1, len(modes)), modes, strict=True):
-        _force_panel(axes, lines)
+        _draw_force_panel(axes, lines)
         if lines.mode == 1:
             F, linear, power = example
             axes.plot([linear, power], [F, F], "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
@@ -206,7 +206,7 @@ def force_amplitude(modes: Sequence[ForceAmplitudeLines], example: tuple[float, 
     return figure
 
 
-def _force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
+def _draw_force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
     lines, force = data.lines, data.lines["force_lb"]
     axes.set(xscale="log", yscale="log")
     axes.fill_betweenx(
@@ -217,7 +217,7 @@ def _force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
         lines["printed_slope"], force, color=ALERT, linestyle=(0, (4, 2)), label=f"printed p = {data.p_printed:.3f}"
     )
     axes.plot(lines["linear"], force, color=LINEAR, linestyle=(0, (1, 1.2)), label="linear, p = 1")
-    _sweeps(axes, data.points, "amplitude_in", "force_lb")
+    _draw_sweeps(axes, data.points, "amplitude_in", "force_lb")
     axes.set_xlim(0.85 * data.points["amplitude_in"].min(), 1.1 * lines["linear"].max())
     axes.set_ylim(force.iloc[0], force.iloc[-1])
     plain_log(axes.xaxis)
@@ -238,7 +238,7 @@ def level_variation(variations: pd.DataFrame, held: str) -> Figure:
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(order)))
     axes = figure.add_subplot()
-    plain_rows(axes, [_alpha_label(case, alpha, free) for case, alpha, free in
+    draw_plain_rows(axes, [_describe_alpha_label(case, alpha, free) for case, alpha, free in
                       order[["case", "alpha", "free"]].itertuples(index=False)])  # fmt: skip
     markers = "osD^vPX"
     for number, (base, rows) in enumerate(variations.groupby("base", sort=False)):
@@ -254,7 +254,7 @@ def level_variation(variations: pd.DataFrame, held: str) -> Figure:
     return figure
 
 
-def _alpha_label(case: str, alpha: float, free: bool) -> str:
+def _describe_alpha_label(case: str, alpha: float, free: bool) -> str:
     if not free:
         return case.replace("alpha", "α")
     value = "∞" if np.isinf(alpha) else f"{alpha:.3g}"
@@ -268,7 +268,7 @@ def _split(result: AmplitudeFrequency) -> tuple[list[CaseCurve], list[CaseCurve]
     )
 
 
-def _line(axes: Axes, case: str, x: FloatArray, y: FloatArray) -> None:
+def _draw_line(axes: Axes, case: str, x: FloatArray, y: FloatArray) -> None:
     """Draw a case in its colour and line: case V has those of the sum that it is, larger alphas dashed."""
     line: Any
     if case in _CASE_FORCES:
@@ -282,7 +282,7 @@ def _line(axes: Axes, case: str, x: FloatArray, y: FloatArray) -> None:
     )
 
 
-def _undamped(axes: Axes, result: AmplitudeFrequency) -> None:
+def _draw_undamped(axes: Axes, result: AmplitudeFrequency) -> None:
     for side, label in zip(result.undamped, ("undamped", None), strict=True):
         distance = np.abs(side - 1.0) * result.amplitude
         A = np.geomspace(result.amplitude[0], 3.0 * result.A_m, 200)

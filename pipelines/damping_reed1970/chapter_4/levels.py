@@ -23,7 +23,7 @@ from damping.forces.contract import Sum
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
-from damping.records.resonance import resonances
+from damping.records.resonance import tabulate_resonances
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
 ONE_TERM = {
@@ -102,17 +102,17 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
     if np.unique(data.tested_amplitude).size < 2:
         raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")
     scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
-    cases = _cases(data, scale, alphas)
-    variations = pd.concat([_variations(case, data, scale) for case in cases], ignore_index=True)
+    cases = _list_cases(data, scale, alphas)
+    variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
     spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
     return LevelMethods(
         held="coefficient" if mass is None else "xi",
         cases=cases,
-        coefficients=pd.concat([_coefficients(case, data, scale) for case in cases], ignore_index=True),
+        coefficients=pd.concat([_tabulate_coefficients(case, data, scale) for case in cases], ignore_index=True),
         variations=variations,
-        predictions=pd.concat([_predictions(case, data, scale) for case in cases], ignore_index=True),
+        predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
         picked=str(spread.idxmin()),
-        cautions=_cautions(data),
+        cautions=_list_cautions(data),
     )
 
 
@@ -132,11 +132,11 @@ def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
     """Generalized mass of each sweep: of its row at resonance where the record has masses, else ``otherwise``."""
     if "mass" not in record.table:
         return np.full(len(data.sweeps), otherwise)
-    rows = resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
+    rows = tabulate_resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
     return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
 
 
-def _cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:
+def _list_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:
     """All cases, those with a free alpha last."""
     one = [LevelCase(name, (force,)) for name, force in ONE_TERM.items()]
     fixed = [LevelCase(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
@@ -173,12 +173,12 @@ def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCa
     return replace(case, alpha=float(np.exp(found.x)))
 
 
-def _coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     held = held_values(case, data, scale)
     return pd.DataFrame({"case": case.name, "alpha": case.alpha, "sweep": data.sweeps, "held": held})
 
 
-def _variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     """A row a base sweep."""
     held = held_values(case, data, scale)
     percent = 100.0 * (held[None, :] / held[:, None] - 1.0)
@@ -187,16 +187,18 @@ def _variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.Da
     return pd.DataFrame({**head, "largest_percent": largest, "spread_percent": 100.0 * spread(case, data, scale)})
 
 
-def _predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
+def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
     """A row a base and sweep other than the base; then each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
     predicted = _amplitude(case, held[base] * scale[sweep], data, sweep)
-    rows = _prediction_rows(case, [data.sweeps[b] for b in base], predicted, data, sweep)
+    rows = _tabulate_prediction_rows(case, [data.sweeps[b] for b in base], predicted, data, sweep)
     if n < 3:
         return rows
     others = np.array([_from_others(case, data, scale, s) for s in range(n)])
-    return pd.concat([rows, _prediction_rows(case, ["others"] * n, others, data, np.arange(n))], ignore_index=True)
+    return pd.concat(
+        [rows, _tabulate_prediction_rows(case, ["others"] * n, others, data, np.arange(n))], ignore_index=True
+    )
 
 
 def _from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: int) -> float:
@@ -215,7 +217,7 @@ def _amplitude(case: LevelCase, coefficient: FloatArray, data: Observations, swe
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
 
 
-def _prediction_rows(
+def _tabulate_prediction_rows(
     case: LevelCase, base: list[str], predicted: FloatArray, data: Observations, sweep: np.ndarray
 ) -> pd.DataFrame:
     amplitude = data.tested_amplitude[sweep]
@@ -232,7 +234,7 @@ def _prediction_rows(
     )
 
 
-def _cautions(data: Observations) -> tuple[str, ...]:
+def _list_cautions(data: Observations) -> tuple[str, ...]:
     if len(data.sweeps) == 2:
         return ("two sweeps: a free alpha keeps any value exactly, and says nothing",)
     if len(data.sweeps) == 3:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from damping.report.page import Table
-from damping.report.words import between, joined, number
+from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
 from damping_reed1970.chapter_4.coefficients import IV, CoefficientLines, CoefficientModel, V
@@ -36,14 +36,14 @@ def chapter_4(results: ReportResults) -> ReportPart:
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {name: chapter_table(4, name, every[name]) for name in _TABLES} | {
-        "lines": Table(_corrected(lines), "", headings=symbols, key="linear_coefficients"),
-        "spreads": chapter_table(4, "level_variations", spreads(variations)),
-        "by_base": chapter_table(4, "level_variations", _by_base(variations)),
-        "predictions": chapter_table(4, "level_predictions", _errors(every["level_predictions"])),
+        "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
+        "spreads": chapter_table(4, "level_variations", tabulate_spreads(variations)),
+        "by_base": chapter_table(4, "level_variations", _tabulate_by_base(variations)),
+        "predictions": chapter_table(4, "level_predictions", _tabulate_errors(every["level_predictions"])),
     }
     values = {
-        "lines": [_line(lines, IV, mode) for mode in (1, 2)],
-        "line_squared": _line(lines, V, 1),
+        "lines": [_describe_line(lines, IV, mode) for mode in (1, 2)],
+        "line_squared": _describe_line(lines, V, 1),
         **_response_values(every, found.curves),
         **_level_values(found, variations),
         **_power_values(named["power_laws"], every["chance_of_exponent"]),
@@ -55,21 +55,21 @@ def chapter_4(results: ReportResults) -> ReportPart:
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def _corrected(lines: pd.DataFrame) -> pd.DataFrame:
+def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
     """What the page shows of the linear coefficients."""
     columns = ["mode", "cases", "parameter", "coefficient", "std_error", "low", "high", "printed", "force"]
     shown = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> str:
+def _describe_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> str:
     """The second coefficient of a model for a mode, with the force it stands for."""
     chosen = lines[(lines["model"] == model.name) & (lines["inputs"] == "corrected") & (lines["mode"] == mode)]
     constant, slope = chosen.iloc[0], chosen.iloc[1]
     power = "A" if model.power == 1 else "A²"
     text = (
         f"C₁ = {number(constant['coefficient'])} + {number(slope['coefficient'])} {power} for mode {mode} (slope "
-        f"{between(slope['low'], slope['high'])}, 90 per cent)"
+        f"{format_between(slope['low'], slope['high'])}, 90 per cent)"
     )
     if pd.isna(slope["printed"]):
         return text
@@ -95,7 +95,7 @@ def _level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
     """What the levels say, and what a reader should know of it."""
     cautions = dict.fromkeys(caution for one in studies.levels.values() for caution in one.cautions)
     return {
-        "least": _least(variations),
+        "least": _list_least(variations),
         "variations": [f"level-variation-mode-{mode}-{held}" for mode, held in studies.levels],
         "cautions": "; ".join(cautions).capitalize(),
     }
@@ -106,7 +106,8 @@ def _power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
     modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
         "powers": [
-            f"p = {number(one['p'], 4)} for mode {mode} ({between(one['p_low'], one['p_high'])}, 90 per cent, 1 degree "
+            f"p = {number(one['p'], 4)} for mode {mode} ({format_between(one['p_low'], one['p_high'])}, 90 per "
+            f"cent, 1 degree "
             f"of freedom; printed {one['p_printed']:g})"
             for mode, one in modes.items()
         ],
@@ -132,16 +133,16 @@ def _example_values(example: pd.DataFrame) -> dict[str, Any]:
     return {**found, "example_force": F_EXAMPLE, "inside": inside}
 
 
-def spreads(variations: pd.DataFrame) -> pd.DataFrame:
+def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     """Spread of each case by mode and what is kept, a row a case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
     modes, kept = (wide.columns.get_level_values(level) for level in ("mode", "kept"))
     wide.columns = pd.Index([f"mode {mode}, {HELD[held]}" for mode, held in zip(modes, kept, strict=True)])
-    return _named(wide.sort_values(wide.columns[0]).reset_index())
+    return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
-def _least(variations: pd.DataFrame) -> list[str]:
+def _list_least(variations: pd.DataFrame) -> list[str]:
     """Which case varies least, among those of the report and among all."""
     said = []
     for mode in (1, 2):
@@ -150,8 +151,8 @@ def _least(variations: pd.DataFrame) -> list[str]:
             plain = rows[~rows["free"] & (rows["case"] != "V, second term")]
             of_report, of_all = (min(r.to_dict("records"), key=_spread) for r in (plain, rows))
             said.append(
-                f"Mode {mode}, {words}: of the report's cases {_case(of_report['case'])} "
-                f"({number(of_report['spread_percent'], 2)} per cent), of all {_case(of_all['case'])} "
+                f"Mode {mode}, {words}: of the report's cases {_describe_case(of_report['case'])} "
+                f"({number(of_report['spread_percent'], 2)} per cent), of all {_describe_case(of_all['case'])} "
                 f"({number(of_all['spread_percent'], 2)} per cent)."
             )
     return said
@@ -163,25 +164,25 @@ def _spread(one: dict[Hashable, Any]) -> float:
     return spread if np.isfinite(spread) else np.inf
 
 
-def _by_base(variations: pd.DataFrame) -> pd.DataFrame:
+def _tabulate_by_base(variations: pd.DataFrame) -> pd.DataFrame:
     wide = variations.pivot_table("largest_percent", ["mode", "kept", "case"], "base", aggfunc="first")
     wide.columns = pd.Index([f"base {base}" for base in wide.columns])
-    return _named(wide.reset_index())
+    return _tabulate_named(wide.reset_index())
 
 
-def _errors(predictions: pd.DataFrame) -> pd.DataFrame:
+def _tabulate_errors(predictions: pd.DataFrame) -> pd.DataFrame:
     labelled = predictions.assign(
         pair=[f"{base} → {sweep}" for base, sweep in predictions[["base", "sweep"]].to_numpy()]
     )
     wide = labelled.pivot_table("percent_error", ["mode", "kept", "case"], "pair", aggfunc="first")
-    return _named(wide.reset_index().rename_axis(columns=None))
+    return _tabulate_named(wide.reset_index().rename_axis(columns=None))
 
 
-def _named(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.assign(case=[_case(case) for case in frame["case"]])
+def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(case=[_describe_case(case) for case in frame["case"]])
 
 
-def _case(case: str) -> str:
+def _describe_case(case: str) -> str:
     return str(case).replace("alpha", "α").replace("I + ", "I and ")
 
 
@@ -218,7 +219,7 @@ def chapter_4_figures(
         ChapterFigure(
             "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
             "First mode, sweep C: all cases pass through the one measured resonance. From the narrowest to the widest "
-            f"at half of its amplitude: {_by_width(curves.widths)}.",
+            f"at half of its amplitude: {_describe_by_width(curves.widths)}.",
             lambda: figures.response_curves(curves),
         ),
         ChapterFigure(
@@ -247,8 +248,8 @@ def chapter_4_figures(
     ]  # fmt: skip
 
 
-def _by_width(widths: pd.DataFrame) -> str:
+def _describe_by_width(widths: pd.DataFrame) -> str:
     """Cases by the width of their curves at half the resonant amplitude, with that width over the first one's."""
     half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
     over = half["width_eta_squared"] / half["width_eta_squared"].iloc[0]
-    return joined(f"{case.removeprefix('case ')} ({x:.2f})" for case, x in zip(half["case"], over, strict=True))
+    return format_joined(f"{case.removeprefix('case ')} ({x:.2f})" for case, x in zip(half["case"], over, strict=True))

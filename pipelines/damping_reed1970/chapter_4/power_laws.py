@@ -40,7 +40,7 @@ def fit_mode(mode: int, form: Form, version: Version, level: float = LEVEL) -> P
     return fit_power_law(*resonances(mode, version), form, level)
 
 
-def power_laws() -> pd.DataFrame:
+def tabulate_power_laws() -> pd.DataFrame:
     """A row a mode, form and inputs: exponent and coefficient, printed beside ours.
 
     ``p_low``, ``p_high``: t interval from 1 degree of freedom. ``alpha_A`` to ``alpha_C`` of each sweep with our p,
@@ -170,7 +170,7 @@ def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
     return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
 
 
-def chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
+def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
     """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
 
     With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),

@@ -192,7 +192,7 @@ def false_terms(
                 for k, term in enumerate(labels)
             ]
     table = pd.DataFrame(selection).assign(monte_carlo_error=0.5 / np.sqrt(replicates))
-    return FalseTerms(table, pd.DataFrame(frequency), _inflation(A, omega, true), replicates)
+    return FalseTerms(table, pd.DataFrame(frequency), _tabulate_inflation(A, omega, true), replicates)
 
 
 def known_law() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -239,7 +239,7 @@ def _outcome(members: np.ndarray, coefficients: FloatArray, farther: FloatArray)
     }
 
 
-def _inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> pd.DataFrame:
+def _tabulate_inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> pd.DataFrame:
     """sqrt of the first diagonal element of (X^T X)^-1, times noise, over the true coefficient."""
     X = design(A, omega, "nine terms (5.3.6)")
     sigma = 0.01 * float(true.mean())

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots.style import ALERT, AVERAGE, LINEAR, MUTED, WIDTH, law_style, plain_log, plain_rows, styled
+from damping.plots.style import ALERT, AVERAGE, LINEAR, MUTED, WIDTH, draw_plain_rows, law_style, plain_log, styled
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms
 from damping_reed1970.chapter_5.nine_terms import NineTerms
@@ -38,7 +38,7 @@ def energy_surfaces(result: EnergySurface) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.4))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     top = float(result.points["energy_in_lb"].max())
-    law = " + ".join(_pretty(term) for term in result.law)
+    law = " + ".join(_describe_pretty(term) for term in result.law)
     titles = (
         f"{law}\nrms error {result.rms_errors[0]:.1f} in-lb",
         f"nine terms\nrms error {result.rms_errors[1]:.1f} in-lb",
@@ -145,19 +145,19 @@ def circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
         laws: ``truth, noise_percent, route, law, share``; the measured data are the truth ``measured``.
         routes: those drawn.
     """
-    kinds = laws.assign(kind=[_kind(law) for law in laws["law"]])
+    kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
     known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]
     cases = list(known[["truth", "noise_percent"]].drop_duplicates().itertuples(index=False, name=None))
     figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(cases)))
     panels = np.atleast_1d(figure.subplots(1, len(routes), sharey=True))
     labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
     for axes, route in zip(panels, routes, strict=True):
-        plain_rows(axes, ["measured", *labels])
+        draw_plain_rows(axes, ["measured", *labels])
         rows = kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)]
-        _bars(axes, 0, rows)
+        _draw_bars(axes, 0, rows)
         for place, (truth, noise) in enumerate(cases, start=1):
             mine = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
-            _bars(axes, place, known[mine])
+            _draw_bars(axes, place, known[mine])
         axes.set(xlim=(0.0, 1.0), xticks=[0.0, 0.5, 1.0])
         axes.set_title(route.replace(": ", ":\n").replace(", E", ",\nE"), fontsize=7.5)
         axes.set_xlabel("share of runs")
@@ -168,7 +168,7 @@ def circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     return figure
 
 
-def _bars(axes: Axes, row: int, laws: pd.DataFrame) -> None:
+def _draw_bars(axes: Axes, row: int, laws: pd.DataFrame) -> None:
     left = 0.0
     for kind, colour in _CLASSES.items():
         share = float(laws.loc[laws["kind"] == kind, "share"].sum())
@@ -176,7 +176,7 @@ def _bars(axes: Axes, row: int, laws: pd.DataFrame) -> None:
         left += share
 
 
-def _kind(law: str) -> str:
+def _describe_kind(law: str) -> str:
     """Class of a law: a narrow band cannot tell viscous from displacement-proportional damping."""
     forces = set(law.split(" + "))
     linear, squared, other = _CLASSES
@@ -185,7 +185,7 @@ def _kind(law: str) -> str:
     return squared if "velocity-squared" in forces else other
 
 
-def _pretty(term: str) -> str:
+def _describe_pretty(term: str) -> str:
     """A term with its powers raised: A²ω."""
     return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
 

@@ -80,11 +80,11 @@ def nine_terms(inputs: tuple[Inputs, ...] = INPUTS) -> NineTerms:
         free, held, subsets = fit(design), fit_nonnegative(design), all_subsets(design)
         positive = subsets.take(((subsets.coefficients > 0.0) == subsets.members).all(axis=1))
         tables = {
-            "full": _full(design, free, held),
-            "summary": _summary(design, free, held, len(positive)),
-            "elimination": _elimination(design),
-            "best": pd.concat([_best(subsets, "free"), _best(positive, "> 0")]),
-            "by_size": pd.concat([_by_size(subsets, "free"), _by_size(positive, "> 0")]),
+            "full": _tabulate_full(design, free, held),
+            "summary": _tabulate_summary(design, free, held, len(positive)),
+            "elimination": _tabulate_elimination(design),
+            "best": pd.concat([_tabulate_best(subsets, "free"), _tabulate_best(positive, "> 0")]),
+            "by_size": pd.concat([_tabulate_by_size(subsets, "free"), _tabulate_by_size(positive, "> 0")]),
         }
         for name, table in tables.items():
             table.insert(0, "inputs", one.name)
@@ -98,7 +98,7 @@ def nine_term_design(A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:
     return design_of(data, "E", [parse_term(term) for term in NINE_TERMS])
 
 
-def _full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
+def _tabulate_full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
     order = [one.names[0] for one in one_term_fits(design)]
     return pd.DataFrame(
         {
@@ -112,7 +112,7 @@ def _full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
     )
 
 
-def _summary(design: Design, free: Fit, held: Fit, positive: int) -> pd.DataFrame:
+def _tabulate_summary(design: Design, free: Fit, held: Fit, positive: int) -> pd.DataFrame:
     largest = np.abs(design.columns * free.coefficients).max()
     return pd.DataFrame(
         {
@@ -129,7 +129,7 @@ def _summary(design: Design, free: Fit, held: Fit, positive: int) -> pd.DataFram
     )
 
 
-def _elimination(design: Design) -> pd.DataFrame:
+def _tabulate_elimination(design: Design) -> pd.DataFrame:
     rows = []
     for kind, fitter in (("free", fit), (">= 0", fit_nonnegative)):
         for step in stepwise(design, "backward", t_stop=_T_ALWAYS, fitter=fitter).steps:
@@ -150,7 +150,7 @@ def _elimination(design: Design) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _best(models: Subsets, kind: str) -> pd.DataFrame:
+def _tabulate_best(models: Subsets, kind: str) -> pd.DataFrame:
     order = np.argsort(models.scores("bic"), kind="stable")[:BEST]
     return pd.DataFrame(
         {
@@ -166,7 +166,7 @@ def _best(models: Subsets, kind: str) -> pd.DataFrame:
     )
 
 
-def _by_size(models: Subsets, kind: str) -> pd.DataFrame:
+def _tabulate_by_size(models: Subsets, kind: str) -> pd.DataFrame:
     sizes = np.arange(1, len(NINE_TERMS) + 1)
     least = [float(models.rms_errors[models.sizes == size].min(initial=np.inf)) for size in sizes]
     rms = np.where(np.isfinite(least), least, np.nan)

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from damping.report.page import Table
-from damping.report.words import between, joined, number
+from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
 from damping_reed1970.chapter_5.figures import chapter_5_figures
@@ -33,14 +33,16 @@ def chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
     found, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
     shown = {name: chapter_table(5, name, every[name]) for name in _TABLES} | {
-        "coefficients": Table(regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"),
-        "measured": chapter_table(5, "circular_claims", _measured(found.circular)),
+        "coefficients": Table(
+            tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
+        ),
+        "measured": chapter_table(5, "circular_claims", _tabulate_measured(found.circular)),
     }
     values = {
         "surface": found.surface,
         "largest_energy": found.surface.points["energy_in_lb"].max(),
         "nine": found.nine.summary,
-        "span": _span,
+        "span": _describe_span,
         "subsets": SUBSETS,
         "noise": NOISE,
         **_coefficient_values(regressions),
@@ -54,7 +56,7 @@ def chapter_5(results: ReportResults) -> ReportPart:
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
+def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
     """A row a fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
 
     The check-out data have no recovered inputs but the law that made them.
@@ -101,14 +103,14 @@ def _check_out_values(regressions: pd.DataFrame) -> dict[str, Any]:
         "check_out_points": int(two["points"].iloc[0]),
         "errors": [float(one["average_absolute_percent"].iloc[0]) for one in (two, five)],
         "ratios": five["t_ratio"].abs(),
-        **{f"coefficients_{name}": joined(number(v, 4) for v in column) for name, column in columns.items()},
+        **{f"coefficients_{name}": format_joined(number(v, 4) for v in column) for name, column in columns.items()},
     }
 
 
-def _span(values: pd.Series, digits: int = 2) -> str:
+def _describe_span(values: pd.Series, digits: int = 2) -> str:
     """``4 to 5``; one number where all are equal."""
     low, high = values.min(), values.max()
-    return number(low, digits) if low == high else between(low, high, digits=digits)
+    return number(low, digits) if low == high else format_between(low, high, digits=digits)
 
 
 def _false_values(false: FalseTerms) -> dict[str, Any]:
@@ -128,7 +130,7 @@ def _circle_values(circular: Circularity) -> dict[str, Any]:
     """What the energies of Table 5.IV are, and what selection makes of structures that are known."""
     claims = circular.claims[circular.claims["noise_percent"] == NOISE]
     linear = [row(claims, truth="linear, planes as fitted", route=route) for route in ROUTES[:2]]
-    laws = _measured(circular)[["route", "law"]].to_numpy()
+    laws = _tabulate_measured(circular)[["route", "law"]].to_numpy()
     return {
         "circular": circular,
         "nonlinear": [one["nonlinear_share"] for one in linear],
@@ -136,7 +138,7 @@ def _circle_values(circular: Circularity) -> dict[str, Any]:
     }
 
 
-def _measured(circular: Circularity) -> pd.DataFrame:
+def _tabulate_measured(circular: Circularity) -> pd.DataFrame:
     """The measured data by route."""
     laws = circular.laws[circular.laws["truth"] == "measured"].set_index("route")["law"]
     claims = circular.claims[circular.claims["truth"] == "measured"]

@@ -96,7 +96,7 @@ VISCOUS = EnergyFit("viscous 2.39", "end of 5.3", "5_IV", "A2p_in", {"A2w": np.n
 FITS = (CHECK_OUT_TWO, CHECK_OUT_FIVE, E_1, E_2, E_3, E_4, VISCOUS)
 
 
-def regressions() -> pd.DataFrame:
+def tabulate_regressions() -> pd.DataFrame:
     """A row a fit, inputs and term.
 
     Coefficients belong to energy in in-lb with A in inches and omega in rad/s; ``force_coefficient`` is that of the
@@ -108,11 +108,11 @@ def regressions() -> pd.DataFrame:
         printed = np.concatenate(one.data("printed"))
         for inputs, data in _inputs(one).items():
             changed = int(np.sum(np.concatenate(data) != printed))
-            parts.append(_rows(one, inputs, changed, one.fit(*data)))
+            parts.append(_tabulate_rows(one, inputs, changed, one.fit(*data)))
     return pd.concat(parts, ignore_index=True)
 
 
-def regression_deviations() -> pd.DataFrame:
+def tabulate_regression_deviations() -> pd.DataFrame:
     """Per cent deviations 100 (E - fitted)/E of Tables 5.II, 5.III and 5.IV beside ours, a row a fit and point.
 
     ``*_printed`` are the table's own columns (NaN where it has none), ``*_from_X_inputs`` those of our fit to the
@@ -155,7 +155,7 @@ def _inputs(one: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArra
     return {name: one.data(version) for name, version in INPUT_VERSIONS.items()}
 
 
-def _rows(one: EnergyFit, inputs: str, changed: int, found: Fit) -> pd.DataFrame:
+def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, found: Fit) -> pd.DataFrame:
     deviations = deviations_of(found)
     terms = list(one.printed)
     return pd.DataFrame(

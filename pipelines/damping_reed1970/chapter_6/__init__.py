@@ -116,7 +116,7 @@ def section_6_1(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     ``*_reproduces``: all amplitudes within ``REPRODUCES`` per cent; of Configuration I the resonant one.
     """
     errors = section_6_1_errors(rankings)
-    return pd.concat([_rows(law, rankings, errors) for law in printed_laws()], ignore_index=True)
+    return pd.concat([_tabulate_rows(law, rankings, errors) for law in printed_laws()], ignore_index=True)
 
 
 def section_6_1_errors(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
@@ -125,7 +125,7 @@ def section_6_1_errors(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     for law in printed_laws():
         ranking = rankings[law.record]
         forces = {"printed": law.force, "recomputed": recomputed(law).force, "ours": ours(law, _find(law, ranking))}
-        parts += [_errors(law, version, force, ranking.data) for version, force in forces.items()]
+        parts += [_tabulate_errors(law, version, force, ranking.data) for version, force in forces.items()]
     return pd.concat(parts, ignore_index=True)
 
 
@@ -139,7 +139,7 @@ def energy_errors(force: Sum, data: Observations) -> FloatArray:
     return np.asarray(100.0 * (energy_per_cycle(force, data.A, data.omega) / (np.pi * data.A * data.D) - 1.0))
 
 
-def _errors(law: PrintedLaw, version: str, force: Sum, data: Observations) -> pd.DataFrame:
+def _tabulate_errors(law: PrintedLaw, version: str, force: Sum, data: Observations) -> pd.DataFrame:
     amplitude = pd.DataFrame(
         {"quantity": "resonant amplitude", "at": data.sweeps, "percent_error": amplitude_errors(force, data)}
     )
@@ -159,7 +159,7 @@ def _errors(law: PrintedLaw, version: str, force: Sum, data: Observations) -> pd
     return table.assign(**head)[[*head, *table.columns]]  # type: ignore[arg-type]  # a mapping of plain values
 
 
-def _rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.DataFrame) -> pd.DataFrame:
+def _tabulate_rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.DataFrame) -> pd.DataFrame:
     fitted = {(c.force, c.shape or "coefficient"): c for c in _find(law, rankings[law.record]).coefficients}
     again = recomputed(law).parameters
     table = pd.DataFrame(

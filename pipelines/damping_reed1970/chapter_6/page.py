@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, plain_rows, styled
+from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_rows, styled
 from damping.report.page import Table
-from damping.report.words import between, joined, number, percent
+from damping.report.words import format_between, format_joined, format_percent, number
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
 from damping_reed1970.common import ChapterFigure, ReportPart
 from damping_reed1970.prose import Chapter, write_chapter
@@ -20,16 +20,17 @@ from damping_reed1970.studies import ReportResults
 def chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
-    shown = {"laws": Table(law_rows(laws), "", key="section_6_1")}
+    shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
     title = "Chapter VI: the forces of section 6.1"
     chapter = Chapter(6, title, _count_laws(laws), [force_laws_figure(errors)], shown, {}, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def law_rows(laws: pd.DataFrame) -> pd.DataFrame:
+def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
     """What the page shows of section 6.1: a row a law and parameter."""
     ours = [
-        f"{number(value)} ({between(low, high)})" for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
+        f"{number(value)} ({format_between(low, high)})"
+        for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
     ]
     where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
     unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
@@ -61,9 +62,9 @@ def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
         "limit": f"{REPRODUCES:g}",
         "inside": int(laws["printed_in_interval"].sum()),
         "numbers": len(laws),
-        "worst": joined(
+        "worst": format_joined(
             f"{one['equation']} (configuration {one['configuration']}, mode {one['mode']}: "
-            f"{percent(one['printed_percent_resonance'])} per cent{_known(one['erratum'])})"
+            f"{format_percent(one['printed_percent_resonance'])} per cent{_describe_known(one['erratum'])})"
             for one in worst.to_dict("records")
         ),
         "viscous": len(viscous),
@@ -73,7 +74,7 @@ def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _known(erratum: str) -> str:
+def _describe_known(erratum: str) -> str:
     return f", erratum {erratum}" if erratum else ""
 
 
@@ -97,7 +98,7 @@ def force_laws(errors: pd.DataFrame) -> Figure:
     laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
     figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
     axes = figure.add_subplot()
-    plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
+    draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
     styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
     axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
     axes.axvline(0.0, color=INK, linewidth=0.7)

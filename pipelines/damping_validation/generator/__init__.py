@@ -18,7 +18,14 @@ from typing import Any
 import numpy as np
 
 from damping_validation.generator.forces import TrueEffect
-from damping_validation.generator.noise import Noise, columns, data_text, draw_noise, measured, model_text
+from damping_validation.generator.noise import (
+    Noise,
+    columns,
+    describe_data_text,
+    describe_model_text,
+    draw_noise,
+    measured,
+)
 from damping_validation.generator.plan import Bench, Generator, draw_bench, log_uniform, without_base
 from damping_validation.generator.refit import (
     FORCES,
@@ -113,7 +120,7 @@ class DrawnCase:
 def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
     """Draw until a steady state exists and the effect can be made large enough."""
     for _ in range(_DRAWS):
-        names = _names(kind, rng)
+        names = _list_names(kind, rng)
         bench = _bench(kind, names, field, rng)
         noise = draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
         effects = tuple(draw_effect(name, rng, bench) for name in names)
@@ -127,7 +134,7 @@ def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
     raise RuntimeError(f"no case of kind {kind} in {_DRAWS} draws")
 
 
-def _names(kind: str, rng: Generator) -> tuple[str, ...]:
+def _list_names(kind: str, rng: Generator) -> tuple[str, ...]:
     """Names of the effects of a kind."""
     if kind.startswith("null:"):
         return ()
@@ -228,7 +235,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
     table = columns(rows, drawn.noise, amplitude, phase)
     label = {
         "kind": kind,
-        "family": family(kind),
+        "family": describe_family(kind),
         "conditions": "field" if field else "clean",
         **_effects(drawn),
         **_circumstances(drawn),
@@ -238,10 +245,10 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
         "altered": _altered(drawn),
         "nearest": _nearest(drawn) if nearest and len(drawn.effects) == 1 and drawn.gap >= _TELLING else None,
     }
-    return BlindCase(model_text(name, drawn.bench), data_text(table), label)
+    return BlindCase(describe_model_text(name, drawn.bench), describe_data_text(table), label)
 
 
-def family(kind: str) -> str:
+def describe_family(kind: str) -> str:
     """null, single, pair or outside."""
     if kind.startswith(("null:", "pair:")):
         return kind.split(":")[0]

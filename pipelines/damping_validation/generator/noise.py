@@ -71,13 +71,13 @@ def columns(rows: TrueRows, noise: Noise, amplitude: Array, phase: Array) -> dic
     return table
 
 
-def data_text(columns: Mapping[str, list[str]]) -> str:
+def describe_data_text(columns: Mapping[str, list[str]]) -> str:
     """CSV of columns of text."""
     lines = [",".join(columns), *(",".join(row) for row in zip(*columns.values(), strict=True))]
     return "\n".join(lines) + "\n"
 
 
-def model_text(name: str, bench: Bench) -> str:
+def describe_model_text(name: str, bench: Bench) -> str:
     """The simulation as given, its tolerances, and the scatter from sweep to sweep where it is declared."""
     nominal, (frequency, mass, viscous) = bench.nominal, bench.tolerance
     lines = [

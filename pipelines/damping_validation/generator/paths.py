@@ -41,7 +41,7 @@ def _planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, share=float(np.sqrt(1 - size)), sides=(*structure.sides, side)), rows
 
 
-def _planar_trials(bench: Bench) -> tuple[Shape, ...]:
+def _list_planar_trials(bench: Bench) -> tuple[Shape, ...]:
     return tuple((way * far * bench.xi, 1.0) for way in (-1.0, 1.0) for far in (0.8, 2.5))
 
 
@@ -65,13 +65,13 @@ def _residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, sides=(*structure.sides, *sides)), rows
 
 
-def _residual_trials(bench: Bench) -> tuple[Shape, ...]:
+def _list_residual_trials(bench: Bench) -> tuple[Shape, ...]:
     return tuple((way, 0.55, 1.8, 0.05, low, 1 - low, 0.0) for way in (-1.0, 1.0) for low in (0.0, 1.0))
 
 
 PATH_KINDS = {
-    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, _planar_trials, (0,)),
-    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0, _residual_trials),
+    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, _list_planar_trials, (0,)),
+    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0, _list_residual_trials),
 }
 
 
@@ -98,14 +98,14 @@ def _dropout(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return structure, replace(rows, drive=rows.drive * (1 - size * dip))
 
 
-def _dropout_trials(bench: Bench) -> tuple[Shape, ...]:
+def _list_dropout_trials(bench: Bench) -> tuple[Shape, ...]:
     return tuple((1.7 * bench.xi, form, 0.0) for form in (0.0, 1.0))
 
 
 RIG_KINDS = {
     "amplitude-scale": Kind(either_sign, _scale, lambda bench: 0.8, both_signs),
     "phase-lag": Kind(either_sign, _lag, lambda bench: 1.0, both_signs),
-    "force-dropout": Kind(_dropout_shape, _dropout, lambda bench: 0.7, _dropout_trials, (0,)),
+    "force-dropout": Kind(_dropout_shape, _dropout, lambda bench: 0.7, _list_dropout_trials, (0,)),
 }
 
 

@@ -39,7 +39,7 @@ def shoot(motion: TrueMotion, state: TrueState) -> tuple[TrueState, npt.NDArray[
     return state, found
 
 
-def _odd(last: tuple[Array, ...], half: tuple[Array, ...]) -> tuple[Array, ...]:
+def _list_odd(last: tuple[Array, ...], half: tuple[Array, ...]) -> tuple[Array, ...]:
     """The part of the stretches that changes sign in half a cycle: what is left when a lasting offset has faded."""
     return tuple((end - middle) / 2 for end, middle in zip(last, half, strict=True))
 
@@ -49,7 +49,7 @@ def _remembering(motion: TrueMotion, state: TrueState) -> TrueState:
     if not motion.structure.joints:
         return state
     after, half = motion.cycle(state)
-    return TrueState(state.q, state.v, motion.moved(_odd(after.z, half), (state.q - after.q)[0]))
+    return TrueState(state.q, state.v, motion.moved(_list_odd(after.z, half), (state.q - after.q)[0]))
 
 
 def _corrected(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Array]:
@@ -73,7 +73,7 @@ def _corrected(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, 
     step_q = ((1 - d) * miss_q + b * miss_v) / determinant
     step_v = (c * miss_q + (1 - a) * miss_v) / determinant
     new_q, new_v = state.q[:, 0] + step_q, state.v[:, 0] + step_v * omega
-    odd = _odd(tuple(part[:, :1] for part in end.z), tuple(part[:, :1] for part in half))
+    odd = _list_odd(tuple(part[:, :1] for part in end.z), tuple(part[:, :1] for part in half))
     corrected = TrueState(new_q[:, None], new_v[:, None], motion.moved(odd, (new_q - end.q[:, 0])[:1]))
     return corrected, _spectral_radius(a, b, c, d), np.hypot(step_q[0], step_v[0]) / size[0]
 

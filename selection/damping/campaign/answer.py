@@ -20,7 +20,7 @@ from damping.campaign.decays import DecayMode, decay_modes
 from damping.campaign.loads import modal_loads
 from damping.campaign.modes import receptance
 from damping.campaign.records import Level, ModeFound, fit_levels, tie_modes
-from damping.campaign.sources import ORDERS, Run, read_runs
+from damping.campaign.sources import ORDERS, CampaignRun, read_runs
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.mode import Mode
@@ -155,7 +155,7 @@ def _driven(
             w = 2.0 * pi * frequency[k]
             z, z_high, z_low = (float(of_force * drive / (2.0 * mode.mode.mass * w**2 * A)) for A in bands[k])
             ratio = (z, z_low, z_high)
-            response = _responses(names, fit_of, mode, float(frequency[k]), (z, z_high, z_low), float(drive))
+            response = _list_responses(names, fit_of, mode, float(frequency[k]), (z, z_high, z_low), float(drive))
         places.append(
             At(level, tested, float(frequency[k]), ratio, response, (*swept, *mode.cautions, *loads.cautions[k]))
         )
@@ -175,7 +175,7 @@ def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> Float
     return np.concatenate([tested, start + slope * beyond])
 
 
-def _responses(
+def _list_responses(
     names: Sequence[str],
     level: Level,
     mode: ModeFound,
@@ -228,7 +228,7 @@ def _widened(median: float, low: float, high: float, spread: float) -> tuple[flo
 
 
 def _of_decays(
-    runs: Sequence[Run], design: Sequence[float], frequencies: Sequence[float], seed: int, summary: Summary
+    runs: Sequence[CampaignRun], design: Sequence[float], frequencies: Sequence[float], seed: int, summary: Summary
 ) -> Campaign:
     names, modes = decay_modes(runs, frequencies)
     channel = runs[0].channels[0]
@@ -238,7 +238,9 @@ def _of_decays(
     return Campaign(answers, tuple(tested), asked, channel.unit, summary)
 
 
-def _decaying(names: Sequence[str], run: Run, mode: DecayMode, design: Sequence[float], seed: int) -> ModeAnswer:
+def _decaying(
+    names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[float], seed: int
+) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
     of = {one.name: one for one in run.channels}[names[mode.reference]]
     table = mode.record.table.sort_values("amplitude")
@@ -266,7 +268,9 @@ def _decaying(names: Sequence[str], run: Run, mode: DecayMode, design: Sequence[
             cautions.append("no damping ratio: the predictions do not reach this amplitude")
         if k >= len(tops):
             cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
-        places.append(At(level, k < len(tops), frequency, ratio, _shaped(names, run, mode, level), tuple(cautions)))
+        places.append(
+            At(level, k < len(tops), frequency, ratio, _list_shaped(names, run, mode, level), tuple(cautions))
+        )
     nearest = [float(_crossing(grid, loads.average.median, level / to_reading)) for level in asked[len(tops) :]]
     forces = tuple(force for force in nearest if np.isfinite(force))
     return ModeAnswer(mode.name, mode.frequency, law, tuple(places), mode.left_out, mode.record, mode.mode, forces)
@@ -280,7 +284,7 @@ def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
     return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
 
 
-def _shaped(names: Sequence[str], run: Run, mode: DecayMode, level: float) -> tuple[Response, ...]:
+def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
     """Amplitude of every sensor kept, by the shape."""
     by_name = {one.name: one for one in run.channels}
     found = []

@@ -15,7 +15,7 @@ from scipy.signal import find_peaks, welch
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.campaign.records import DEAD
-from damping.campaign.sources import ORDERS, Run, common_sensors, values_of
+from damping.campaign.sources import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
@@ -26,7 +26,8 @@ from damping.signals.windows import flat_window
 #: Parts of a record whose spectra are averaged.
 PARTS = 8
 #: A peak rises so far above its saddles in ln of power, and stands so many times above the median of all.
-PROMINENCE, ABOVE = 3.0, 30.0
+PROMINENCE = 3.0
+ABOVE = 30.0
 #: A sensor moves with a mode where so much of its motion at that frequency is the mode's.
 FOLLOWS = 0.9
 #: Levels that a decay is cut into.
@@ -57,7 +58,7 @@ class DecayMode:
     mode: Mode
 
 
-def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple[list[str], list[DecayMode]]:
+def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> tuple[list[str], list[DecayMode]]:
     """Names of the sensors and the modes of free decays.
 
     Args:
@@ -66,7 +67,7 @@ def decay_modes(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple
     Raises:
         InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
-    names = common_sensors(runs)
+    names = list_common_sensors(runs)
     kinds = {one.quantity for run in runs for one in run.channels if one.name in names}
     if len(kinds) > 1:
         raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
@@ -121,7 +122,7 @@ def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> b
     return False
 
 
-def _motions(run: Run, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def _motions(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and motions (sensors, n) in SI, each about its mean."""
     by_name = {one.name: one for one in run.channels}
     factor = np.array([unit(by_name[name].unit).factor if by_name[name].unit else 1.0 for name in names])
@@ -168,7 +169,7 @@ def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[
 
 
 def _mode(
-    runs: Sequence[Run],
+    runs: Sequence[CampaignRun],
     motions: Sequence[tuple[FloatArray, FloatArray]],
     filter_: FloatArray,
     frequency: float,

@@ -28,12 +28,15 @@ Complex = npt.NDArray[np.complex128]
 #: A peak of the indicator rises so far above its saddles, in ln of power: a factor e in power.
 PROMINENCE = 1.0
 #: Modes closer than this share of their frequency are fitted together, and rows this far away belong to the band.
-CLUSTER, BAND = 0.15, 0.12
+CLUSTER = 0.15
+BAND = 0.12
 #: A mode stays where its residue is so many standard errors at one sensor at least.
 LEAST_T = 8.0
 #: Damping ratios that a mode may have.
-SMALLEST_RATIO, LARGEST_RATIO = 1e-5, 0.2
-_HALVINGS, _NEWTON_STEPS = 10, 3  # of the interval of rho, to 1e-3; then to 1e-12
+SMALLEST_RATIO = 1e-5
+LARGEST_RATIO = 0.2
+_HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
+_NEWTON_STEPS = 3
 #: Motions below so many times the noise are no peaks.
 _FLOOR = 8.0
 _PASSES = 3  # over all clusters
@@ -41,7 +44,7 @@ _FEWEST_ROWS = 6
 
 
 @dataclass(frozen=True)
-class Fit:
+class ModalFit:
     """Modes of one level, rising in frequency.
 
     ``frequency``, ``ratio``, ``slope`` (modes,): f_k in Hz, z_p and s; ``ratio_sd`` relative. ``residues``,
@@ -120,7 +123,9 @@ def find_peaks_of(f: FloatArray, H: Complex) -> list[float]:
     return [float(f[k]) for k in places if 2 <= k < len(f) - 2]
 
 
-def fit_level(f: FloatArray, H: Complex, starts: Sequence[float], sign: float, ratios: Sequence[float] = ()) -> Fit:
+def fit_level(
+    f: FloatArray, H: Complex, starts: Sequence[float], sign: float, ratios: Sequence[float] = ()
+) -> ModalFit:
     """The modes near ``starts`` (Hz), all sensors together.
 
     Args:
@@ -269,7 +274,7 @@ def _whole(
     slope: FloatArray,
     noise: FloatArray,
     sign: float,
-) -> Fit:
+) -> ModalFit:
     """Residues and standard errors of every mode in its own band, those of damping free."""
     sensors, modes = len(H), len(frequency)
     residues, residues_sd = np.zeros((sensors, modes)), np.zeros((sensors, modes))
@@ -288,7 +293,7 @@ def _whole(
             at = [s * width + 2 + k for s in range(sensors)]
             residues_sd[:, k] = np.sqrt(np.diag(covariance)[at])
             ratio_sd[k] = np.sqrt(covariance[sensors * width + place, sensors * width + place])
-    return Fit(frequency, ratio, slope, ratio_sd, residues, residues_sd, local, noise, sign)
+    return ModalFit(frequency, ratio, slope, ratio_sd, residues, residues_sd, local, noise, sign)
 
 
 def _covariance(

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.campaign.modes import LEAST_T, Complex, Fit, find_peaks_of, fit_level
-from damping.campaign.sources import ORDERS, Run, common_sensors, values_of
+from damping.campaign.modes import LEAST_T, Complex, ModalFit, find_peaks_of, fit_level
+from damping.campaign.sources import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
@@ -25,7 +25,8 @@ from damping.records.record import Record
 #: Rows with |cot phase| up to this are written.
 WRITTEN = 1.5
 #: Rows of a level, at most and at least.
-MOST_ROWS, FEWEST_ROWS = 21, 3
+MOST_ROWS = 21
+FEWEST_ROWS = 3
 #: A sensor is dead where it reads less than this share of what the sensors read in the middle.
 DEAD = 0.02
 #: Shapes of two levels are alike (modal assurance criterion) above this.
@@ -36,11 +37,11 @@ ALIKE = 0.9
 class Level:
     """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit."""
 
-    run: Run
+    run: CampaignRun
     f: FloatArray
     H: Complex
     drive: FloatArray
-    fit: Fit
+    fit: ModalFit
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,13 @@ class ModeFound:
     mode: Mode
 
 
-def fit_levels(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple[list[str], list[Level]]:
+def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> tuple[list[str], list[Level]]:
     """Names of the sensors, and every level with its modes, found on the lowest and followed upwards.
 
     Raises:
         InputError: sensors whose motion is not understood. AnalysisError: no mode.
     """
-    names = common_sensors(runs)
+    names = list_common_sensors(runs)
     levels: list[Level] = []
     starts: Sequence[float] = frequencies
     ratios: Sequence[float] = ()
@@ -89,7 +90,7 @@ def fit_levels(runs: Sequence[Run], frequencies: Sequence[float] = ()) -> tuple[
     return names, levels
 
 
-def _accelerations(run: Run, names: Sequence[str]) -> tuple[FloatArray, Complex, FloatArray]:
+def _accelerations(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, Complex, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI."""
     assert run.drive is not None
     by_name = {one.name: one for one in run.channels}
@@ -167,7 +168,7 @@ def _tie(
             left_out[name] = "it does not peak at this resonance"
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
-    cautions = _shape_cautions(r[:, kept], levels)
+    cautions = _list_shape_cautions(r[:, kept], levels)
     residues = np.where(kept, mean, np.nan)
     record = _record(levels, k, residues, reference)
     frequency, ratio, ratio_sd = (
@@ -185,7 +186,7 @@ def _tie(
     )
 
 
-def _shape_cautions(r: FloatArray, levels: Sequence[Level]) -> tuple[str, ...]:
+def _list_shape_cautions(r: FloatArray, levels: Sequence[Level]) -> tuple[str, ...]:
     """Levels whose shape is not that of the lowest."""
     said = []
     for level, row in zip(levels[1:], r[1:], strict=True):

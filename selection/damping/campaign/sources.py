@@ -21,11 +21,12 @@ from damping.formats.layout import find_layout
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
-from damping.records.text import read_bytes, shortened
+from damping.records.text import describe_shortened, read_bytes
 
 _LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
 _DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")
-_FREQUENCIES, _TIMES = ("frequency", "freq", "f"), ("time", "t", "zeit")
+_FREQUENCIES = ("frequency", "freq", "f")
+_TIMES = ("time", "t", "zeit")
 #: A control that is off from the level in its label by no more than this is that level.
 LABEL_AGREES = 0.15
 _MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
@@ -48,7 +49,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Run:
+class CampaignRun:
     """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors."""
 
     label: str
@@ -65,7 +66,7 @@ class Run:
         return not self.is_time and unit(self.drive_unit).powers != (1, 0, 0)
 
 
-def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[Run], Summary]:
+def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[CampaignRun], Summary]:
     """The runs of some files, lowest level first, and what was understood.
 
     Raises:
@@ -80,12 +81,12 @@ def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[Run], Summary]
     return runs, summary
 
 
-def _read(file: Path, max_size: int, summary: Summary) -> list[Run]:
+def _read(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
     with_start = read_bytes(file, max_size)
     if with_start.startswith(b"\x89HDF"):
-        return _hdf(file, max_size, summary)
+        return _list_hdf(file, max_size, summary)
     if with_start.lstrip()[:2] == b"-1":
-        return _functions(read_functions(with_start, file, summary), file, summary)
+        return _list_functions(read_functions(with_start, file, summary), file, summary)
     return [_table(with_start, file, summary)]
 
 
@@ -94,7 +95,7 @@ def _level(text: str) -> tuple[float, str] | None:
     return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
 
 
-def _functions(functions: Sequence[Function], file: Path, summary: Summary) -> list[Run]:
+def _list_functions(functions: Sequence[Function], file: Path, summary: Summary) -> list[CampaignRun]:
     """Runs of a universal file: functions of one level in their ID lines belong together."""
     groups: dict[str, list[Function]] = {}
     for one in functions:
@@ -103,7 +104,7 @@ def _functions(functions: Sequence[Function], file: Path, summary: Summary) -> l
     return [_function_run(label, group, file, summary) for label, group in groups.items()]
 
 
-def _function_run(label: str, group: Sequence[Function], file: Path, summary: Summary) -> Run:
+def _function_run(label: str, group: Sequence[Function], file: Path, summary: Summary) -> CampaignRun:
     if any(one.is_time for one in group):
         raise InputError("time histories in a universal file", file=file, expected="spectra or frequency responses")
     drives = [one for one in group if not one.per and (one.quantity == "force" or _DRIVE.search(one.title))]
@@ -123,17 +124,17 @@ def _function_run(label: str, group: Sequence[Function], file: Path, summary: Su
             raise InputError(
                 "functions without a level", file=file, expected="the level in the ID line, such as 0.5 g or 2 N"
             )
-        run = Run(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
+        run = CampaignRun(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
         return run if drive_unit in ("", level[1]) else replace(run, drive_unit=drive_unit)
     drive = np.mean([one.y for one in drives], axis=0)  # several control channels: their average
-    return _levelled(Run(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
+    return _levelled(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
 
 
 def _channel(one: Function) -> Channel:
     found = _LEVEL.search(one.title)
     name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
     name = " ".join(name.split()) or f"node {one.response[0]}"
-    quantity = one.quantity or _quantity(one.units[0], name)
+    quantity = one.quantity or _describe_quantity(one.units[0], name)
     return Channel(
         name,
         quantity,
@@ -144,7 +145,7 @@ def _channel(one: Function) -> Channel:
     )
 
 
-def _levelled(run: Run, stated: tuple[float, str] | None, file: Path, summary: Summary) -> Run:
+def _levelled(run: CampaignRun, stated: tuple[float, str] | None, file: Path, summary: Summary) -> CampaignRun:
     """The run with its level: as the label says where the control agrees, else the median of the control.
 
     A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
@@ -169,7 +170,7 @@ def _levelled(run: Run, stated: tuple[float, str] | None, file: Path, summary: S
     return replace(run, level=measured)
 
 
-def _hdf(file: Path, max_size: int, summary: Summary) -> list[Run]:
+def _list_hdf(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
     """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
     known = read_arrays(file, "hdf5", [], max_size).known
     groups: dict[str, list[str]] = {}
@@ -191,7 +192,7 @@ def _hdf(file: Path, max_size: int, summary: Summary) -> list[Run]:
 
 def _group_run(
     file: Path, group: str, x: str, drive: str, leaves: Sequence[str], max_size: int, summary: Summary
-) -> Run:
+) -> CampaignRun:
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
     found = read_arrays(file, "hdf5", list(path.values()), max_size)
     f = found.arrays[path[x]][0].real.reshape(-1)
@@ -210,15 +211,15 @@ def _group_run(
         of = units[leaf] or units[drive] or (level[1] if level else "")
         for k, row in enumerate(rows):
             name = leaf if len(rows) == 1 else f"{leaf}[{k}]"
-            channels.append(Channel(name, _quantity(of, leaf), of, row))
+            channels.append(Channel(name, _describe_quantity(of, leaf), of, row))
     drive_unit = units[drive] or (level[1] if level else channels[0].unit if channels else "")
     values = found.arrays[path[drive]][0]
     values = values if values.ndim == 1 else np.mean(np.atleast_2d(values), axis=0 if values.shape[-1] == len(f) else 1)
-    run = Run(group, None, drive_unit, f, values, tuple(channels))
+    run = CampaignRun(group, None, drive_unit, f, values, tuple(channels))
     return _levelled(run, level, file, summary)
 
 
-def _table(data: bytes, file: Path, summary: Summary) -> Run:
+def _table(data: bytes, file: Path, summary: Summary) -> CampaignRun:
     """The run of a table of motions against time: a free decay."""
     lines = data[:100_000].decode("utf-8-sig", errors="replace").splitlines()
     layout = find_layout(lines, "auto", "auto")
@@ -228,17 +229,17 @@ def _table(data: bytes, file: Path, summary: Summary) -> Run:
     sensors = [h for h in headers if h is not time and h.text]
     if time is None or not sensors:
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        raise InputError(f"columns {shortened(', '.join(names), 80)}", file=file, expected=expected)
+        raise InputError(f"columns {describe_shortened(', '.join(names), 80)}", file=file, expected=expected)
     mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
     found = read_columns(data, file, mapped, {})
     channels = []
     for k, header in enumerate(sensors):
         of = header.unit.replace("m/s2", "m/s^2")
-        channels.append(Channel(header.name, _quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
-    return Run(file.stem, None, "", found.numbers["time"], None, tuple(channels), is_time=True)
+        channels.append(Channel(header.name, _describe_quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
+    return CampaignRun(file.stem, None, "", found.numbers["time"], None, tuple(channels), is_time=True)
 
 
-def _quantity(text: str, name: str) -> str:
+def _describe_quantity(text: str, name: str) -> str:
     """What a unit is one of. InputError where that is no motion."""
     powers = unit(text, what=f"unit of {name!r}").powers if text else (0, 1, -2)
     if powers not in _MOTIONS:
@@ -246,7 +247,7 @@ def _quantity(text: str, name: str) -> str:
     return _MOTIONS[powers]
 
 
-def _described(runs: Sequence[Run], summary: Summary) -> None:
+def _described(runs: Sequence[CampaignRun], summary: Summary) -> None:
     for run in runs:
         sensors = ", ".join(f"{one.name} ({one.unit or 'no unit'})" for one in run.channels)
         drive = "free decay" if run.is_time else f"{run.level:g} {run.drive_unit}"
@@ -255,7 +256,7 @@ def _described(runs: Sequence[Run], summary: Summary) -> None:
         summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; sensors {sensors}", "found in the file")
 
 
-def common_sensors(runs: Sequence[Run]) -> list[str]:
+def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
     """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
     names = [one.name for one in runs[0].channels]
     kept = [name for name in names if all(name in {one.name for one in run.channels} for run in runs)]
@@ -264,7 +265,7 @@ def common_sensors(runs: Sequence[Run]) -> list[str]:
     return kept
 
 
-def values_of(run: Run, names: Sequence[str]) -> Samples:
+def values_of(run: CampaignRun, names: Sequence[str]) -> Samples:
     """Values (sensors, n) of a run."""
     by_name: Mapping[str, Channel] = {one.name: one for one in run.channels}
     return np.array([by_name[name].values for name in names])

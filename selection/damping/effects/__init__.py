@@ -19,7 +19,7 @@ from damping.effects.rig import AMPLITUDE_SCALE, FORCE_DROPOUT, PHASE_LAG
 from damping.effects.structure import NATURAL_FREQUENCY, PLANAR_COUPLING, RESIDUAL_MODES, VISCOUS_COEFFICIENT
 from damping.effects.terms import Terms
 from damping.errors import InputError
-from damping.forces.shapes import nearest_of
+from damping.forces.shapes import describe_nearest_of
 
 #: The library: what a gap may be called, in the order in which hypotheses are tried.
 CATALOGUE: dict[str, Effect] = {
@@ -51,7 +51,7 @@ def find_effect(name: str) -> Effect:
         InputError: no such effect; the nearest one is named.
     """
     if name not in CATALOGUE:
-        raise InputError(f"unknown effect {name!r}", expected=nearest_of(name, CATALOGUE))
+        raise InputError(f"unknown effect {name!r}", expected=describe_nearest_of(name, CATALOGUE))
     return CATALOGUE[name]
 
 

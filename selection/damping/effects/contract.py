@@ -49,7 +49,7 @@ class Scales:
 
 
 @dataclass(frozen=True)
-class Variable:
+class FormVariable:
     """A shape parameter of a form: ln(value) ~ N(ln(centre), width^2), or value ~ N(centre, width^2) if ``linear``.
 
     ``starts`` are in units of width.
@@ -67,9 +67,9 @@ class Variable:
         return self.centre * np.exp(self.width * np.asarray(x))
 
     @staticmethod
-    def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> Variable:
+    def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> FormVariable:
         """A variable whose central 95 % lie between ``low`` and ``high``."""
-        return Variable(exp(0.5 * (log(low) + log(high))), max(0.25 * log(high / low), 0.05), starts)
+        return FormVariable(exp(0.5 * (log(low) + log(high))), max(0.25 * log(high / low), 0.05), starts)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Form:
     change: Callable[..., Terms]
     report: Callable[..., dict[str, Floats]]
     natural: float = 1.0
-    shapes: tuple[Variable, ...] = ()
+    shapes: tuple[FormVariable, ...] = ()
     largest: float = np.inf
     label: str = ""
     replaces: str = ""

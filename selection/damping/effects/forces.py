@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from damping.arrays import Floats
-from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.terms import Terms
 from damping.forces.contract import Force
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
@@ -70,7 +70,7 @@ def joint_values(stiffness: Floats, limit: Floats) -> dict[str, Floats]:
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the stiffness lost. Shape: the amplitude at which slip starts, within the measured ones."""
-    limit = Variable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
+    limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
     return (Form("slip", add_joint, joint_values, scales.loss, (limit,), largest=scales.stiffness),)
 
 

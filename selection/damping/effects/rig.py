@@ -14,7 +14,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.terms import Terms
 from damping.forces.shapes import Shape
 
@@ -99,11 +99,11 @@ def notched(terms: Terms, depth: Floats, width: Floats, notch: str) -> Terms:
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: depth/(1 - depth). Shape: the width over omega_n, from half the bandwidth to the band measured."""
-    width = Variable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
+    width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     return tuple(_form(notch, width) for notch in NOTCHES)
 
 
-def _form(notch: str, width: Variable) -> Form:
+def _form(notch: str, width: FormVariable) -> Form:
     def change(terms: Terms, strength: Floats, width: Floats) -> Terms:
         return notched(terms, strength / (1.0 + strength), width, notch)
 

@@ -16,7 +16,7 @@ from math import tan
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.terms import Plane, Terms
 from damping.forces.polynomial import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
@@ -103,7 +103,7 @@ NATURAL_FREQUENCY = Effect(
 
 
 #: Damping of the second plane over that of the first: the report takes them equal; a tenth more or less is usual.
-DAMPING = Variable(centre=1.0, width=0.1, starts=(0.0,))
+DAMPING = FormVariable(centre=1.0, width=0.1, starts=(0.0,))
 
 
 def planar_forms(scales: Scales) -> tuple[Form, ...]:
@@ -112,11 +112,11 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
     A force that is missing in the simulation may act in the first plane only, or in both.
     """
     low = 0.2 * scales.bandwidth
-    apart = Variable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
+    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
     return tuple(_planar_side(apart, sign, False, _planar_side(apart, sign, True)) for sign in (1.0, -1.0))
 
 
-def _planar_side(apart: Variable, sign: float, alike: bool, twin: Form | None = None) -> Form:
+def _planar_side(apart: FormVariable, sign: float, alike: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
         return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
 
@@ -156,7 +156,7 @@ PLANAR_COUPLING = Effect(
 
 
 #: d ln R/d ln omega at omega_n: -2 of rigid-body motion, 2/(r^2 - 1) of a mode at r omega_n (-3 at r = 0.6, 1 at 1.7).
-SLOPE = Variable(centre=-1.0, width=3.0, starts=(0.0,), linear=True)
+SLOPE = FormVariable(centre=-1.0, width=3.0, starts=(0.0,), linear=True)
 
 
 def residual_forms(scales: Scales) -> tuple[Form, ...]:

@@ -122,7 +122,7 @@ def extrapolate_loads(
             plan = plan_loads(data, candidates, seed, done, mode.mass if mode else None, estimate)
     chosen = [law for law in plan.laws if law.weight > least_weight]
     with progress("sampling", len(chosen)) as done:
-        members = _sampled(((law, sampler(law, plan.data, asked, seed)) for law in chosen), done)
+        members = _list_sampled(((law, sampler(law, plan.data, asked, seed)) for law in chosen), done)
     return Extrapolation(plan, members, _predict(plan, members, asked, level, seed, mode), mode, seed)
 
 
@@ -146,7 +146,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def _sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance) -> tuple[Member, ...]:
+def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance) -> tuple[Member, ...]:
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
     for law, posterior in posteriors:
@@ -224,11 +224,11 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
         predicted = extrapolate_loads(
             lower, data.tested_force[higher], level, seed, mode=mode, sampler=draw_evidence, least_weight=0.0
         )
-        rows.append(_compared(predicted, data, higher).assign(levels=below))
+        rows.append(_tabulate_compared(predicted, data, higher).assign(levels=below))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
 
 
-def _compared(predicted: Extrapolation, data: Observations, higher: np.ndarray) -> pd.DataFrame:
+def _tabulate_compared(predicted: Extrapolation, data: Observations, higher: np.ndarray) -> pd.DataFrame:
     """Predictions beside the measured amplitudes of the sweeps ``higher``."""
     loads, plan = predicted.loads, predicted.plan
     measured = data.tested_amplitude[higher]

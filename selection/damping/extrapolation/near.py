@@ -12,7 +12,7 @@ import numpy as np
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.observations import Observations, observe
 from damping.records.record import Record
-from damping.records.resonance import number_levels, resonances
+from damping.records.resonance import number_levels, tabulate_resonances
 
 #: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
 #: response does not.
@@ -27,9 +27,9 @@ def near_resonance(record: Record) -> Observations:
     Rows of one sweep share their error, so counting them one by one would single out a law falsely.
 
     A constant phase offset rotates the energy of a row by offset times cot(phase), relative: what
-    :func:`damping.records.resonance.resonances` finds of it is taken off first (not where the record has energies of
-    its own). Then rows between the half-power points stay, |F cos(phase)| <= ``NEAR`` F sin(phase): beyond them the
-    measured energy is mostly error of phase. A sweep without any keeps the row nearest to resonance.
+    :func:`damping.records.resonance.tabulate_resonances` finds of it is taken off first (not where the record
+    has energies of its own). Then rows between the half-power points stay, |F cos(phase)| <= ``NEAR`` F sin(phase):
+    beyond them the measured energy is mostly error of phase. A sweep without any keeps the row nearest to resonance.
 
     Raises:
         AnalysisError: no row says anything about damping.
@@ -44,7 +44,7 @@ def without_offset(record: Record) -> Record:
     """The record with each sweep's phase offset taken off its phases; as it is where energies were recorded."""
     if not record.has_phase or "energy" in record.table.columns:
         return record
-    offset = resonances(record).set_index("sweep")["phase_offset"]
+    offset = tabulate_resonances(record).set_index("sweep")["phase_offset"]
     table = record.table.copy()
     table["phase"] = table["phase"] - table["sweep"].astype(str).map(offset)
     return Record.trusted(table, record.source)
@@ -151,7 +151,7 @@ def _change(p: FloatArray, slope: FloatArray, variance: FloatArray) -> float:
     return float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:])))
 
 
-def bistability(data: Observations, mass: float) -> str:
+def describe_bistability(data: Observations, mass: float) -> str:
     """A caution where two stable amplitudes are likely to belong to one force and frequency; else empty.
 
     The half-power bandwidth at the largest tested force is F/(M omega A), with the generalized ``mass`` M. A cubic

@@ -14,7 +14,7 @@ from scipy.special import softmax
 
 from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
-from damping.extrapolation.near import Trend, bistability, trend
+from damping.extrapolation.near import Trend, describe_bistability, trend
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
@@ -108,7 +108,7 @@ def plan_loads(
         laws=tuple(sorted(planned, key=lambda p: -p.weight)),
         trend=trend(data, float(np.median(np.hypot(*best.coordinates.scatter(best.evidence.draws))))),
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
-        bistable=bistability(data, mass) if mass else "",
+        bistable=describe_bistability(data, mass) if mass else "",
     )
 
 

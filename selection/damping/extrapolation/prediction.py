@@ -25,7 +25,7 @@ from damping.records.resonance import number_levels
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
 
-def cautions(
+def list_cautions(
     force: float, predicted: bool, data: Observations, weights: Sequence[float], plan: Plan | None
 ) -> tuple[str, ...]:
     """Cautions on the prediction at one force, the gravest first.
@@ -34,20 +34,20 @@ def cautions(
         predicted: whether there is one. weights: of the laws that take part.
     """
     largest = data.tested_force[data.top]
-    said = _of_plan(force, plan) if plan else []
+    said = _list_of_plan(force, plan) if plan else []
     if not predicted and not (plan and not plan.allows(np.asarray(force))):
         said.append("no prediction: the damping force does not reach this force at any amplitude")
     if force > largest:
         said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
-    return tuple(said + _of_test(force, data) + _of_weights(weights))
+    return tuple(said + _list_of_test(force, data) + _list_of_weights(weights))
 
 
-def _of_plan(force: float, plan: Plan) -> list[str]:
+def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """What the trend of p says, and how far the resonance moved."""
-    return [*_of_trend(force, plan), *([plan.bistable] if plan.bistable else [])]
+    return [*_list_of_trend(force, plan), *([plan.bistable] if plan.bistable else [])]
 
 
-def _of_trend(force: float, plan: Plan) -> list[str]:
+def _list_of_trend(force: float, plan: Plan) -> list[str]:
     p = plan.trend
     if not plan.allows(np.asarray(force)):
         return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
@@ -58,7 +58,7 @@ def _of_trend(force: float, plan: Plan) -> list[str]:
     return [f"p is rising with level ({p.words})"] if p.rising else []
 
 
-def _of_test(force: float, data: Observations) -> list[str]:
+def _list_of_test(force: float, data: Observations) -> list[str]:
     """What the tested levels cannot say."""
     said = []
     levels = int(number_levels(data.tested_force).max()) + 1
@@ -72,7 +72,7 @@ def _of_test(force: float, data: Observations) -> list[str]:
     return said
 
 
-def _of_weights(weights: Sequence[float]) -> list[str]:
+def _list_of_weights(weights: Sequence[float]) -> list[str]:
     """How well the laws are told apart."""
     said = []
     if weights and max(weights) < 0.5 * sum(weights):
@@ -171,7 +171,7 @@ def predict(
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
-            cautions(f, bool(p), data, [m.weight for m in members], plan) + of_draws
+            list_cautions(f, bool(p), data, [m.weight for m in members], plan) + of_draws
             for f, p in zip(force, predicted, strict=True)
         ),
         limit=plan.limit if plan else np.inf,

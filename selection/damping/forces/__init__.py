@@ -60,7 +60,7 @@ def shapes_of(name: str) -> tuple[Shape, ...]:
     return component(name).shapes
 
 
-def parameter_names(name: str) -> tuple[str, ...]:
+def list_parameter_names(name: str) -> tuple[str, ...]:
     """Names of the parameters of a force, the one it is proportional to first.
 
     Raises:
@@ -108,7 +108,7 @@ def component(name: str) -> Component:
     return Component(name, build, build(**{shape.name: 1.0 for shape in kind.shapes}))  # type: ignore[attr-defined]
 
 
-def term_name(m: float, n: float) -> str:
+def describe_term_name(m: float, n: float) -> str:
     """Name of the force whose energy per cycle is a A^m omega^n, or of the term where no force is known for it."""
     fixed = (component(name) for name in CATALOGUE if not component(name).free_shapes)
     return next((part.name for part in fixed if part.example.energy_exponents == (m, n)), EnergyTerm(1.0, m, n).name)
@@ -120,7 +120,7 @@ def make(name: str, **parameters: Floats) -> Force:
     Raises:
         InputError: no such force, or parameters other than ``parameter_names(name)``.
     """
-    wanted = parameter_names(name)
+    wanted = list_parameter_names(name)
     if set(parameters) != set(wanted):
         given = ", ".join(parameters) or "nothing"
         raise InputError(f"damping force {name!r} was given {given}", expected=", ".join(wanted))

@@ -147,7 +147,7 @@ class EnergyTerm(AveragedForce):
     @property
     def name(self) -> str:
         """The term as typed in a polynomial, such as ``A^2*omega``."""
-        parts = [_power("A", self.amplitude_power), _power("omega", self.frequency_power)]
+        parts = [_describe_power("A", self.amplitude_power), _describe_power("omega", self.frequency_power)]
         return "*".join(part for part in parts if part) or "1"
 
     @property
@@ -191,7 +191,7 @@ def term_powers(name: str) -> tuple[float, float] | None:
     return powers["A"], powers["omega"]
 
 
-def _power(symbol: str, power: float) -> str:
+def _describe_power(symbol: str, power: float) -> str:
     if power == 0.0:
         return ""
     return symbol if power == 1.0 else f"{symbol}^{power:g}"

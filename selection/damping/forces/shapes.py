@@ -52,7 +52,10 @@ class Dimension:
         return plain
 
 
-PURE, FORCE, LENGTH, TIME = Dimension(), Dimension(force=1.0), Dimension(length=1.0), Dimension(time=1.0)
+PURE = Dimension()
+FORCE = Dimension(force=1.0)
+LENGTH = Dimension(length=1.0)
+TIME = Dimension(time=1.0)
 
 
 class Tested(NamedTuple):
@@ -177,7 +180,7 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
     known = {shape.name: shape for shape in shapes}
     for key in table:
         if key not in known:
-            raise InputError(f"unknown key {key!r} in {owner}", expected=nearest_of(key, known))
+            raise InputError(f"unknown key {key!r} in {owner}", expected=describe_nearest_of(key, known))
     values = {shape.name: table.get(shape.name, shape.default) for shape in known.values()}
     for key, value in values.items():
         if value is None:
@@ -185,7 +188,7 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
     return {key: value for key, value in values.items() if value is not None}
 
 
-def nearest_of(name: str, known: Iterable[str]) -> str:
+def describe_nearest_of(name: str, known: Iterable[str]) -> str:
     """The known name most like ``name``, and all that are known."""
     names = list(known)
     near = get_close_matches(name, names, n=1, cutoff=0.0)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from damping.errors import AnalysisError, InputError
-from damping.records.text import shortened
+from damping.records.text import describe_shortened
 
 Array: TypeAlias = npt.NDArray[Any]  # of float64 or complex128
 
@@ -71,7 +71,7 @@ def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int
     head, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not head:
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
-        raise InputError(f"cannot be read ({shortened(reason, 120)})", file=path, expected=_EXPECTED[kind])
+        raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=_EXPECTED[kind])
     answer = json.loads(head)
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])

@@ -17,10 +17,10 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import Header, parse_header, recognise
+from damping.formats.headers import ColumnHeader, parse_header, recognise
 from damping.formats.layout import DELIMITERS, Layout, find_layout
-from damping.records.keys import nearest
-from damping.records.text import decode, shortened, unguarded
+from damping.records.keys import describe_nearest
+from damping.records.text import decode, describe_shortened, unguarded
 
 #: Numbers as they look with the other mark than the stated one.
 _OTHER_MARK = {
@@ -42,7 +42,7 @@ class ColumnMap:
 
     numbers: Mapping[str, FloatArray]
     sweep: tuple[str, ...] | None
-    headers: Mapping[str, Header]
+    headers: Mapping[str, ColumnHeader]
     response: str | None
     layout: Layout
 
@@ -169,10 +169,10 @@ def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -
     name = "comma" if decimal == "point" else "point"
     hint = f" (is --decimal {name} meant?)" if _OTHER_MARK[decimal].fullmatch(text) else ""
     raise InputError(
-        f"{shortened(text)!r} is not a number{hint}",
+        f"{describe_shortened(text)!r} is not a number{hint}",
         file=file,
         line=line,
-        column=shortened(column),
+        column=describe_shortened(column),
         expected=f"a number with a decimal {decimal}",
     )
 
@@ -194,7 +194,7 @@ def _places(
 
 
 def _by_name(
-    headers: Sequence[Header], known: Mapping[str, Iterable[str]], file: str | Path, line: int
+    headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], file: str | Path, line: int
 ) -> tuple[dict[str, int], str | None]:
     """ColumnMap by role where their names are those of roles, or else what tables of laboratories call them."""
     lower = [header.name.lower() for header in headers]
@@ -202,7 +202,9 @@ def _by_name(
     for first in (matches[0] for matches in found.values() if matches):
         if lower.count(first) > 1 and first != "f":
             expected = "one, or --column ROLE=NAME"
-            raise InputError(f"several columns are {shortened(first)!r}", file=file, line=line, expected=expected)
+            raise InputError(
+                f"several columns are {describe_shortened(first)!r}", file=file, line=line, expected=expected
+            )
     own = {role: lower.index(matches[0]) for role, matches in found.items() if matches}
     usual, response = recognise(headers)
     if "x" in own and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
@@ -219,7 +221,7 @@ def _by_name(
     return places, response
 
 
-def _stated_place(name: str, headers: Sequence[Header], file: str | Path, line: int) -> int:
+def _stated_place(name: str, headers: Sequence[ColumnHeader], file: str | Path, line: int) -> int:
     """The column of a stated name, with or without its unit, or of a number from 1 where no name is that number."""
     matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.name)]
     exact = [k for k in matches if headers[k].text == name.strip()]
@@ -228,23 +230,23 @@ def _stated_place(name: str, headers: Sequence[Header], file: str | Path, line: 
     if len(exact or matches) == 1:
         return (exact or matches)[0]
     names = [header.text for header in headers]
-    alike = nearest(name, names, likeness=0.5)
-    meant = f" (is {shortened(alike)!r} meant?)" if alike else ""
-    hint = "" if matches else _other_delimiter(names) or meant
-    message = f"{'several columns are' if matches else 'no column'} {shortened(name)!r}{hint}"
-    raise InputError(message, file=file, line=line, expected=f"one of {shortened(', '.join(names), 100)}")
+    alike = describe_nearest(name, names, likeness=0.5)
+    meant = f" (is {describe_shortened(alike)!r} meant?)" if alike else ""
+    hint = "" if matches else _describe_other_delimiter(names) or meant
+    message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
+    raise InputError(message, file=file, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
 
 
 def _no_role(names: list[str], layout: Layout, file: str | Path, line: int) -> InputError:
     if layout.numbered:
         expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
         return InputError("the table has no header", file=file, expected=expected)
-    expected = f"--column ROLE=NAME; it has {shortened(', '.join(names), 100)}"
-    message = f"no column has the name of a role{_other_delimiter(names)}"
+    expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
+    message = f"no column has the name of a role{_describe_other_delimiter(names)}"
     return InputError(message, file=file, line=line, expected=expected)
 
 
-def _other_delimiter(names: list[str]) -> str:
+def _describe_other_delimiter(names: list[str]) -> str:
     """A hint where the header is one cell that holds the mark of another delimiter."""
     marks = ((name, DELIMITERS[name]) for name in ("semicolon", "tab", "comma"))
     other = next((name for name, mark in marks if len(names) == 1 and mark in names[0]), None)

@@ -49,7 +49,7 @@ def conversion(found: Found, stated: Stated, file: str, summary: Summary) -> Con
     units = (
         {} if stated.consistent else {what: unit(text, what=f"unit of {what}") for what, text in texts.items() if text}
     )
-    name = _response_type(found, stated, units, file)
+    name = _describe_response_type(found, stated, units, file)
     order, per_force = RESPONSES[name]
     whence = _STATED if stated.response else _FOUND if found.response else _FOLLOWS
     summary.add("response", name, f"{whence} from its unit" if whence == _FOLLOWS else whence)
@@ -76,7 +76,7 @@ def conversion(found: Found, stated: Stated, file: str, summary: Summary) -> Con
     )
 
 
-def _response_type(found: Found, stated: Stated, units: dict[str, Unit], file: str) -> str:
+def _describe_response_type(found: Found, stated: Stated, units: dict[str, Unit], file: str) -> str:
     """Name of the response type: stated, found, or the only one that has the unit."""
     name = stated.response or found.response
     if name is not None:
@@ -84,29 +84,33 @@ def _response_type(found: Found, stated: Stated, units: dict[str, Unit], file: s
             raise InputError(f"response type {name!r}", expected=", ".join(RESPONSES))
         if found.per_force is not None and found.per_force != RESPONSES[name][1]:
             kind = "a ratio to force" if found.per_force else "no ratio to force"
-            raise InputError(f"the response is {kind} and {name} is stated", file=file, expected=_choices(found))
+            raise InputError(
+                f"the response is {kind} and {name} is stated", file=file, expected=_describe_choices(found)
+            )
         return name
     if "response" in units:
         powers = units["response"].powers
-        fits = [n for n in _fitting(found) if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
+        fits = [n for n in _list_fitting(found) if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
         fits = [n for n in fits if not RESPONSES[n][1]] if powers[:2] == (0, 0) else fits
         if not fits and found.per_force and "force" in units:
-            fits = [name for name in _fitting(found) if _powers(name) == units["response"].per(units["force"]).powers]
+            fits = [
+                name for name in _list_fitting(found) if _powers(name) == units["response"].per(units["force"]).powers
+            ]
         if len(fits) == 1:
             return fits[0]
     raise InputError(
         "the type of the response is neither in the file nor stated",
         file=file,
-        expected=f"--response {_choices(found)}",
+        expected=f"--response {_describe_choices(found)}",
     )
 
 
-def _fitting(found: Found) -> list[str]:
+def _list_fitting(found: Found) -> list[str]:
     return [name for name, (_, per) in RESPONSES.items() if found.per_force is None or per == found.per_force]
 
 
-def _choices(found: Found) -> str:
-    return " or ".join(_fitting(found))
+def _describe_choices(found: Found) -> str:
+    return " or ".join(_list_fitting(found))
 
 
 def _powers(name: str) -> tuple[int, int, int]:
@@ -153,7 +157,7 @@ def ask(found: Found, stated: Stated, file: str, *, force: bool | None) -> None:
     texts = {what: stated.units.get(what) or found.units.get(what) for what in ("response", "force")}
     typed = stated.response or found.response
     if typed is None and (stated.consistent or not texts["response"]):
-        missing["type of the response"] = f"--response {_choices(found)}"
+        missing["type of the response"] = f"--response {_describe_choices(found)}"
     if not stated.consistent:
         units = [what for what in texts if not texts[what] and (what == "response" or force is not None)]
         for what in units:

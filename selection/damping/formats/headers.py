@@ -36,7 +36,7 @@ RESPONSE_NAMES: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Header:
+class ColumnHeader:
     """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``."""
 
     text: str
@@ -50,18 +50,18 @@ class Header:
         return _ANGLES.get(self.unit.lower(), "")
 
 
-def parse_header(text: str) -> Header:
+def parse_header(text: str) -> ColumnHeader:
     """Name, unit and scaling of a header."""
     match = _UNIT.match(text)
     name, of = (match[1].strip(), match[2]) if match else (text.strip(), "")
     scaled = _SCALING.search(of) if of else None
     if scaled is None:
-        return Header(text, name, of)
+        return ColumnHeader(text, name, of)
     kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
-    return Header(text, name, of[: scaled.start()].strip(), kind)
+    return ColumnHeader(text, name, of[: scaled.start()].strip(), kind)
 
 
-def recognise(headers: Sequence[Header]) -> tuple[dict[str, int], str | None]:
+def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
     """Columns by role where the names of a table say it, and the type of response that a name says.
 
     Where there is a time, ``x`` and ``y`` are no readings of an amplifier, nor where there is a ``z`` beside them.
@@ -87,13 +87,13 @@ def recognise(headers: Sequence[Header]) -> tuple[dict[str, int], str | None]:
     return places, response
 
 
-def _is_angle(header: Header) -> bool:
+def _is_angle(header: ColumnHeader) -> bool:
     """Whether a column is a phase whose unit is known, or that of a record."""
     name = header.name.lower()
     return name.startswith("phase") and (bool(header.angle) or (name == "phase" and not header.unit))
 
 
-def _may_be(role: str, header: Header) -> bool:
+def _may_be(role: str, header: ColumnHeader) -> bool:
     """Whether the unit of a header, where it has one, is one of the role."""
     if not header.unit or role == "sweep":
         return True

@@ -44,28 +44,28 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
     """
     content = [(k, line.strip(" \r\n")) for k, line in enumerate(lines[:LOOKED_AT]) if line.strip()]
     data = [(k, line) for k, line in content if not line.lstrip().startswith(_COMMENTS)]
-    mark = delimiter if delimiter != "auto" else _delimiter([line for _, line in data or content])
-    point = decimal if decimal != "auto" else _decimal([line for _, line in data[1:]], mark)
+    mark = delimiter if delimiter != "auto" else _describe_delimiter([line for _, line in data or content])
+    point = decimal if decimal != "auto" else _describe_decimal([line for _, line in data[1:]], mark)
     if not content:
         return None
     first, text = content[0]
     plain = not text.startswith(_COMMENTS)
     if plain or not data:  # comments begin none of the lines: the first is the header
-        names = _cells(text, mark)
+        names = _list_cells(text, mark)
         if not _numeric(names, point) or not data:
             return Layout(mark, point, tuple(names), first + 1, False, False)
     place, row = data[0]
-    cells = _cells(row, mark)
+    cells = _list_cells(row, mark)
     if not _numeric(cells, point):
         return Layout(mark, point, tuple(cells), place + 1, not plain, False)
     above = [line.lstrip("#% ") for k, line in content if k < place]
-    named = _cells(above[-1], mark) if above else []
+    named = _list_cells(above[-1], mark) if above else []
     if len(named) == len(cells):
         return Layout(mark, point, tuple(named), place, True, False)
     return Layout(mark, point, tuple(str(k + 1) for k in range(len(cells))), place, True, True)
 
 
-def _cells(line: str, delimiter: str) -> list[str]:
+def _list_cells(line: str, delimiter: str) -> list[str]:
     try:
         return next(csv.reader([line], delimiter=DELIMITERS[delimiter], skipinitialspace=delimiter == "space"), [])
     except csv.Error:
@@ -78,10 +78,10 @@ def _numeric(cells: Sequence[str], decimal: str) -> bool:
     return any(texts) and all(_NUMBER[decimal].fullmatch(text) for text in texts)
 
 
-def _delimiter(lines: Sequence[str]) -> str:
+def _describe_delimiter(lines: Sequence[str]) -> str:
     """The mark that cuts every line alike into cells of which the last line has two numbers or more; else comma."""
     for name in ("tab", "semicolon", "comma", "space"):
-        rows = [_cells(line, name) for line in lines]
+        rows = [_list_cells(line, name) for line in lines]
         widths = {len(row) for row in rows[-5:]}
         last = rows[-1] if rows else []
         numbers = sum(bool(cell.strip()) and any(_NUMBER[d].fullmatch(cell.strip()) for d in DECIMALS) for cell in last)
@@ -92,11 +92,11 @@ def _delimiter(lines: Sequence[str]) -> str:
     return heads[0] if heads else "comma"
 
 
-def _decimal(lines: Sequence[str], delimiter: str) -> str:
+def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
     """``comma`` where numbers have commas and none has a point."""
     if delimiter == "comma":
         return "point"
-    cells = [cell.strip() for line in lines[:20] for cell in _cells(line, delimiter)]
+    cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
     commas = any(_WITH_COMMA.fullmatch(cell) for cell in cells)
     points = any("." in cell and _NUMBER["point"].fullmatch(cell) for cell in cells)
     return "comma" if commas and not points else "point"

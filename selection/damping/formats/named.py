@@ -219,7 +219,7 @@ def _of(force: Samples | None, sweep: int) -> Samples | None:
     return force[:, min(sweep, force.shape[1] - 1)]
 
 
-def _one_of(
+def _describe_one_of(
     arrays: Mapping[str, Array], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
 ) -> str | None:
     """The one of some roles that is there."""
@@ -231,7 +231,7 @@ def _one_of(
 
 
 def _abscissa(arrays: Mapping[str, Array], file: str | Path) -> tuple[str, FloatArray]:
-    role = cast(str, _one_of(arrays, tuple(_ABSCISSAS), "abscissa", file, needed=True))
+    role = cast(str, _describe_one_of(arrays, tuple(_ABSCISSAS), "abscissa", file, needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
         raise InputError(f"array of {role} has the shape {values.shape}", file=file, expected="one real number a point")
@@ -240,8 +240,8 @@ def _abscissa(arrays: Mapping[str, Array], file: str | Path) -> tuple[str, Float
 
 def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
     """The response (n, k) and whether its phase is known."""
-    main = cast(str, _one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
-    phase = _one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
+    main = cast(str, _describe_one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
+    phase = _describe_one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
     values = _matrix(arrays[main], n, main, file)
     if (main == "x") != ("y" in arrays):
         raise InputError("x and y need each other", file=file, expected="--column x=NAME and y=NAME")
@@ -270,7 +270,7 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
 
 def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Samples | None:
     """The force (n, 1) or (n, k); None where there is none."""
-    main = _one_of(arrays, ("force", "force_x"), "force", file, needed=False)
+    main = _describe_one_of(arrays, ("force", "force_x"), "force", file, needed=False)
     if main is None:
         return None
     values = _spread(arrays[main], n, k, main, file)

@@ -22,7 +22,7 @@ from damping.forces import shapes_of
 from damping.forces.shapes import Shape, completed
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
-from damping.records.text import shortened
+from damping.records.text import describe_shortened
 
 #: Names of units: (powers of force, length, time), factor to N, m, s.
 _NAMES: dict[str, tuple[tuple[int, int, int], float]] = {
@@ -96,7 +96,7 @@ def unit(text: str, *, what: str = "unit") -> Unit:
     try:
         powers, factor = _parsed(text)
     except (ValueError, OverflowError):
-        raise InputError(f"{what} {shortened(text)!r} is not understood", expected=_EXPECTED) from None
+        raise InputError(f"{what} {describe_shortened(text)!r} is not understood", expected=_EXPECTED) from None
     return Unit(text.strip(), *powers, factor)
 
 
@@ -105,7 +105,7 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
     if len(text) > _LONGEST:
         raise ValueError
     signs, sign, powers, factor = [1], 1, [0, 0, 0], 1.0
-    tokens = _tokens(text)
+    tokens = _list_tokens(text)
     wants_name = True
     while tokens:
         token = tokens.pop(0)
@@ -129,7 +129,7 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
     return (powers[0], powers[1], powers[2]), factor
 
 
-def _tokens(text: str) -> list[str]:
+def _list_tokens(text: str) -> list[str]:
     """The text cut into names, numbers and signs; a space between two names multiplies."""
     tokens: list[str] = []
     position = 0

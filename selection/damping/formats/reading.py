@@ -19,8 +19,8 @@ from damping.formats.named import ROLES, Said, once, to_series
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import RESPONSES, SCALINGS, Found, Series, Stated, Summary
 from damping.formats.uff import read_uff
-from damping.records.keys import nearest
-from damping.records.text import DEFAULT_MAX_SIZE, read_bytes, shortened
+from damping.records.keys import describe_nearest
+from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -51,7 +51,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     kind = _format(path, stated, summary)
     _heeded(stated, kind, path)
     if kind in _ARRAYS:
-        return _arrays(path, kind, stated, summary, max_size), summary
+        return _list_arrays(path, kind, stated, summary, max_size), summary
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, path, summary, stated.datasets, stated.labels), summary
@@ -65,7 +65,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     for role, header in found.headers.items():
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
-            summary.add(f"column {shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
+            summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in found.headers.items() if role in numbers}
     said = Said(
         units=_units({role: header.unit for role, header in headers.items() if header.unit}),
@@ -126,9 +126,9 @@ def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
 
 def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
     if value is not None and value not in known:
-        alike = nearest(value, known, likeness=0.5)
+        alike = describe_nearest(value, known, likeness=0.5)
         hint = f" (is {alike!r} meant?)" if alike else ""
-        raise InputError(f"{option} {shortened(value)!r} is unknown{hint}", expected=", ".join(known))
+        raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
 
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
@@ -197,7 +197,7 @@ def _start(path: str | Path) -> bytes:
     raise InputError("is no regular file", file=path, expected="a file")
 
 
-def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+def _list_arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
     own = [name for names in _OWN_NAMES.values() for name in names]
@@ -206,13 +206,13 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
     if channels or not found.arrays:
         everything = found if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else found
         if everything.steps or channels:
-            return _channels(everything, stated, path, summary)
+            return _list_channels(everything, stated, path, summary)
     arrays, known = found.arrays, found.known
     names = dict(stated.columns)
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
-            raise InputError(f"no array {shortened(missing)!r}", file=path, expected=_has(known))
+            raise InputError(f"no array {describe_shortened(missing)!r}", file=path, expected=_has(known))
         names = _with_setting(names, known)
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
@@ -226,9 +226,9 @@ def _arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_s
         shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"
-        summary.add(f"array {shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
+        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     said = Said(units=_units({role: found.units[name] for role, name in names.items() if name in found.units}))
-    return _each(names, arrays, said, path, summary)
+    return _list_each(names, arrays, said, path, summary)
 
 
 def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
@@ -239,7 +239,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
     return names | {role: role for role in abscissas if known.get(role)}
 
 
-def _each(
+def _list_each(
     names: Mapping[str, str],
     arrays: Mapping[str, list[Array]],
     said: Said,
@@ -263,7 +263,7 @@ def _each(
     return series
 
 
-def _channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
+def _list_channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
     """Time histories of a file that says the time step of each of its channels."""
     unheeded = next((role for role in stated.columns if role != "response"), None)
     if unheeded:
@@ -271,12 +271,12 @@ def _channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary)
     asked = stated.columns.get("response")
     names = [name for name in found.arrays if asked in (None, name) or name.split("/")[-1] == asked]
     if not names:
-        raise InputError(f"no channel {shortened(asked or '')!r}", file=path, expected=_has(found.known))
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(found.known))
     for name in names:
         if name not in found.steps:
             raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
         summary.add(
-            f"channel {shortened(name)!r}",
+            f"channel {describe_shortened(name)!r}",
             f"{found.arrays[name][0].size} samples, step {found.steps[name][1]:g} s",
             "found in the file",
         )

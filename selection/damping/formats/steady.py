@@ -32,10 +32,10 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
         InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
     """
     _not_too_many(series, stated, file)
-    labels, forces = _labels(series, stated, file), _stated_forces(series, stated, file)
+    labels, forces = _list_labels(series, stated, file), _stated_forces(series, stated, file)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
-            _table(one, label, force, stated, str(file), summary)
+            _tabulate_table(one, label, force, stated, str(file), summary)
             for one, label, force in zip(series, labels, forces, strict=True)
         ]
     if len({"phase" in table for table in tables}) > 1:
@@ -61,7 +61,7 @@ def _not_too_many(series: Sequence[Series], stated: Stated, file: str | Path) ->
         )
 
 
-def _labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
+def _list_labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
     """Label of each sweep, all different."""
     if stated.labels:
         if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
@@ -91,7 +91,9 @@ def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -
     return many if len(many) == len(series) else many * len(series)
 
 
-def _table(one: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary) -> pd.DataFrame:
+def _tabulate_table(
+    one: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary
+) -> pd.DataFrame:
     """Rows of one sweep."""
     ask(one.found, stated, file, force=level is not None or one.force is not None)
     to = conversion(one.found, stated, file, summary)
@@ -123,7 +125,7 @@ def _usable(one: Series, stated: Stated, label: str, file: str, summary: Summary
     reasons = _left_out(one)
     keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
     lost = int(np.count_nonzero(~keep))
-    counts = _counted(reasons)
+    counts = _describe_counted(reasons)
     if lost:
         summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
     if stated.band is not None:
@@ -154,7 +156,7 @@ def _left_out(one: Series) -> dict[str, BoolArray]:
     return reasons
 
 
-def _counted(reasons: Mapping[str, BoolArray]) -> str:
+def _describe_counted(reasons: Mapping[str, BoolArray]) -> str:
     counts = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
     return ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
 

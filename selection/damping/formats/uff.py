@@ -20,7 +20,7 @@ from damping.formats.series import Found, Samples, Series, Summary
 from damping.formats.uff_blocks import Header, UffBlock, blocks, header
 from damping.formats.uff_values import abscissa, binary_form, units, values
 from damping.formats.uff_write import PEAK
-from damping.records.text import shortened
+from damping.records.text import describe_shortened
 
 _FUNCTIONS = {
     0: "general",
@@ -97,13 +97,13 @@ def read_uff(
         has = f" (it has {', '.join(map(str, others))})" if others else ""
         raise InputError(f"no data set 58{has}", file=file, expected="a universal file with functions at nodal DOF")
     _listed(sets, others, summary)
-    chosen = _chosen(sets, datasets, file)
+    chosen = _list_chosen(sets, datasets, file)
     forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
     _one_point(responses, datasets, file)
     series = [_series(one, data, file, summary) for one in responses]
     if not labels:
-        series = _labelled(series, responses)
-    return _with_forces(series, forces, data, file, summary)
+        series = _list_labelled(series, responses)
+    return _list_with_forces(series, forces, data, file, summary)
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
         of = f"{one.quantity or 'unknown quantity'}{f' per {one.per}' if one.per else ''}"
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
         form = "bytes" if one.block.binary else "text"
-        title = f", {shortened(head.title, 40)!r}" if head.title else ""
+        title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
         summary.add(
             f"data set {one.number}",
             f"{what}, {of}, {head.points} points ({form}), {one.point}{title}",
@@ -180,17 +180,17 @@ def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
         summary.note(f"data sets {', '.join(map(str, others))} are passed over")
 
 
-def _chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) -> list[_Set]:
+def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) -> list[_Set]:
     """The sets asked for, or all functions of time or frequency that are motions or forces."""
     bad = next((number for number in datasets if not 1 <= number <= len(sets)), None)
     if bad is not None:
         raise InputError(f"no data set {bad}", file=file, expected=f"numbers from 1 to {len(sets)}")
     chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.header.function in _TAKEN]
     for one in chosen:
-        problem = _unfit(one)
+        problem = _describe_unfit(one)
         if problem and datasets:
             raise InputError(f"data set {one.number} is {problem}", file=file, line=one.block.line, expected=_EXPECTED)
-    chosen = [one for one in chosen if not _unfit(one)]
+    chosen = [one for one in chosen if not _describe_unfit(one)]
     if not any(not one.is_force for one in chosen):
         raise InputError("no data set is a response", file=file, expected=_EXPECTED)
     has_ratio = any(one.header.function == 4 for one in chosen)
@@ -204,7 +204,7 @@ def _chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) -> li
 _EXPECTED = "a frequency response (type 4), spectrum (12), general function (0) or time response (1) of a motion"
 
 
-def _unfit(one: _Set) -> str:
+def _describe_unfit(one: _Set) -> str:
     """Why a data set is neither a response nor a force; '' if it is one."""
     head = one.header
     if head.function not in _TAKEN:
@@ -258,14 +258,14 @@ def _series(one: _Set, data: bytes, file: str | Path, summary: Summary) -> Serie
     )
 
 
-def _labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
+def _list_labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
     """ID lines as labels where they tell the sweeps apart, else numbers of data sets."""
     if len({one.label for one in series}) == len(series):
         return series
     return [replace(one, label=f"set {found.number}") for one, found in zip(series, sets, strict=True)]
 
 
-def _with_forces(
+def _list_with_forces(
     series: list[Series], forces: list[_Set], data: bytes, file: str | Path, summary: Summary
 ) -> list[Series]:
     """Each response with its force: as many forces as responses, in order, at the same abscissas."""

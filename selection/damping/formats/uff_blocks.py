@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from damping.errors import InputError
-from damping.records.text import shortened
+from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
 #: Data sets of a file that are looked at.
@@ -168,8 +168,8 @@ def header(block: UffBlock, file: str | Path) -> Header:
     if points < 1:
         raise InputError(f"{points} points", file=file, line=block.line + 7, expected="at least one")
     return Header(
-        title=_text(lines[0], 0, 80),
-        notes=tuple(_text(line, 0, 80) for line in lines[1:5]),
+        title=_describe_text(lines[0], 0, 80),
+        notes=tuple(_describe_text(line, 0, 80) for line in lines[1:5]),
         function=origin.integer(0, 5, required=True),
         response_point=(origin.integer(41, 51), origin.integer(51, 55)),
         reference_point=(origin.integer(66, 76), origin.integer(76, 80)),
@@ -199,7 +199,10 @@ class _Fields:
             return int(field)
         if field and required:
             raise InputError(
-                f"{shortened(_decoded(field))!r} is no integer", file=self.file, line=self.line, expected="an integer"
+                f"{describe_shortened(_describe_decoded(field))!r} is no integer",
+                file=self.file,
+                line=self.line,
+                expected="an integer",
             )
         return 0
 
@@ -218,7 +221,7 @@ def _form(content: bytes, line: int, file: str | Path) -> list[float]:
         if len(values) == 5 and len(whole) == 3 and all(whole):
             return values
     raise InputError(
-        f"{shortened(_decoded(content.strip()))!r} does not describe the data",
+        f"{describe_shortened(_describe_decoded(content.strip()))!r} does not describe the data",
         file=file,
         line=line,
         expected="ordinate data type, number of points, spacing, first abscissa, step",
@@ -227,16 +230,16 @@ def _form(content: bytes, line: int, file: str | Path) -> list[float]:
 
 def _axis(content: bytes, line: int, file: str | Path) -> Axis:
     code = _Fields(content, line, file).integer(0, 10)
-    return Axis(code, _text(content, 26, 46), _text(content, 46, 80))
+    return Axis(code, _describe_text(content, 26, 46), _describe_text(content, 46, 80))
 
 
-def _text(content: bytes, start: int, end: int) -> str:
+def _describe_text(content: bytes, start: int, end: int) -> str:
     """A text field; '' for NONE."""
-    text = _decoded(content[start:end]).strip(" \0\t")
+    text = _describe_decoded(content[start:end]).strip(" \0\t")
     return "" if text.upper() == "NONE" else text
 
 
-def _decoded(content: bytes) -> str:
+def _describe_decoded(content: bytes) -> str:
     """UTF-8, else the Latin-1 of older programs."""
     try:
         return content.decode()

@@ -110,7 +110,7 @@ def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) 
     Raises:
         InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
     """
-    order = _byte_order(block, file)
+    order = _describe_byte_order(block, file)
     wide = "f4" if header.ordinate in (2, 5) else "f8"
     shape = (1 if header.ordinate in (2, 4) else 2,)
     forms = [np.dtype([("y", order + wide, shape)])]
@@ -230,7 +230,7 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-def _byte_order(block: UffBlock, file: str | Path) -> str:
+def _describe_byte_order(block: UffBlock, file: str | Path) -> str:
     """``<`` or ``>``: fields 1 (byte order) and 2 (floating-point format) of the first line."""
     order, form = (*block.fields, 0, 0)[:2]
     if form not in (0, 2):

@@ -34,7 +34,7 @@ def uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes
     Raises:
         AnalysisError: a sweep of several rows without phases.
     """
-    notes = [f"column {name} is not in the universal file" for name in _left_out(record)]
+    notes = [f"column {name} is not in the universal file" for name in _list_left_out(record)]
     sets = []
     for label in record.sweeps:
         one = record.of(label)
@@ -44,13 +44,15 @@ def uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes
         if len(title.encode()) > 80 or title != label:
             notes.append(f"label {label!r} is shortened")
             title = title.encode()[:80].decode(errors="ignore")
-        ratio = (_axis(_DISPLACEMENT, "Displacement", length), _axis(_FORCE, "Force", force))
+        ratio = (_describe_axis(_DISPLACEMENT, "Displacement", length), _describe_axis(_FORCE, "Force", force))
         sets.append(_set(title, 4, f, receptance, ratio, binary))
-        sets.append(_set(title, 12, f, F, (_axis(_FORCE, "Force", force), _axis(0, "NONE", "")), binary))
+        sets.append(
+            _set(title, 12, f, F, (_describe_axis(_FORCE, "Force", force), _describe_axis(0, "NONE", "")), binary)
+        )
     return b"".join(sets), notes
 
 
-def _left_out(record: Record) -> list[str]:
+def _list_left_out(record: Record) -> list[str]:
     kept = (*REQUIRED_COLUMNS, "phase")
     return [name for name in record.table.columns if name not in kept and name in (*OPTIONAL_COLUMNS, *record.table)]
 
@@ -63,7 +65,7 @@ def _lag(record: Record, label: str) -> FloatArray:
     return np.full(1, 0.5 * np.pi)
 
 
-def _axis(code: int, label: str, unit: str) -> str:
+def _describe_axis(code: int, label: str, unit: str) -> str:
     return f"{code:10d}{0:5d}{0:5d}{0:5d} {label:<20s} {unit or 'NONE':<20s}\n"
 
 
@@ -79,9 +81,9 @@ def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, 
         *(f"{line or 'NONE'}\n" for line in (title, "", "", PEAK, "")),
         f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10s}{1:10d}{0:4d} {'NONE':<10s}{1:10d}{0:4d}\n",
         f"{6 if np.iscomplexobj(y) else 4:10d}{len(x):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}\n",
-        _axis(_FREQUENCY, "Frequency", "Hz"),
+        _describe_axis(_FREQUENCY, "Frequency", "Hz"),
         *axes,
-        _axis(0, "NONE", ""),
+        _describe_axis(0, "NONE", ""),
     ]
     values = numbers.astype("<f8").tobytes() if binary else _as_text(numbers)
     return "".join(lines).encode() + values + _END

@@ -90,7 +90,7 @@ def _mat(path: str, kind: str, names: list[str], most: int, known: Any, units: A
         if top in found:
             _list_nested(found[top], top, known, 0)
     for name in names:
-        for value in _addressed(found, name):
+        for value in _list_addressed(found, name):
             if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiucb":
                 raise RefusedError(f"{name!r} is no array of numbers")
             yield name, value
@@ -114,7 +114,7 @@ def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int)
 _STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
 
 
-def _addressed(found: Any, name: str) -> list[Any]:
+def _list_addressed(found: Any, name: str) -> list[Any]:
     """What a name with fields and places stands for; empty where there is nothing of it."""
     top = re.match(r"\w+", name)
     if top is None or top[0] not in found:
@@ -124,12 +124,12 @@ def _addressed(found: Any, name: str) -> list[Any]:
         step = _STEP.match(name, place)
         if step is None:
             return []
-        values = [part for value in values for part in _parts(value, step)][:_MOST_PARTS]
+        values = [part for value in values for part in _list_parts(value, step)][:_MOST_PARTS]
         place = step.end()
     return values
 
 
-def _parts(value: Any, step: re.Match[str]) -> list[Any]:
+def _list_parts(value: Any, step: re.Match[str]) -> list[Any]:
     """What one step of a name leads to: a field of every structure, or the elements at a place counted from 1."""
     field, bracket, row, column = step.groups()
     if not isinstance(value, np.ndarray):

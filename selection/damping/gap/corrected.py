@@ -16,15 +16,15 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.model import Part, within_tolerance
-from damping.infer.chains import Chains, Settings, Start, Target, run
+from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import importance
 from damping.infer.law import by_blocks
 from damping.records.mode import Mode
 
 
-def refitted_values(one: Fit) -> dict[str, float]:
+def refitted_values(one: ModelFit) -> dict[str, float]:
     """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
     simulation = one.model.problem.simulation
     replaced = {part.form.replaces for part in one.model.parts}
@@ -33,7 +33,7 @@ def refitted_values(one: Fit) -> dict[str, float]:
     return {name: float(v) for name, v in zip(simulation.names, values, strict=True) if name not in replaced}
 
 
-def effect_values(one: Fit) -> dict[str, dict[str, float]]:
+def effect_values(one: ModelFit) -> dict[str, dict[str, float]]:
     """Parameters of every effect of a fit, as a model file holds them."""
     start = len(one.model.problem.simulation.names)
     found = {}
@@ -49,7 +49,7 @@ def reported(part: Part, x: np.ndarray) -> dict[str, float]:
     return {name: float(value) for name, value in part.form.report(*values).items()}
 
 
-def corrected_mode(one: Fit, effects: Mapping[str, Effect]) -> Mode:
+def corrected_mode(one: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
     Damping forces go to ``damping`` (beside one of the same name, its coefficients add), corrected parameters take the
@@ -106,24 +106,24 @@ class EffectPosterior:
     chains: Chains
 
 
-def sample_effects(leading: Fit, seed: int) -> EffectPosterior:
+def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     """Sample the parameters of an explanation (those of the simulation where there is none)."""
     density = partial(log_density, leading)
     k = leading.model.size
     start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
     target = Target(density, k, partial(parameters, leading))
-    chains = run(target, Start(start.draws, start.proposal), lambda x: {}, seed, _SETTINGS)
+    chains = run(target, ChainStart(start.draws, start.proposal), lambda x: {}, seed, _SETTINGS)
     values = parameters(leading, chains.x.reshape(-1, k))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)
 
 
-def log_density(leading: Fit, x: FloatArray) -> FloatArray:
+def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     """ln of likelihood times N(x; 0, 1), the deviations of sweeps integrated out; x (points, variables)."""
     return by_blocks(partial(_log_density, leading), x, len(leading.weights))
 
 
-def parameters(leading: Fit, x: FloatArray) -> dict[str, FloatArray]:
+def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     """Parameters at variables x (points, variables), each (points,)."""
     simulation = leading.model.problem.simulation
     start = len(simulation.names)
@@ -138,7 +138,7 @@ def parameters(leading: Fit, x: FloatArray) -> dict[str, FloatArray]:
     return found
 
 
-def _log_density(leading: Fit, x: FloatArray) -> FloatArray:
+def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     model, W = leading.model, leading.weights
     z = np.tile(leading.y[model.size :], (len(x), 1))
     found = model.residuals(np.hstack([x, z]))

@@ -16,13 +16,13 @@ from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_te
 from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
 from damping.gap.rows import spread
 from damping.gap.search import Hypothesis, Search
-from damping.gap.size import Gap, HeldOut, gap, held_out
-from damping.gap.unnamed import Group, Stranger, equivalents, strangers
+from damping.gap.size import Gap, HeldOut, hold_levels_out, measure_gap
+from damping.gap.unnamed import Group, UnnamedCause, fit_unnamed_causes, group_equivalent_effects
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
+    PowerTrend,
     ResidualCell,
-    Trend,
     footprint_cells,
     local_estimates,
     residual_cells,
@@ -34,7 +34,8 @@ from damping.records.record import Record
 #: Probability that the list of explanations reaches.
 COVER = 0.95
 #: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
-DISPERSED, MOST_DISPERSIONS = 4.0, 3
+DISPERSED = 4.0
+MOST_DISPERSIONS = 3
 #: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
 FEW_ROWS = 40
 #: Rows that are diagnosed at most: it takes minutes, not hours.
@@ -72,15 +73,15 @@ class Diagnosis:
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     tests: tuple[Test, ...]
-    strangers: tuple[Stranger, ...]
+    strangers: tuple[UnnamedCause, ...]
     unexplained: bool
     gap: Gap
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
     held_out: HeldOut | None
     local: tuple[LocalEstimate, ...]
-    damping_trend: Trend | None
-    frequency_trend: Trend | None
+    damping_trend: PowerTrend | None
+    frequency_trend: PowerTrend | None
     cautions: tuple[str, ...]
 
     @property
@@ -119,13 +120,13 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     cautions = record_cautions(rows, record, mode)
     guess = guess_unit(rows, start.problem.simulation)
     if guess is not None:
-        cautions.insert(0, _unit_caution(guess.name, guess.factor))
+        cautions.insert(0, _describe_unit_caution(guess.name, guess.factor))
         start = replace(start, problem=replace(start.problem, rows=rescaled(rows, guess)))
-    known, search = searched(start, library)
-    hypotheses = weighed(search.ranked())
+    known, search = search_hypotheses(start, library)
+    hypotheses = weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    others = strangers(known.problem, known.unknowns, leading)
+    others = fit_unnamed_causes(known.problem, known.unknowns, leading)
     local = local_estimates(known.problem.rows, mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
@@ -133,17 +134,17 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         mode=mode,
         setting=known,
         hypotheses=hypotheses,
-        explanations=shortest(hypotheses),
-        groups=equivalents([one.hypothesis for one in hypotheses]),
+        explanations=cover_probability(hypotheses),
+        groups=group_equivalent_effects([one.hypothesis for one in hypotheses]),
         tests=tests,
         strangers=tuple(others),
         unexplained=known.dispersion > 1.0
         or unexplained(leading.best, tests, library)
         or any(one.log_odds > 0.0 for one in others),
-        gap=gap(leading.best),
+        gap=measure_gap(leading.best),
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
-        held_out=held_out(known, search, leading.best),
+        held_out=hold_levels_out(known, search, leading.best),
         local=local,
         damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
         frequency_trend=trend(
@@ -159,7 +160,7 @@ def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
     return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 
-def searched(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
     """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
 
     Where even the best explanation misses by more than noise, all are compared once more with a noise so much larger:
@@ -200,7 +201,7 @@ def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
     return search
 
 
-def weighed(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
+def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
     """Probabilities among all hypotheses that were fitted, most probable first."""
     logarithms = np.array([one.log_posterior for one in hypotheses])
     weights = np.exp(logarithms - logarithms.max())
@@ -209,7 +210,7 @@ def weighed(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
-def shortest(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
+def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
     """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
     reached = np.cumsum([one.probability for one in hypotheses])
     return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
@@ -222,6 +223,6 @@ def _much_the_same(one: Setting, other: Setting) -> bool:
     return bool(np.sqrt(np.mean(changes**2)) < 0.1)
 
 
-def _unit_caution(name: str, factor: float) -> str:
+def _describe_unit_caution(name: str, factor: float) -> str:
     size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
     return f"forces seem to be {size} ({name}): that factor was taken out before anything else; check the unit"

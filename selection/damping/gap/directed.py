@@ -28,7 +28,7 @@ from scipy.stats import chi2, norm
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
 from damping.effects.terms import ComplexArray
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows
 
@@ -56,7 +56,7 @@ class Test:
     p_value: float
 
 
-def directed_tests(one: Fit) -> list[Test]:
+def directed_tests(one: ModelFit) -> list[Test]:
     """All tests of what a fit leaves, in no order."""
     found = [_linear(one, name, columns(one)) for name, columns in FAMILIES.items()]
     return [*found, _windows(one), _neighbours(one)]
@@ -80,47 +80,47 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
-def _stiffness(one: Fit) -> FloatArray:
+def _stiffness(one: ModelFit) -> FloatArray:
     _, found = _at(one)
     return found.answer.columns(basis(motion(one), SPLINES) * found.found.by_frequency)
 
 
-def _damping(one: Fit) -> FloatArray:
+def _damping(one: ModelFit) -> FloatArray:
     _, found = _at(one)
     return found.answer.columns(1j * basis(motion(one), SPLINES) * found.found.by_frequency)
 
 
-def stiffness_and_damping(one: Fit) -> FloatArray:
+def stiffness_and_damping(one: ModelFit) -> FloatArray:
     """Columns of a natural frequency (relative change) and a damping ratio that change with amplitude in free form."""
     return np.concatenate([_stiffness(one), _damping(one)])
 
 
-def _path(one: Fit) -> FloatArray:
+def _path(one: ModelFit) -> FloatArray:
     """A compliance that is a smooth complex function of frequency beside the model's."""
     rows, found = _at(one)
     relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - found.found.P)
     return found.answer.columns(_complex(relative))
 
 
-def _gain(one: Fit) -> FloatArray:
+def _gain(one: ModelFit) -> FloatArray:
     """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
     _, found = _at(one)
     return found.answer.columns(basis(motion(one), 4).astype(complex))
 
 
-def _instrument(one: Fit) -> FloatArray:
+def _instrument(one: ModelFit) -> FloatArray:
     """Gain and phase that depend on amplitude."""
     _, found = _at(one)
     return found.answer.columns(_complex(basis(motion(one), 4)))
 
 
-def _transfer(one: Fit) -> FloatArray:
+def _transfer(one: ModelFit) -> FloatArray:
     """Gain and phase that depend on frequency."""
     rows, found = _at(one)
     return found.answer.columns(_complex(basis(rows.omega, 6)))
 
 
-def _drift(one: Fit) -> FloatArray:
+def _drift(one: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
     rows, found = _at(one)
     whole = rows.row / max(len(rows) - 1, 1) - 0.5
@@ -132,11 +132,11 @@ def _drift(one: Fit) -> FloatArray:
     return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
 
 
-def _at(one: Fit) -> tuple[Rows, Residuals]:
+def _at(one: ModelFit) -> tuple[Rows, Residuals]:
     return one.model.problem.rows, one.model.residuals(one.y[np.newaxis])
 
 
-def motion(one: Fit) -> FloatArray:
+def motion(one: ModelFit) -> FloatArray:
     """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
     return one.model.problem.rows.u if one.model.at is None else one.model.at
 
@@ -147,7 +147,7 @@ def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
 
 
 #: Columns of every family at a fit, (coefficients, m).
-FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
+FAMILIES: dict[str, Callable[[ModelFit], FloatArray]] = {
     "stiffness with amplitude": _stiffness,
     "damping with amplitude": _damping,
     "stiffness and damping with amplitude": stiffness_and_damping,
@@ -159,7 +159,7 @@ FAMILIES: dict[str, Callable[[Fit], FloatArray]] = {
 }
 
 
-def information(one: Fit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+def information(one: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
     """M and g of columns D (coefficients, m): what the residuals say of them beside the fitted variables."""
     W = one.weights
     weighted = one.J * W[:, np.newaxis]
@@ -169,7 +169,7 @@ def information(one: Fit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(M), np.asarray(g)
 
 
-def _linear(one: Fit, name: str, D: FloatArray) -> Test:
+def _linear(one: ModelFit, name: str, D: FloatArray) -> Test:
     norms = np.sqrt(np.sum(D**2 * one.weights, axis=1))
     seen = norms > 1e-9 * norms.max()
     M, g = information(one, D[seen] / norms[seen, np.newaxis])
@@ -180,7 +180,7 @@ def _linear(one: Fit, name: str, D: FloatArray) -> Test:
     return Test(name, gain, freedom, float(chi2.sf(gain, freedom)) if freedom else 1.0)
 
 
-def _clipped(one: Fit) -> tuple[FloatArray, float, float]:
+def _clipped(one: ModelFit) -> tuple[FloatArray, float, float]:
     """Squares of clipped residuals with their mean and standard deviation under noise."""
     x = np.linspace(-8.0, 8.0, 4001)
     p = norm.pdf(x) * (x[1] - x[0])
@@ -189,7 +189,7 @@ def _clipped(one: Fit) -> tuple[FloatArray, float, float]:
     return np.minimum(one.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
 
 
-def _windows(one: Fit) -> Test:
+def _windows(one: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = one.model.problem.rows
     squares, mean, sd = _clipped(one)
@@ -206,7 +206,7 @@ def _windows(one: Fit) -> Test:
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 
-def _neighbours(one: Fit) -> Test:
+def _neighbours(one: ModelFit) -> Test:
     """Whether neighbours along a sweep deviate alike."""
     rows = one.model.problem.rows
     r = np.clip(one.r, -CLIP, CLIP).reshape(-1, len(rows))
@@ -216,7 +216,7 @@ def _neighbours(one: Fit) -> Test:
     return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(norm.sf(z)))
 
 
-def unexplained(one: Fit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
+def unexplained(one: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
     """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
 
     It does where some test is below ``ALARM``, all of them taken together. It is where it needs more than
@@ -241,7 +241,7 @@ class FreeForm:
     damping_sd: FloatArray
 
 
-def free_form(one: Fit, points: int = 80) -> FreeForm:
+def free_form(one: ModelFit, points: int = 80) -> FreeForm:
     """The curves of free form that a fit lacks, at ``points`` amplitudes of the record."""
     D = stiffness_and_damping(one)
     M, g = information(one, D)

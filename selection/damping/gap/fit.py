@@ -24,20 +24,26 @@ from damping.arrays import FloatArray
 from damping.gap.model import Model, Scatter
 
 #: Share of wild points and their standard deviation in units of noise.
-WILD, WIDE = 0.02, 10.0
-_INLIER, _OUTLIER = np.log(1.0 - WILD), np.log(WILD / WIDE)
+WILD = 0.02
+WIDE = 10.0
+_INLIER = np.log(1.0 - WILD)
+_OUTLIER = np.log(WILD / WIDE)
 #: Robust weight below which a residual is taken for wild and left out of every number.
 WILD_WEIGHT = 0.5
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
-_MOST_STEPS, _SETTLED, _ROUGHLY = 40, 0.01, 1e-3
+_MOST_STEPS = 40
+_SETTLED = 0.01
+_ROUGHLY = 1e-3
 #: Median residual, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
-_TRIED, _PATIENCE, _SURVIVORS = 4, 5, 2
+_TRIED = 4
+_PATIENCE = 5
+_SURVIVORS = 2
 
 
 @dataclass(frozen=True)
-class Fit:
+class ModelFit:
     """A mode of the posterior of a model.
 
     Attributes:
@@ -61,7 +67,9 @@ class Fit:
         return self.model.effects
 
 
-def fit(model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None) -> list[Fit]:
+def fit_model(
+    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
+) -> list[ModelFit]:
     """Distinct modes reached from starts x (starts, size), best first.
 
     Args:
@@ -71,21 +79,21 @@ def fit(model: Model, x: FloatArray, z: FloatArray | None = None, weights: Float
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
     rough = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
-    found = [_polished(one, weights) for one in _distinct(rough)]
-    return _distinct(found)
+    found = [_polished(one, weights) for one in _list_distinct(rough)]
+    return _list_distinct(found)
 
 
-def _polished(one: Fit, weights: FloatArray | None) -> Fit:
+def _polished(one: ModelFit, weights: FloatArray | None) -> ModelFit:
     """The fit made again with predictions at the motion that it found: free of the noise of measured amplitudes."""
     model = one.model.at_motion(one.y)
     y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
     return _fit(model, y[0], r[0], J[0], weights)
 
 
-def _distinct(found: list[Fit]) -> list[Fit]:
+def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
     """Fits that differ, best first, without those that are far behind."""
     found = sorted(found, key=lambda one: -one.log_posterior)
-    distinct: list[Fit] = []
+    distinct: list[ModelFit] = []
     for one in found:
         if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):
             distinct.append(one)
@@ -106,7 +114,7 @@ def robust_weights(r: FloatArray) -> FloatArray:
     return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
 
 
-def _sd(one: Fit) -> FloatArray:
+def _sd(one: ModelFit) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(one.covariance)))
 
 
@@ -171,11 +179,11 @@ def _step(
     return np.clip(step, -1.5, 1.5)
 
 
-def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> Fit:
+def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:
     posterior = -float(_cost(r[np.newaxis], y[np.newaxis], np.ones(1), weights)[0])
     counts = robust_weights(r) if weights is None else weights
     H = (J * counts[:, np.newaxis]).T @ J + np.eye(len(y))
-    return Fit(
+    return ModelFit(
         model,
         y,
         r,
@@ -233,7 +241,7 @@ def unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float, disp
     return Unknowns(tuple(one for one, _ in found), np.log([p for _, p in found]), first)
 
 
-def evidences(one: Fit, scatters: tuple[Scatter, ...]) -> FloatArray:
+def evidences(one: ModelFit, scatters: tuple[Scatter, ...]) -> FloatArray:
     """ln evidence of the model of a fit with each scatter and noise, (scatters,)."""
     k, sweeps = one.model.size, one.model.sweeps
     own = _scales(one.model.scatter, k, sweeps)
@@ -252,7 +260,7 @@ def evidences(one: Fit, scatters: tuple[Scatter, ...]) -> FloatArray:
     return np.asarray(robust - least - 0.5 * np.linalg.slogdet(H)[1] - regular * np.log(one.model.scatter.noise))
 
 
-def settled(one: Fit, unknown: Unknowns, least: float) -> Fit:
+def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
     """The fit at the most probable scatter and noise, its evidence averaged over all of them.
 
     It is made again at these where its evidence comes up to ``least``: others do not matter.
@@ -267,11 +275,11 @@ def settled(one: Fit, unknown: Unknowns, least: float) -> Fit:
     return replace(one, log_evidence=float(logsumexp(found)))
 
 
-def _refitted(one: Fit, scatter: Scatter) -> Fit:
+def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
     k, sweeps = one.model.size, one.model.sweeps
     z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
     model = replace(one.model, scatter=scatter)
-    return fit(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+    return fit_model(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
 
 
 def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:

@@ -24,7 +24,7 @@ from damping.arrays import FloatArray
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales
 from damping.effects.terms import ComplexArray, Prediction, Terms, predict
-from damping.forces import make, parameter_names
+from damping.forces import list_parameter_names, make
 from damping.gap.rows import Rows, wrapped
 from damping.records.mode import Mode
 
@@ -64,7 +64,7 @@ class Simulation:
         factor = np.exp(within_tolerance(x) * self.tolerance)[..., np.newaxis]
         forces = []
         for number, (name, parameters) in enumerate(self.mode.damping.items()):
-            leading, *others = parameter_names(name)
+            leading, *others = list_parameter_names(name)
             values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
             forces.append(make(name, **values))
         return Terms(
@@ -82,7 +82,8 @@ NEAR = 5.0
 #: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
 STEP = 1e-4
 #: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
-TYPICAL_GAP, SPREAD = 3.0, 1.5
+TYPICAL_GAP = 3.0
+SPREAD = 1.5
 
 
 #: Stands for none, where one divides by it.

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
 from damping.effects.terms import ComplexArray, Terms, complex_stiffness
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals
 from damping.gap.rows import Rows
 from damping.gap.steady import Motion, steady
@@ -26,7 +26,7 @@ ADDED_MASS = 0.2
 
 
 @dataclass(frozen=True)
-class Design:
+class ProposedTest:
     """A test that could be made next: what it is, why it tells, its rows (amplitudes yet unknown).
 
     ``change`` is what it does to the terms of any hypothesis. ``downwards``: rows are met from the top frequency down.
@@ -39,32 +39,32 @@ class Design:
     downwards: bool = False
 
 
-def designs(problem: Problem) -> Iterator[Design]:
+def designs(problem: Problem) -> Iterator[ProposedTest]:
     """All tests that can be simulated row by row."""
     rows, scales = problem.rows, problem.scales
     top = highest_sweep(rows)
     low = rows.where(rows.sweep == np.flatnonzero(rows.level == rows.level.min())[0])
-    yield Design("a sweep at twice the highest force", "effects grow apart with amplitude", _at(top, 2.0))
-    yield Design("a sweep at half the lowest force", "effects part where amplitudes are small", _at(low, 0.5))
+    yield ProposedTest("a sweep at twice the highest force", "effects grow apart with amplitude", _at(top, 2.0))
+    yield ProposedTest("a sweep at half the lowest force", "effects part where amplitudes are small", _at(low, 0.5))
     band = np.linspace(-2.0, 2.0, _ROWS) * scales.reach
-    yield Design(
+    yield ProposedTest(
         "a sweep of twice the band at the highest force",
         "other paths and other powers of frequency show far from resonance",
         _over(top, scales.omega_n * (1.0 + np.maximum(band, -0.8))),
     )
     near = scales.omega_n * (1.0 + np.linspace(-2.0, 2.0, _ROWS) * min(scales.bandwidth, scales.reach))
-    yield Design("40 more points near resonance at the highest force", "damping decides there", _over(top, near))
-    yield Design(
+    yield ProposedTest("40 more points near resonance at the highest force", "damping decides there", _over(top, near))
+    yield ProposedTest(
         "the highest sweep once more, downwards", "a bent resonance jumps at other places", top, downwards=True
     )
     if not rows.has_phase:
         noise = replace(rows, has_phase=True, sd_phase=rows.sd_amplitude)
-        yield Design("the same sweeps with phase", "phase parts conservative from dissipative", noise)
-    yield Design(
+        yield ProposedTest("the same sweeps with phase", "phase parts conservative from dissipative", noise)
+    yield ProposedTest(
         "the highest sweep with another sensor", "errors of gain and phase stay with the sensor", top, without_sensor
     )
     heavier = _over(top, top.omega / sqrt(1.0 + ADDED_MASS))
-    yield Design(
+    yield ProposedTest(
         f"a second state with a known mass of {ADDED_MASS:.0%} of the modal mass added",
         "it fixes the modal mass, and with it every factor on force and amplitude",
         heavier,
@@ -121,7 +121,8 @@ def _over(rows: Rows, omega: FloatArray) -> Rows:
 
 
 #: Explanations compared with the leading one, and the probability below which they are not alive.
-MOST_RIVALS, ALIVE = 3, 0.01
+MOST_RIVALS = 3
+ALIVE = 0.01
 _CYCLE = 256
 
 #: A further channel: what terms make it read at rows.
@@ -141,11 +142,11 @@ class NextTest:
 class Rival:
     """An explanation that is alive."""
 
-    fit: Fit
+    fit: ModelFit
     probability: float
 
 
-def ranked_tests(leading: Fit, rivals: Sequence[Rival]) -> tuple[NextTest, ...]:
+def ranked_tests(leading: ModelFit, rivals: Sequence[Rival]) -> tuple[NextTest, ...]:
     """Every candidate test with its expected log odds, the best first; none where nothing rivals the leading one.
 
     The log odds are those against all rivals together.
@@ -183,7 +184,7 @@ def _against_all(odds: list[float], rivals: Sequence[Rival]) -> float:
     return -float(logsumexp(-np.array(odds), b=p / p.sum()))
 
 
-def _odds(leading: Fit, rival: Fit, design: Design) -> float:
+def _odds(leading: ModelFit, rival: ModelFit, design: ProposedTest) -> float:
     """Half the squared distance of the two predictions, in units of all that the rival leaves open.
 
     These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
@@ -208,12 +209,12 @@ def _sweep_columns(rows: Rows, values: FloatArray, scatter: float) -> FloatArray
     return result
 
 
-def _terms(one: Fit) -> Terms:
+def _terms(one: ModelFit) -> Terms:
     """The terms of a fit without any sweep's own deviation, values (1, 1)."""
     return one.model.terms(one.y[np.newaxis, : one.model.size])
 
 
-def _predicted(terms: Terms, design: Design) -> Motion:
+def _predicted(terms: Terms, design: ProposedTest) -> Motion:
     if not design.downwards:
         return steady(terms, design.rows, design.rows.u)
     u, phase = design.rows.u.copy(), design.rows.phase.copy()
@@ -225,7 +226,7 @@ def _predicted(terms: Terms, design: Design) -> Motion:
     return Motion(u, phase)
 
 
-def _apart(channel: Channel, one: Fit, other: Fit) -> float:
+def _apart(channel: Channel, one: ModelFit, other: ModelFit) -> float:
     """Half the squared distance of two hypotheses in a channel that the record does not have.
 
     Its noise is that of the smallest amplitudes of the record.

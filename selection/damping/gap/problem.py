@@ -15,7 +15,7 @@ from damping.effects.contract import Scales
 from damping.effects.terms import predict
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
-from damping.gap.fit import Fit, Unknowns, unknowns
+from damping.gap.fit import ModelFit, Unknowns, unknowns
 from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
 from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
 from damping.records.check_units import UNIT_FACTORS
@@ -54,7 +54,7 @@ class Setting:
         """Whether all noise that counts is stated."""
         return self.amplitude_noise and (self.phase_noise or not self.problem.rows.has_phase)
 
-    def with_noise_of(self, reference: Fit) -> Setting:
+    def with_noise_of(self, reference: ModelFit) -> Setting:
         """The setting with noise that is not stated taken from the roughness of a fit's residuals."""
         rows, factor = reference.model.problem.rows, reference.model.scatter.factor
         n = len(rows)
@@ -100,7 +100,8 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
 
 
 #: A scale error is looked into beyond this factor; a unit factor is believed within so much of it.
-_SUSPICIOUS, _NEAR = 2.0, 0.08
+_SUSPICIOUS = 2.0
+_NEAR = 0.08
 #: A resonance farther from the simulated one than this is that of another mode.
 _ANOTHER_MODE = 0.12
 #: Rows without which a sweep says nothing of a resonance.
@@ -178,7 +179,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
     if few and not rows.at_resonance:
         found.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
-    found += _resonance_cautions(rows)
+    found += _list_resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
         found.append("repeatability is not stated and cannot be seen in so few sweeps")
     if "amplitude_sd" not in record.table.columns:
@@ -188,7 +189,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     return found
 
 
-def _resonance_cautions(rows: Rows) -> list[str]:
+def _list_resonance_cautions(rows: Rows) -> list[str]:
     constant, beside = [], []
     for number, sweep in enumerate(rows.sweeps):
         own = rows.sweep == number

@@ -14,7 +14,7 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.effects.terms import Drive
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import number_levels, resonances
+from damping.records.resonance import number_levels, tabulate_resonances
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         row=order,
         sweep=sweep[order],
         sweeps=sweeps,
-        level=number_levels(resonances(record)["force"].to_numpy()),
+        level=number_levels(tabulate_resonances(record)["force"].to_numpy()),
         F=F[order],
         omega=omega[order],
         u=np.log(A[order]),
@@ -109,9 +109,11 @@ def wrapped(angle: FloatArray) -> FloatArray:
 
 
 #: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
-_TRIMMED, _OF_NORMAL = 0.15, 0.7215
+_TRIMMED = 0.15
+_OF_NORMAL = 0.7215
 #: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
-SHARES, _PRICE = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0), 2.0
+SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
+_PRICE = 2.0
 #: Deviations count as so large at most.
 CLIP = 3.0
 #: Noise that is assumed before anything is known: of the order of a careful sine test.

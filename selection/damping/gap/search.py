@@ -14,13 +14,15 @@ from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import Fit, Unknowns, fit, settled
+from damping.gap.fit import ModelFit, Unknowns, fit_model, marginalise_scatter
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
 
 #: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
-_SMALL, _NONE = 1e-3, -60.0
+_SMALL = 1e-3
+_NONE = -60.0
 #: Range of start values of the gap an effect opens, in units of noise.
-_LOW, _HIGH = 0.3, 60.0
+_LOW = 0.3
+_HIGH = 60.0
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Start:
     gain: float
 
 
-def starts(base: Fit, form: Form, unit: float | None = None) -> list[Start]:
+def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]:
     """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
 
     The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
@@ -66,7 +68,7 @@ def _grid(form: Form) -> FloatArray:
     return np.column_stack([axis.ravel() for axis in axes])
 
 
-def _direction(base: Fit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
@@ -76,7 +78,7 @@ def _direction(base: Fit, form: Form, shapes: FloatArray) -> tuple[FloatArray, F
     return none, (small - none) / (_SMALL * form.natural)
 
 
-def _projected(base: Fit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
     keep = np.ones(len(base.y), dtype=bool)
     if form.replaces:
@@ -96,9 +98,12 @@ def _projected(base: Fit, form: Form, r: FloatArray, d: FloatArray) -> tuple[Flo
 PRIOR_NULL = 25.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
-_GAIN, _NEAR = 2.5, 4.0
+_GAIN = 2.5
+_NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
-MOST_EFFECTS, ROWS_PER_EFFECT, _MOST_FITS = 3, 15, 14
+MOST_EFFECTS = 3
+ROWS_PER_EFFECT = 15
+_MOST_FITS = 14
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
@@ -107,9 +112,12 @@ _CLOSE = 3.0
 _WORTH = 15.0
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
-_STARTS, _ROUGH, _SLIGHT = 4, 1.5, 0.2
+_STARTS = 4
+_ROUGH = 1.5
+_SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
-_HOPELESS, _SURE = 0.01, 50.0
+_HOPELESS = 0.01
+_SURE = 50.0
 
 
 @dataclass(frozen=True)
@@ -126,15 +134,15 @@ class Hypothesis:
     """
 
     effects: tuple[str, ...]
-    best: Fit
-    plain: Fit
-    others: tuple[Fit, ...]
+    best: ModelFit
+    plain: ModelFit
+    others: tuple[ModelFit, ...]
     log_evidence: float
     log_posterior: float
     forms: int
 
     @property
-    def near(self) -> tuple[Fit, ...]:
+    def near(self) -> tuple[ModelFit, ...]:
         """The best plain fit and those about as good."""
         return (self.plain, *self.others)
 
@@ -194,7 +202,9 @@ class Search:
         other = Search(problem, self.effects, unknown, units=self.units)
         for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
             models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
-            fits = [fit(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)]
+            fits = [
+                fit_model(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)
+            ]
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -210,7 +220,7 @@ class Search:
     def _null(self) -> Hypothesis:
         """The simulation alone, refitted within its tolerance; sets the units of strength."""
         model = Model(self.problem, (), self.unknown.first)
-        first = fit(model, np.zeros((1, model.size)))[0]
+        first = fit_model(model, np.zeros((1, model.size)))[0]
         for form in chain.from_iterable(self.forms.values()):
             self.units[form] = starts(first, form)[0].part.unit
         return self._store((), [first], 1)
@@ -244,7 +254,7 @@ class Search:
         if found:
             self._store((*base.effects, name), found, len(candidates))
 
-    def _fits(self, one: Fit, tried: list[Start], rough: float, base: Hypothesis) -> list[Fit]:
+    def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
@@ -254,25 +264,25 @@ class Search:
         parts = (*one.model.parts, tried[0].part)
         models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
-            models += [replace(models[0], parts=other) for other in _twins(parts)]
-        return list(chain.from_iterable(fit(model, x) for model in models))
+            models += [replace(models[0], parts=other) for other in _list_twins(parts)]
+        return list(chain.from_iterable(fit_model(model, x) for model in models))
 
-    def _store(self, effects: tuple[str, ...], fits: list[Fit], forms: int) -> Hypothesis:
+    def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
         plain = [one for one in fits if one.log_evidence > top - _CLOSE_MODES]
         least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
-        near = [settled(one, self.unknown, least) for one in plain]
+        near = [marginalise_scatter(one, self.unknown, least) for one in plain]
         first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
-        others = _other_forms(plain[first], plain) if effects else ()
+        others = _list_other_forms(plain[first], plain) if effects else ()
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
 
 
-def _twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
+def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
     """The parts with each form that has a twin replaced by it, one at a time."""
     return [
         (*parts[:i], replace(part, form=part.form.twin), *parts[i + 1 :])
@@ -281,7 +291,7 @@ def _twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
     ]
 
 
-def _other_forms(best: Fit, near: list[Fit]) -> tuple[Fit, ...]:
+def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, ...]:
     """The best mode of the one other set of forms that comes nearest, if it is near."""
     rest = [
         one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import norm
 
 from damping.arrays import BoolArray, FloatArray
-from damping.gap.fit import WILD_WEIGHT, Fit, fit
+from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
 from damping.gap.model import Model, Problem
 from damping.gap.problem import Setting
 from damping.gap.search import Search
@@ -35,7 +35,7 @@ class Gap:
     shrinkage: float | None
 
 
-def gap(leading: Fit) -> Gap:
+def measure_gap(leading: ModelFit) -> Gap:
     """The gap of a record before and after its leading explanation, without wild points."""
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
@@ -44,7 +44,7 @@ def gap(leading: Fit) -> Gap:
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 
-def regular_values(one: Fit) -> BoolArray:
+def regular_values(one: ModelFit) -> BoolArray:
     """Values (m,) that a fit does not take for wild points; all, where they would be more than a few."""
     found = one.weights > WILD_WEIGHT
     return found if found.mean() >= 1.0 - MOST_WILD else np.ones_like(found)
@@ -57,28 +57,28 @@ def shrinkage(before: float, after: float, values: int) -> float | None:
     return float(1.0 - max(after**2 - 1.0, 0.0) / (before**2 - 1.0))
 
 
-def root_mean_square(one: Fit, regular: BoolArray) -> float:
+def root_mean_square(one: ModelFit, regular: BoolArray) -> float:
     """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
     z = one.y[one.model.size :]
     r = one.r[regular] * one.model.scatter.dispersion
     return float(np.sqrt((r @ r + z @ z) / regular.sum()))
 
 
-def refitted(leading: Fit) -> Fit:
+def refitted(leading: ModelFit) -> ModelFit:
     """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
-    return fit(model, np.zeros((1, model.size)), weights=weights)[0]
+    return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
 
 
-def nominal_residuals(leading: Fit) -> FloatArray:
+def nominal_residuals(leading: ModelFit) -> FloatArray:
     """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
     model = _alone(leading)
     r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
     return whitened(r[0], J[0, :, model.size :])
 
 
-def _alone(leading: Fit) -> Model:
+def _alone(leading: ModelFit) -> Model:
     """The simulation alone, with the leading fit's repeatability and the noise as it is."""
     return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
 
@@ -94,11 +94,12 @@ def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
 
 
 #: Most levels held out, the highest first; content of the interval.
-MOST_FOLDS, CONTENT = 3, 0.9
+MOST_FOLDS = 3
+CONTENT = 0.9
 
 
 @dataclass(frozen=True)
-class Fold:
+class HeldOutFold:
     """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
 
     sweeps: tuple[str, ...]
@@ -120,7 +121,7 @@ class HeldOut:
     """
 
     scheme: str
-    folds: tuple[Fold, ...]
+    folds: tuple[HeldOutFold, ...]
     nominal: float
     before: float
     after: float
@@ -129,7 +130,7 @@ class HeldOut:
     high: float | None
 
 
-def held_out(setting: Setting, search: Search, leading: Fit) -> HeldOut | None:
+def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
     """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
 
     Every hypothesis of ``search`` is fitted again to the other levels, and the most probable of them is chosen there.
@@ -163,7 +164,7 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
     return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
 
 
-def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> Fold:
+def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> HeldOutFold:
     """Choose and fit without a level, and predict it."""
     whole = setting.problem
     out = whole.rows.level[whole.rows.sweep] == level
@@ -175,10 +176,10 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> F
     before = _predicted(refitted(chosen), test)
     nominal = nominal_residuals(replace(chosen, model=replace(chosen.model, problem=test)))
     sums = [float(np.sum(r[counted] ** 2)) for r in (nominal, before, after)]
-    return Fold(test.rows.sweeps, chosen.effects, int(counted.sum()), *sums)
+    return HeldOutFold(test.rows.sweeps, chosen.effects, int(counted.sum()), *sums)
 
 
-def _predicted(chosen: Fit, test: Problem) -> FloatArray:
+def _predicted(chosen: ModelFit, test: Problem) -> FloatArray:
     """Whitened residuals of rows that a fit has not seen."""
     model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
     y = np.concatenate([chosen.y[: chosen.model.size], np.zeros(2 * model.sweeps)])

@@ -12,14 +12,16 @@ import numpy as np
 from damping.arrays import FloatArray, IntArray
 from damping.effects import with_effects
 from damping.effects.terms import Drive, Prediction, Terms, predict
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.model import FOLD, Model, Simulation, deviated
 from damping.gap.rows import Rows
 from damping.predict.branches import Branches, brackets, by_row, finely, followed
 from damping.predict.steady import SteadyState, bracketed_newton
 from damping.records.mode import Mode
 
-_MOST_STEPS, _LONGEST, _SETTLED = 40, 0.5, 1e-10
+_MOST_STEPS = 40
+_LONGEST = 0.5
+_SETTLED = 1e-10
 
 
 class Motion(NamedTuple):
@@ -47,7 +49,7 @@ def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
     return Motion(best, -predict(terms, best, rows.drive).P.imag[0])
 
 
-def fitted_terms(one: Fit, effects: bool = True, deviations: bool = True) -> Terms:
+def fitted_terms(one: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
     """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
     model = one.model if effects else Model(one.model.problem, (), one.model.scatter)
     k = len(one.model.problem.simulation.names)
@@ -56,7 +58,7 @@ def fitted_terms(one: Fit, effects: bool = True, deviations: bool = True) -> Ter
     return deviated(model.terms(x[np.newaxis]), one.model.problem.rows, z[np.newaxis], one.model.scatter)
 
 
-def _replaced(one: Fit, k: int) -> FloatArray:
+def _replaced(one: ModelFit, k: int) -> FloatArray:
     """Variables of the simulation that an effect took the place of."""
     names = one.model.problem.simulation.names[:k]
     return np.array([any(part.form.replaces == name for part in one.model.parts) for name in names])

@@ -55,7 +55,7 @@ def simulate_sweeps(
             for part in np.array_split(order, 4):
                 rows += list(islice(coming, part.size))
                 advance(f"force {level:g}", part.size)
-            tables.append(_table(_label(number), level, order, rows))
+            tables.append(_tabulate_table(_label(number), level, order, rows))
     return Record.trusted(pd.concat(tables, ignore_index=True), f"sweeps of {mode.name}")
 
 
@@ -117,7 +117,7 @@ def _integrated(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iter
         yield state.amplitude, state.phase
 
 
-def _table(label: str, level: float, hertz: FloatArray, rows: list[tuple[float, float]]) -> pd.DataFrame:
+def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tuple[float, float]]) -> pd.DataFrame:
     for f, (amplitude, _) in zip(hertz, rows, strict=True):
         if not (math.isfinite(amplitude) and amplitude > 0.0):
             raise AnalysisError(

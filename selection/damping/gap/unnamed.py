@@ -17,11 +17,11 @@ from itertools import pairwise
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Effect, Form, Scales, Variable
+from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.terms import Terms
 from damping.forces.contract import Sum
 from damping.forces.joints import PowerStiffness, Slip
-from damping.gap.fit import Fit, Unknowns
+from damping.gap.fit import ModelFit, Unknowns
 from damping.gap.model import Problem
 from damping.gap.search import Hypothesis, Search
 
@@ -33,43 +33,43 @@ Forms = Callable[[Scales], tuple[Form, ...]]
 
 
 @dataclass(frozen=True)
-class Stranger:
+class UnnamedCause:
     """A family, and by how much (ln) it is more probable than the leading explanation."""
 
     name: str
     log_odds: float
 
 
-def strangers(problem: Problem, unknown: Unknowns, leading: Hypothesis) -> list[Stranger]:
+def fit_unnamed_causes(problem: Problem, unknown: Unknowns, leading: Hypothesis) -> list[UnnamedCause]:
     """Every family fitted in the place of the leading explanation, the most probable first."""
-    search = Search(problem, families(problem), unknown)
+    search = Search(problem, list_families(problem), unknown)
     search.singles()
     found = [one for one in search.ranked() if one.effects]
-    return [Stranger(one.effects[0], one.log_posterior - leading.log_posterior) for one in found]
+    return [UnnamedCause(one.effects[0], one.log_posterior - leading.log_posterior) for one in found]
 
 
-def families(problem: Problem) -> Mapping[str, Effect]:
+def list_families(problem: Problem) -> Mapping[str, Effect]:
     """The families for a problem, by name."""
     rows = problem.rows
     time = rows.row / max(len(rows) - 1, 1) - 0.5
     relative = rows.A / problem.scales.A_high
-    found: dict[str, Forms] = {"many joints that slip": _joints}
+    found: dict[str, Forms] = {"many joints that slip": _list_joints}
     if not rows.at_resonance:
         found |= {
-            "a spring of a high power": _springs,
+            "a spring of a high power": _list_springs,
             "a frequency that drifts": lambda scales: tuple(_drift(scales, time, sign) for sign in (1.0, -1.0)),
             "a reading that saturates": lambda scales: (_saturation(relative),),
         }
     return {name: Effect(name, "structure", name, forms, _never) for name, forms in found.items()}
 
 
-def _joints(scales: Scales) -> tuple[Form, ...]:
+def _list_joints(scales: Scales) -> tuple[Form, ...]:
     """Strength: the stiffness lost in all. Shapes: scale and exponent kappa of the Weibull distribution of the limits.
 
     An exponential distribution (kappa = 1) is the backbone 1 - exp(-q/a) of Bouc and Wen; a uniform one that of Iwan.
     """
-    limit = Variable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
-    kappa = Variable(centre=1.0, width=0.4, starts=(0.0,))
+    limit = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
+    kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
 
     def change(terms: Terms, stiffness: Floats, limit: Floats, kappa: Floats) -> Terms:
         beyond = [np.exp(-(end**kappa)) for end in _ENDS]
@@ -82,9 +82,9 @@ def _joints(scales: Scales) -> tuple[Form, ...]:
     return (Form("many joints that slip", change, _silent, scales.loss, (limit, kappa), largest=scales.stiffness),)
 
 
-def _springs(scales: Scales) -> tuple[Form, ...]:
+def _list_springs(scales: Scales) -> tuple[Form, ...]:
     """Strength: the restoring force at the largest amplitude over that amplitude. Shape: the power."""
-    power = Variable(centre=5.0, width=0.3, starts=(0.0,))
+    power = FormVariable(centre=5.0, width=0.3, starts=(0.0,))
 
     def side(sign: float) -> Form:
         def change(terms: Terms, stiffness: Floats, power: Floats) -> Terms:
@@ -106,7 +106,7 @@ def _drift(scales: Scales, time: Floats, sign: float) -> Form:
 
 def _saturation(relative: Floats) -> Form:
     """Strength: what the reading lacks at the largest amplitude, in ln. Shape: the power of amplitude it goes with."""
-    power = Variable(centre=2.0, width=0.5, starts=(0.0, 1.5))
+    power = FormVariable(centre=2.0, width=0.5, starts=(0.0, 1.5))
 
     def change(terms: Terms, lacking: Floats, power: Floats) -> Terms:
         return replace(terms, gain=terms.gain - lacking * relative**power)
@@ -138,13 +138,13 @@ class Group:
     distance: float
 
 
-def distance(one: Fit, other: Fit) -> float:
+def distance(one: ModelFit, other: ModelFit) -> float:
     """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
     weights = np.sqrt(one.weights * other.weights)
     return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
 
 
-def equivalents(hypotheses: Sequence[Hypothesis]) -> tuple[Group, ...]:
+def group_equivalent_effects(hypotheses: Sequence[Hypothesis]) -> tuple[Group, ...]:
     """For each effect of the leading explanation, those that could stand in its place without being told from it.
 
     ``hypotheses`` are in order of probability; only those with as many effects as the first are compared with it.

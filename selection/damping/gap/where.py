@@ -18,20 +18,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.rows import Rows, wrapped
 from damping.gap.size import nominal_residuals, regular_values
 from damping.gap.steady import fitted_terms, steady
 from damping.records.mode import Mode
 
 #: Cells of a sweep, each of at least so many rows.
-MOST_CELLS, FEWEST_ROWS = 8, 4
+MOST_CELLS = 8
+FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.
 VISIBLE = 1.0
 
 
 @dataclass(frozen=True)
-class Cell:
+class RowSpan:
     """Contiguous rows of one sweep and one quantity; frequencies in Hz."""
 
     sweep: str
@@ -41,7 +42,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class ResidualCell(Cell):
+class ResidualCell(RowSpan):
     """``share`` of the squared residual at nominal parameters; ``z`` = (sum of squares - n)/sqrt(2 n)."""
 
     share: float
@@ -49,13 +50,13 @@ class ResidualCell(Cell):
 
 
 @dataclass(frozen=True)
-class FootprintCell(Cell):
+class FootprintCell(RowSpan):
     """``size``: root mean square change of the prediction, in units of noise."""
 
     size: float
 
 
-def residual_cells(leading: Fit) -> tuple[ResidualCell, ...]:
+def residual_cells(leading: ModelFit) -> tuple[ResidualCell, ...]:
     """All cells by share of the squared residual of the simulation as given, largest first; shares add to 1.
 
     Wild points do not count.
@@ -74,7 +75,7 @@ def residual_cells(leading: Fit) -> tuple[ResidualCell, ...]:
     return tuple(sorted(found, key=lambda cell: -cell.share))
 
 
-def footprint(leading: Fit) -> dict[str, FloatArray]:
+def footprint(leading: ModelFit) -> dict[str, FloatArray]:
     """Change of the prediction by the explanation, in units of noise, (n,) by quantity; all else the same."""
     rows = leading.model.problem.rows
     with_effects = steady(fitted_terms(leading), rows, rows.u)
@@ -85,7 +86,7 @@ def footprint(leading: Fit) -> dict[str, FloatArray]:
     return changes
 
 
-def footprint_cells(leading: Fit) -> tuple[FootprintCell, ...]:
+def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
     """Runs of rows that the explanation changes visibly, largest first; none without an explanation."""
     if not leading.model.parts:
         return ()
@@ -149,7 +150,7 @@ class LocalEstimate:
 
 
 @dataclass(frozen=True)
-class Trend:
+class PowerTrend:
     """How an estimate depends on amplitude: as A^``power``, better than a constant by ``gain`` in chi-square.
 
     ``change`` is what it changes by from the smallest to the largest amplitude.
@@ -190,7 +191,7 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     return tuple(found)
 
 
-def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | None:
+def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTrend | None:
     """The power of amplitude with which values (n,) go, by weighted least squares of 1 and A^p; None below 3 values."""
     if len(value) < 3:
         return None
@@ -200,7 +201,7 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> Trend | N
     for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
-        found.append(Trend(float(power), float(constant - chi_square), float(change)))
+        found.append(PowerTrend(float(power), float(constant - chi_square), float(change)))
     return max(found, key=lambda one: one.gain)
 
 

@@ -32,13 +32,15 @@ NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops.
 STEADY = 1e-12
 #: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
-SHARE_RANGE, LARGEST_SCORE = (0.02, 0.98), 3.0
+SHARE_RANGE = (0.02, 0.98)
+LARGEST_SCORE = 3.0
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 #: Stands for the squares of a fit that cannot be, in searches that need finite numbers.
 HOPELESS = 1e12
 #: Prior probabilities between which a shape is refined; step at which its search ends, standard normal variable.
-EXTREME, SHAPE_STEP = (0.001, 0.999), 1e-5
+EXTREME = (0.001, 0.999)
+SHAPE_STEP = 1e-5
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import emcee
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.infer.diagnostics import Diagnosis, diagnose
+from damping.infer.diagnostics import Convergence, assess_convergence
 from damping.infer.evidence import Evidence
 from damping.infer.importance import Proposal
 from damping.infer.law import Coordinates, log_posterior
@@ -62,7 +62,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Start:
+class ChainStart:
     """What is known of the posterior before: ``draws`` (n, dimension), n >= walkers, and a ``proposal`` close to it."""
 
     draws: FloatArray
@@ -74,7 +74,7 @@ class Chains:
     """A finished run: the fields of ``Posterior`` that say nothing of a law."""
 
     x: FloatArray
-    diagnoses: tuple[Diagnosis, ...]
+    diagnoses: tuple[Convergence, ...]
     converged: bool
     failure: str
     steps: int
@@ -94,7 +94,7 @@ class Posterior:
     coordinates: Coordinates
     x: FloatArray
     log_z: float
-    diagnoses: tuple[Diagnosis, ...]
+    diagnoses: tuple[Convergence, ...]
     converged: bool
     failure: str
     steps: int
@@ -138,13 +138,13 @@ def sample(
     """
     density = partial(log_posterior, coordinates=coordinates, data=data)
     target = Target(density, coordinates.dimension, coordinates.parameters)
-    chains = run(target, Start(start.draws, start.proposal), quantities, seed, settings, checkpoint)
+    chains = run(target, ChainStart(start.draws, start.proposal), quantities, seed, settings, checkpoint)
     return Posterior(coordinates, log_z=start.log_z, **vars(chains))
 
 
 def run(
     target: Target,
-    start: Start,
+    start: ChainStart,
     quantities: Quantities,
     seed: int,
     settings: Settings | None = None,
@@ -168,7 +168,7 @@ def run(
                 checkpoint.save(k, sampler.backend)
         chains = [sampler.get_chain()[:steps] for sampler, _ in samplers]  # views: all steps are held once
         diagnoses, burn = _diagnose(chains, target, quantities)
-        failure = _failure(diagnoses, settings)
+        failure = _describe_failure(diagnoses, settings)
         if not failure or steps == settings.budget:
             break
     acceptance = float(np.mean([sampler.acceptance_fraction for sampler, _ in samplers]))
@@ -177,7 +177,7 @@ def run(
 
 
 def _sampler(
-    target: Target, start: Start, seed: int, ensemble: int, settings: Settings, checkpoint: Checkpoint
+    target: Target, start: ChainStart, seed: int, ensemble: int, settings: Settings, checkpoint: Checkpoint
 ) -> tuple[emcee.EnsembleSampler, emcee.State]:
     """One ensemble, fresh or as its checkpoint left it, and the state to start from."""
     # emcee copies numpy's global random state unless it is given one: give it one
@@ -197,17 +197,17 @@ def _sampler(
 
 def _diagnose(
     chains: Sequence[FloatArray], target: Target, quantities: Quantities
-) -> tuple[tuple[Diagnosis, ...], int]:
+) -> tuple[tuple[Convergence, ...], int]:
     """Diagnose every quantity on chains (steps, walkers, dimension), one an ensemble; also the burn-in in steps."""
     burn = len(chains[0]) // 5
     thin = max(1, len(chains[0]) // 1000)
     x = np.stack([chain[burn::thin] for chain in chains])
     flat = x.reshape(-1, x.shape[-1])
     values = {**target.parameters(flat), **quantities(flat)}
-    return tuple(diagnose(name, value.reshape(x.shape[:-1]), thin) for name, value in values.items()), burn
+    return tuple(assess_convergence(name, value.reshape(x.shape[:-1]), thin) for name, value in values.items()), burn
 
 
-def _failure(diagnoses: tuple[Diagnosis, ...], settings: Settings) -> str:
+def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) -> str:
     """The first criterion that is missed, in words; empty when all are met."""
     for d in diagnoses:
         if not d.r_hat <= settings.r_hat:

@@ -21,7 +21,7 @@ def load_arviz() -> Any:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Convergence:
     """Convergence of one reported quantity.
 
     Attributes:
@@ -41,7 +41,7 @@ class Diagnosis:
     monte_carlo_error: float
 
 
-def diagnose(name: str, values: FloatArray, thin: int = 1) -> Diagnosis:
+def assess_convergence(name: str, values: FloatArray, thin: int = 1) -> Convergence:
     """Diagnose a quantity.
 
     Args:
@@ -58,7 +58,7 @@ def diagnose(name: str, values: FloatArray, thin: int = 1) -> Diagnosis:
     sizes += [float(arviz.ess(by_walker, method=method)) for method in ("bulk", "tail")]
     size = float(np.min(sizes))
     sd = float(values.std())
-    return Diagnosis(
+    return Convergence(
         name=name,
         mean=float(values.mean()),
         sd=sd,

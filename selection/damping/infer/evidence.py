@@ -140,12 +140,14 @@ def remembered(estimate: Estimate) -> Estimate:
     return estimated
 
 
-_LAPLACE_STARTS_POWER, _STARTS = 9, 3  # 512 prior points, of which the best are followed
+_LAPLACE_STARTS_POWER = 9  # 512 prior points, of which the best are followed
+_STARTS = 3
 _DRAWS_POWER = 10  # 1024 draws: quantiles at 5 % and 95 % to 2 % of a band's width on Sobol points
 _LAPLACE_STEP = 1e-3  # of a difference quotient, standard normal variables
 _LONGEST = 1.0  # Newton step in any variable
 _LAPLACE_FRACTIONS = np.array([1.0, 0.4, 0.1, 0.02])  # of a Newton step, tried at once
-_LAPLACE_MOST_STEPS, _STILL = 12, 1e-3  # steps, and gain in log density below which a start has arrived
+_LAPLACE_MOST_STEPS = 12  # steps, and gain in log density below which a start has arrived
+_STILL = 1e-3
 
 
 def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evidence:

@@ -48,7 +48,8 @@ from damping.infer.observations import Observations
 TOTAL_LOG_SD = 1.0
 #: Median and log standard deviation of a relative scatter: 90 % of the prior lies between 0.6 % and 7 %, the range of
 #: repeat tests of large structures.
-SCATTER_MEDIAN, SCATTER_LOG_SD = 0.02, 0.75
+SCATTER_MEDIAN = 0.02
+SCATTER_LOG_SD = 0.75
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,8 @@ class Coordinates:
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
 #: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
-MOST, BLOCK = 250_000, 60_000
+MOST = 250_000
+BLOCK = 60_000
 #: Sweeps up to which a product with their matrix is the quickest way to sums over each.
 _FEW = 32
 

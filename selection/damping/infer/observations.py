@@ -18,10 +18,11 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, resonances
+from damping.records.resonance import energy_per_cycle, tabulate_resonances
 
 #: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
-MOST_ROWS, MOST_SWEEPS = 20_000, 100
+MOST_ROWS = 20_000
+MOST_SWEEPS = 100
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def observe(record: Record) -> Observations:
     """Turn a record into damping observations.
 
     Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
-    :func:`damping.records.resonance.resonances` is not removed here: ``D`` is what was measured.
+    :func:`damping.records.resonance.tabulate_resonances` is not removed here: ``D`` is what was measured.
 
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.
@@ -135,7 +136,7 @@ def observe(record: Record) -> Observations:
     D = energy[usable] / (np.pi * A)
     labels = list(dict.fromkeys(rows["sweep"].astype(str)))
     number = {label: i for i, label in enumerate(labels)}
-    peaks = resonances(record).set_index("sweep").loc[labels]
+    peaks = tabulate_resonances(record).set_index("sweep").loc[labels]
     return Observations(
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),

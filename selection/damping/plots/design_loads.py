@@ -30,11 +30,11 @@ from damping.plots.style import (
     PREDICTIVE,
     WIDTH,
     Drawing,
+    describe_short,
+    describe_three,
+    describe_with_unit,
     law_style,
-    short,
     styled,
-    three,
-    with_unit,
 )
 
 _LONG_DASH = (0, (7, 2))
@@ -65,7 +65,7 @@ def design_loads(
     axes = figure.add_subplot()
     draw_design_loads(axes, band, models, tested, design, level, force_unit, length_unit, limit)
     title = "median of each model, and its weight (models that predict the same lie on one another)"
-    legend = figure.legend(handles=_medians(models), loc="outside lower center", ncols=2, title=title)
+    legend = figure.legend(handles=_list_medians(models), loc="outside lower center", ncols=2, title=title)
     legend.set_alignment("left")
     return figure
 
@@ -85,7 +85,7 @@ def draw_design_loads(
     """Draw :func:`design_loads` on ``axes``, without the legend of the models."""
     force = band["force"].to_numpy(float)
     top = _top(band, tested, design)
-    _regions(axes, tested["force"].to_numpy(float), force, limit)
+    _draw_regions(axes, tested["force"].to_numpy(float), force, limit)
     axes.vlines(tested["force"], 0.0, tested["amplitude"], color=MUTED, linewidth=0.7, linestyle=(0, (2, 2)))
     axes.fill_between(force, band["low"], band["high"], facecolor=PREDICTIVE, edgecolor=AVERAGE, linewidth=0.5)
     axes.fill_between(force, band["credible_low"], band["credible_high"], color=CREDIBLE, linewidth=0)
@@ -94,14 +94,14 @@ def draw_design_loads(
         axes.plot(rows["force"], rows["median"], color=colour, linestyle=line, linewidth=1.0)
     axes.plot(force, band["linear"], color=LINEAR, linewidth=1.6, linestyle=_LONG_DASH)
     axes.plot(force, band["median"], color=AVERAGE, linewidth=2.2)
-    _tested(axes, tested)
+    _draw_tested(axes, tested)
     _mark_design(axes, design)
     _say_numbers(axes, band, design, level, length_unit)
     axes.set_xlim(force[0], force[-1])
     axes.set_ylim(0.0, top)
-    axes.set_xlabel(with_unit("modal force at resonance", force_unit))
-    axes.set_ylabel(with_unit("resonant amplitude", length_unit))
-    axes.legend(handles=_marks(level), loc="upper left", borderaxespad=0.2)
+    axes.set_xlabel(describe_with_unit("modal force at resonance", force_unit))
+    axes.set_ylabel(describe_with_unit("resonant amplitude", length_unit))
+    axes.legend(handles=_list_marks(level), loc="upper left", borderaxespad=0.2)
 
 
 def _top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
@@ -111,7 +111,7 @@ def _top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> floa
     return float(1.12 * np.nanmax([*values, likely]))
 
 
-def _regions(axes: Axes, tested: FloatArray, force: FloatArray, limit: float) -> None:
+def _draw_regions(axes: Axes, tested: FloatArray, force: FloatArray, limit: float) -> None:
     """Shade what lies beyond the test, hatch what is refused, and say which is which along the bottom."""
     low, high = tested.min(), tested.max()
     axes.axvspan(high, force[-1], color=BEYOND, linewidth=0, zorder=0)
@@ -131,14 +131,14 @@ def _regions(axes: Axes, tested: FloatArray, force: FloatArray, limit: float) ->
         axes.text(0.5 * (limit + force[-1]), 0.06, "no prediction", **style, backgroundcolor=BEYOND)
 
 
-def _tested(axes: Axes, tested: pd.DataFrame) -> None:
+def _draw_tested(axes: Axes, tested: pd.DataFrame) -> None:
     """Tested points with their sweeps."""
     axes.plot(
         tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=6, markeredgecolor="white", zorder=5
     )
     for sweep, force, amplitude in tested[["sweep", "force", "amplitude"]].itertuples(index=False):
         axes.annotate(
-            short(sweep), (force, amplitude), (6, -10), textcoords="offset points", color=MEASURED, fontsize=8
+            describe_short(sweep), (force, amplitude), (6, -10), textcoords="offset points", color=MEASURED, fontsize=8
         )
 
 
@@ -160,7 +160,8 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if left else "left", "fontsize": 8.5}
     space = f" {unit}" if unit else ""
     axes.annotate(
-        f"linear {three(last['linear'])}{space}\n{last['linear_overprediction_percent']:+.0f} % over the median",
+        f"linear {describe_three(last['linear'])}{space}\n{last['linear_overprediction_percent']:+.0f} % over "
+        f"the median",
         (force, last["linear"]),
         (-10, 3) if left else (10, -8),
         va="bottom" if left else "top",
@@ -170,7 +171,8 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     # to the left, under the band where the text begins: a fifth of the axis away
     low = np.interp(force - 0.2 * span, band["force"], band["low"]) if left else last["low"]
     axes.annotate(
-        f"{three(last['median'])}{space}\n{100 * level:g} %: {three(last['low'])} to {three(last['high'])}",
+        f"{describe_three(last['median'])}{space}\n{100 * level:g} %: {describe_three(last['low'])} to "
+        f"{describe_three(last['high'])}",
         (force, low),
         (4, -6) if left else (6, 0),
         va="top",
@@ -179,7 +181,7 @@ def _say_numbers(axes: Axes, band: pd.DataFrame, design: pd.DataFrame, level: fl
     )
 
 
-def _marks(level: float) -> list[Artist]:
+def _list_marks(level: float) -> list[Artist]:
     """What the marks mean, for the corner above the linear line."""
     percent = f"{100 * level:g} %"
     return [
@@ -192,7 +194,7 @@ def _marks(level: float) -> list[Artist]:
     ]
 
 
-def _medians(models: pd.DataFrame) -> list[Artist]:
+def _list_medians(models: pd.DataFrame) -> list[Artist]:
     """The models with their weights, for the legend below the axes."""
     laws = models.drop_duplicates("law")
     return [
@@ -219,11 +221,11 @@ def force_amplitude(panels: Sequence[ForceAmplitude]) -> Figure:
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(WIDTH if columns == 2 else 0.7 * WIDTH, 3.4 * rows))
     for number, panel in enumerate(panels):
-        _panel(figure.add_subplot(rows, columns, number + 1), panel)
+        _draw_panel(figure.add_subplot(rows, columns, number + 1), panel)
     return figure
 
 
-def _panel(axes: Axes, panel: ForceAmplitude) -> None:
+def _draw_panel(axes: Axes, panel: ForceAmplitude) -> None:
     line, points = panel.line, panel.points
     amplitude = line["amplitude"].to_numpy(float)
     axes.set_xscale("log")
@@ -235,19 +237,19 @@ def _panel(axes: Axes, panel: ForceAmplitude) -> None:
     axes.plot(amplitude, slope_one, color=LINEAR, linestyle=(0, (7, 2)), linewidth=1.1, label="slope 1: linear damping")
     axes.plot(points["amplitude"], points["force"], "o", color=MEASURED, markersize=6, markeredgecolor="white")
     for sweep, force, x in points[["sweep", "force", "amplitude"]].itertuples(index=False):
-        axes.annotate(short(sweep), (x, force), (-8, 5), textcoords="offset points", ha="right", fontsize=8)
+        axes.annotate(describe_short(sweep), (x, force), (-8, 5), textcoords="offset points", ha="right", fontsize=8)
     low, high = points["force"].min(), points["force"].max()
     axes.set_xlim(amplitude[0], amplitude[-1])
     axes.set_ylim(low * (low / high) ** 0.35, high * (high / low) ** 0.75)
     axes.set_title(fill(panel.title, 38))
-    axes.set_xlabel(with_unit("resonant amplitude", panel.length_unit))
-    axes.set_ylabel(with_unit("modal force", panel.force_unit))
-    _plain_numbers(axes)
+    axes.set_xlabel(describe_with_unit("resonant amplitude", panel.length_unit))
+    axes.set_ylabel(describe_with_unit("modal force", panel.force_unit))
+    _draw_plain_numbers(axes)
     axes.text(0.03, 0.97, panel.note, transform=axes.transAxes, va="top", fontsize=8.5, linespacing=1.35)
     axes.legend(loc="lower right")
 
 
-def _plain_numbers(axes: Axes) -> None:
+def _draw_plain_numbers(axes: Axes) -> None:
     """Round numbers, not powers of ten, on axes that span less than a decade."""
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()

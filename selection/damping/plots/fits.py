@@ -27,10 +27,10 @@ from damping.plots.style import (
     MUTED,
     WIDTH,
     Drawing,
+    describe_short,
+    draw_plain_rows,
     law_style,
     plain_log,
-    plain_rows,
-    short,
     styled,
     weight_text,
 )
@@ -65,10 +65,10 @@ def fits(
     upper.plot(measured["x"], measured["y"], "o", color=MEASURED, markeredgecolor="white", markersize=6, zorder=5)
     if len(measured) <= MOST_LABELS:
         for x, y, label in measured[["x", "y", "label"]].itertuples(index=False):
-            upper.annotate(short(label), (x, y), (6, -9), textcoords="offset points", fontsize=7.5)
+            upper.annotate(describe_short(label), (x, y), (6, -9), textcoords="offset points", fontsize=7.5)
     upper.set_ylabel(y_label)
     upper.margins(y=0.08)
-    _deviations(lower, deviations)
+    _draw_deviations(lower, deviations)
     lower.set_xlabel(x_label)
     lower.set_ylabel(deviation_label)
     legend = figure.legend(loc="outside lower center", ncols=2, title="law, and its weight")
@@ -77,7 +77,7 @@ def fits(
     return figure
 
 
-def _deviations(axes: Axes, deviations: pd.DataFrame) -> None:
+def _draw_deviations(axes: Axes, deviations: pd.DataFrame) -> None:
     """Deviations of every law beside one another at each point, so that none hides another."""
     laws = list(deviations["law"].unique())
     x = np.unique(deviations["x"].to_numpy(float))
@@ -224,7 +224,7 @@ def percent_deviations(table: pd.DataFrame) -> Figure:
         axes.set_title(f"{fit}: mean |deviation| {mean:.1f} %", fontsize=8.5)
         axes.grid(visible=False, axis="x")
     every = -(-len(points) // MOST_LABELS)
-    panels[-1].set_xticks(range(0, len(points), every), [short(point, 8) for point in points[::every]])
+    panels[-1].set_xticks(range(0, len(points), every), [describe_short(point, 8) for point in points[::every]])
     panels[-1].set_xlabel("point")
     figure.supylabel("deviation (% of the measured)", fontsize=8.5)
     return figure
@@ -245,7 +245,7 @@ def ranking(table: pd.DataFrame) -> Figure:
     figure = Drawing(figsize=(WIDTH, 0.9 + 0.21 * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
     draw_weights(weights, table)
-    _errors(errors, table)
+    _draw_errors(errors, table)
     figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, columnspacing=1.2)
     return figure
 
@@ -254,7 +254,7 @@ def ranking(table: pd.DataFrame) -> Figure:
 def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     """Draw the weights of :func:`ranking` on ``axes``."""
     laws = table["law"].astype(str).tolist()
-    plain_rows(axes, laws)
+    draw_plain_rows(axes, laws)
     colours = [law_style(law).colour for law in laws]
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
@@ -265,7 +265,7 @@ def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_xlabel("weight (posterior probability)")
 
 
-def _errors(axes: Axes, table: pd.DataFrame) -> None:
+def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
     """Errors on a logarithmic axis: candidates differ by decades."""
     rows = np.arange(len(table))
     columns = table[["average_absolute_percent", "held_out_error"]].to_numpy(float)
@@ -281,5 +281,5 @@ def _errors(axes: Axes, table: pd.DataFrame) -> None:
     axes.set_xlabel("error of resonant amplitude (%)" + exact.replace(" (", "\n("))
 
 
-def _weight(weight: float) -> str:
+def _describe_weight(weight: float) -> str:
     return f"{weight:.3f}" if weight >= 0.0005 else "< 0.0005" if weight > 0.0 else "0"

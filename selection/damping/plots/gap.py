@@ -25,11 +25,11 @@ from damping.plots.style import (
     MUTED,
     WIDTH,
     Drawing,
+    describe_with_unit,
+    draw_plain_rows,
     plain_log,
-    plain_rows,
     styled,
     weight_text,
-    with_unit,
 )
 
 #: Marks of the colour bar, in units of noise.
@@ -58,7 +58,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
         ax.set_title(quantity)
         ax.set_xlabel("frequency (Hz)")
         ax.locator_params(axis="x", nbins=5)
-        plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
+        draw_plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
         bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
@@ -98,14 +98,14 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
         band, column = divmod(number, per_row)
         points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
         upper = axes[band * kinds, column]
-        _panel(upper, points, curves, "amplitude")
+        _draw_panel(upper, points, curves, "amplitude")
         upper.set_title(f"sweep {sweep}")
         if column == 0:
-            upper.set_ylabel(with_unit("amplitude", length))
+            upper.set_ylabel(describe_with_unit("amplitude", length))
         lowest = upper
         if with_phase:
             lowest = axes[band * kinds + 1, column]
-            _panel(lowest, points, curves, "phase")
+            _draw_panel(lowest, points, curves, "phase")
             upper.tick_params(axis="x", labelbottom=False)
             if column == 0:
                 lowest.set_ylabel("phase lag (rad)")
@@ -115,7 +115,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
     return figure
 
 
-def _panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
+def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
     ax.set_visible(True)
     for model, (colour, line) in LINES.items():
         rows = curves[curves["model"] == model]
@@ -161,7 +161,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
             ax.set_xscale("log")
             plain_log(ax.xaxis)
         ax.set_ylim(*_range(estimates[quantity], curves.loc[curves["model"] != "free", quantity]))
-        ax.set_xlabel(with_unit("amplitude", length))
+        ax.set_xlabel(describe_with_unit("amplitude", length))
         ax.set_ylabel(label)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
@@ -199,8 +199,8 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
     ax.errorbar(
         measured["force"], measured["amplitude"], bars, fmt="o", color=MEASURED, markersize=3.5, label="measured"
     )
-    ax.set_xlabel(with_unit("force", force))
-    ax.set_ylabel(with_unit("resonant amplitude", length))
+    ax.set_xlabel(describe_with_unit("force", force))
+    ax.set_ylabel(describe_with_unit("resonant amplitude", length))
     handles, labels = ax.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
     return figure
@@ -221,7 +221,7 @@ def gap_probabilities(table: pd.DataFrame) -> Figure:
 @styled
 def draw_probabilities(ax: Axes, table: pd.DataFrame) -> None:
     """Draw the bars of :func:`gap_probabilities` on ``ax``."""
-    plain_rows(ax, table["explanation"].tolist())
+    draw_plain_rows(ax, table["explanation"].tolist())
     colours = [ALERT if listed else MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
     for row, probability in enumerate(table["probability"]):

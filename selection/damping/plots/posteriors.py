@@ -29,10 +29,10 @@ from damping.plots.style import (
     MUTED,
     PREDICTIVE,
     WIDTH,
+    describe_short,
+    draw_plain_rows,
     law_style,
     plain_log,
-    plain_rows,
-    short,
     styled,
 )
 
@@ -62,10 +62,10 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
                 axes[i, j].remove()
                 continue
             if i == j:
-                _alone(axes[i, i], draws[row], prior[row], limits[row])
+                _draw_alone(axes[i, i], draws[row], prior[row], limits[row])
             else:
                 _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
-            _edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "")
+            _draw_edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "")
             axes[i, j].set_xlim(limits[column])
     figure.align_labels()
     axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
@@ -77,7 +77,7 @@ def _limits(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple[float, float]) -> None:
+def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple[float, float]) -> None:
     """Histogram with the prior density over it; both integrate to 1 over all values, also those out of sight."""
     edges = np.linspace(*limits, _BINS + 1)
     heights = _density(values, edges)
@@ -109,7 +109,7 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[tuple[float, f
     axes.set_ylim(limits[1])
 
 
-def _edges(axes: Axes, x_label: str, y_label: str) -> None:
+def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     """Numbers and names on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
@@ -136,14 +136,14 @@ def prior_posterior(prior: Mapping[str, FloatArray], posterior: Mapping[str, Flo
     figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.3))
     for number, (label, draws) in enumerate(posterior.items()):
         axes = figure.add_subplot(rows, columns, number + 1)
-        _densities(axes, prior[label], draws)
+        _draw_densities(axes, prior[label], draws)
         axes.set_xlabel(label)
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=2)
     return figure
 
 
-def _densities(axes: Axes, prior: FloatArray, posterior: FloatArray) -> None:
+def _draw_densities(axes: Axes, prior: FloatArray, posterior: FloatArray) -> None:
     low, high = np.percentile(prior, [1.0, 99.0])
     low, high = min(low, np.percentile(posterior, 0.5)), max(high, np.percentile(posterior, 99.5))
     logarithmic = low > 0.0 and high / low > 10.0
@@ -173,7 +173,7 @@ def prior_posterior_summary(table: pd.DataFrame) -> Figure:
     rows = table[table["median"] > 0.0].reset_index(drop=True)
     figure = Figure(figsize=(WIDTH, 0.9 + 0.165 * len(rows)))
     axes = figure.add_subplot()
-    plain_rows(axes, _row_labels(rows))
+    draw_plain_rows(axes, _list_row_labels(rows))
     scaled = rows[["prior_low", "prior_high", "low", "high"]].div(rows["median"], axis=0)
     axes.set_xscale("log")
     scaled = scaled.clip(lower=_FLOOR)
@@ -190,7 +190,7 @@ def prior_posterior_summary(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _row_labels(rows: pd.DataFrame) -> list[str]:
+def _list_row_labels(rows: pd.DataFrame) -> list[str]:
     """The law where its first parameter stands, then the parameters."""
     return [
         f"{law}:  {parameter}" if law != before else str(parameter)
@@ -215,9 +215,9 @@ def convergence(table: pd.DataFrame, r_hat: float, effective_size: float, length
         ("lengths", lengths, "length / τ"),
     )
     for axes, (column, limit, title) in zip(panels, limits, strict=True):
-        plain_rows(axes, [str(law) for law in laws])
+        draw_plain_rows(axes, [str(law) for law in laws])
         failed = table[column] > limit if column == "r_hat" else table[column] < limit
-        _dots(axes, table[column], table["law"].map(laws.index), failed | table[column].isna())
+        _draw_dots(axes, table[column], table["law"].map(laws.index), failed | table[column].isna())
         axes.axvline(limit, color=ALERT, linewidth=1.0, linestyle=(0, (3, 2)))
         if column != "r_hat":
             axes.set_xscale("log")
@@ -229,7 +229,7 @@ def convergence(table: pd.DataFrame, r_hat: float, effective_size: float, length
     return figure
 
 
-def _dots(axes: Axes, values: pd.Series, rows: pd.Series, failed: pd.Series) -> None:
+def _draw_dots(axes: Axes, values: pd.Series, rows: pd.Series, failed: pd.Series) -> None:
     for row, of_law in values.groupby(rows):
         axes.hlines(row, of_law.min(), of_law.max(), color=MUTED, linewidth=0.8)
     axes.plot(values[~failed], rows[~failed], "o", color=AVERAGE, markersize=4, alpha=0.6)
@@ -257,12 +257,12 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
         axes.remove()
     for axes, sweep in zip(panels, sweeps, strict=False):
         of_sweep = table[table["sweep"] == sweep]
-        plain_rows(axes, laws)
+        draw_plain_rows(axes, laws)
         axes.axvline(100.0, color=MEASURED, linewidth=1.2)
         for law, median, low, high in of_sweep[["law", "median", "low", "high"]].itertuples(index=False):
             row, colour = laws.index(str(law)), law_style(str(law)).colour
             axes.plot([low, high], [row, row], color=colour, linewidth=2.0)
             axes.plot(median, row, "o", color=colour, markersize=4.5, markeredgecolor="white")
-        axes.set_title(f"sweep {short(sweep)}")
+        axes.set_title(f"sweep {describe_short(sweep)}")
     figure.supxlabel(f"{100 * level:g} % predictive interval of resonant amplitude (% of the measured)", fontsize=8.5)
     return figure

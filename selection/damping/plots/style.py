@@ -33,7 +33,7 @@ _POINTS = 72.0
 _SCALES = ("linear", "log")
 
 
-def scales(figure: Figure) -> str:
+def describe_scales(figure: Figure) -> str:
     """The axes of a figure that has been drawn, as JSON; empty where no value can be read off it.
 
     A list of ``{"box": [left, top, width, height], "x": scale, "y": scale}``, the box in points from the upper left
@@ -185,12 +185,12 @@ def law_style(name: str) -> LawStyle:
     return LawStyle(_OTHER_COLOURS[number % colours], _OTHER_LINES[number // colours % lines])
 
 
-def with_unit(what: str, unit: str) -> str:
+def describe_with_unit(what: str, unit: str) -> str:
     """An axis label: ``what`` with its unit in parentheses, where it has one."""
     return f"{what} ({unit})" if unit else what
 
 
-def three(value: float) -> str:
+def describe_three(value: float) -> str:
     """A number to three digits for a label: 2.90, 0.865, 1234."""
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:#.3g}"
 
@@ -211,7 +211,7 @@ def plain_log(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def plain_rows(axes: Axes, labels: list[str]) -> None:
+def draw_plain_rows(axes: Axes, labels: list[str]) -> None:
     """Label a vertical axis with one row per label, the first on top, and no ticks or horizontal grid."""
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
@@ -219,7 +219,7 @@ def plain_rows(axes: Axes, labels: list[str]) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def short(label: object, most: int = 14) -> str:
+def describe_short(label: object, most: int = 14) -> str:
     """A label for beside a point: one line of at most ``most`` characters."""
     text = " ".join(str(label).split())
     return text if len(text) <= most else text[: most - 1] + "…"
@@ -236,7 +236,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
 
     Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
     so figures with different names can share a page. ``data-axes`` says how to read values off it
-    (:func:`damping.plots.style.scales`).
+    (:func:`damping.plots.style.describe_scales`).
     """
     prefix = identifier(name)
     buffer = io.BytesIO()
@@ -246,11 +246,17 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # print_svg lays the figure out and draws it once, where savefig does so twice
         FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
-    svg = _printable(buffer.getvalue().decode("utf-8"))
-    return _standing_alone(svg, prefix, _printable(title), _printable(description), _printable(scales(figure)))
+    svg = _describe_printable(buffer.getvalue().decode("utf-8"))
+    return _describe_standing_alone(
+        svg,
+        prefix,
+        _describe_printable(title),
+        _describe_printable(description),
+        _describe_printable(describe_scales(figure)),
+    )
 
 
-def _printable(text: str) -> str:
+def _describe_printable(text: str) -> str:
     """The text without the characters that XML does not allow."""
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
@@ -262,7 +268,7 @@ _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 
 
-def _standing_alone(svg: str, prefix: str, title: str, description: str, axes: str) -> str:
+def _describe_standing_alone(svg: str, prefix: str, title: str, description: str, axes: str) -> str:
     """Matplotlib's SVG with a text alternative and its axes, ids only where they are used, and two decimals."""
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)

@@ -33,13 +33,15 @@ FAST = 0.3
 NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
 #: A rate is believed where it is so many standard errors, and looked for where a first look says so many octaves/min.
-_KNOWN, _LEAST_SENSED = 5.0, 0.1
+_KNOWN = 5.0
+_LEAST_SENSED = 0.1
 #: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
 _BETTER = 0.6
 _FEWEST = 5  # rows of a sweep
 _MOST_ROWS = 3000  # in which an unknown rate is looked for: seconds
 _LARGEST_STEPS = 20_000
-_DECAYS, _LARGEST_LEAD = 4.0, 0.3  # time constants for which the sweep has run before; at most so much of ln f
+_DECAYS = 4.0  # time constants for which the sweep has run before; at most so much of ln f
+_LARGEST_LEAD = 0.3
 
 
 @dataclass(frozen=True)
@@ -122,11 +124,11 @@ def correct_rate(record: Record, mass: float) -> Record:
     """
     if not record.has_phase or "sweep_rate" not in record.table.columns:
         raise AnalysisError("a sweep rate is corrected from phases and a column sweep_rate (Hz/s)")
-    tables = [_corrected(rows, mass) for _, rows in record.table.groupby("sweep", sort=False)]
+    tables = [_tabulate_corrected(rows, mass) for _, rows in record.table.groupby("sweep", sort=False)]
     return Record(pd.concat(tables, ignore_index=True), record.source)
 
 
-def _corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
+def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     rows = rows.sort_values("frequency").reset_index(drop=True)
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
     if len(rows) < _FEWEST:

@@ -35,7 +35,8 @@ SYSTEMATIC = 2.0 * SCATTER_MEDIAN
 FEWEST_ROWS = 6
 #: Second differences of white noise have six times its variance and, being correlated, two thirds of their number in
 #: degrees of freedom.
-DIFFERENCE_VARIANCE, DIFFERENCE_FREEDOM = 6.0, 2.0 / 3.0
+DIFFERENCE_VARIANCE = 6.0
+DIFFERENCE_FREEDOM = 2.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
 
 def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]:
     """Noise of one row by the second differences of ``n`` along each sweep, and its degrees of freedom (0: none)."""
-    differences = [np.diff(n[rows], 2) for rows in _along_sweeps(data)]
+    differences = [np.diff(n[rows], 2) for rows in _list_along_sweeps(data)]
     if not differences:
         return np.nan, 0.0
     every = np.concatenate(differences)
@@ -116,7 +117,7 @@ def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]
 def _runs_probability(n: FloatArray, data: Observations) -> float:
     """Chance of as few runs of one sign about each sweep's median, by the normal approximation; 1 without sweeps."""
     excess = variance = 0.0
-    for rows in _along_sweeps(data):
+    for rows in _list_along_sweeps(data):
         above = n[rows] > np.median(n[rows])
         plus, total = float(above.sum()), float(len(above))
         minus = total - plus
@@ -126,7 +127,7 @@ def _runs_probability(n: FloatArray, data: Observations) -> float:
     return float(norm.cdf(excess / np.sqrt(variance))) if variance > 0.0 else 1.0
 
 
-def _along_sweeps(data: Observations) -> list[IntArray]:
+def _list_along_sweeps(data: Observations) -> list[IntArray]:
     """Indices of the rows of every sweep long enough, by frequency."""
     sweeps = [np.flatnonzero(data.sweep == sweep) for sweep in range(len(data.sweeps))]
     return [rows[np.argsort(data.omega[rows], kind="stable")] for rows in sweeps if len(rows) >= FEWEST_ROWS]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damping.errors import InputError
-from damping.records.text import DEFAULT_MAX_SIZE, decode, read_bytes, shortened
+from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
     import pandera.pandas as pa
@@ -32,10 +32,11 @@ TEXT_COLUMNS = ("sweep",)
 BLANK_COLUMNS = ("mass",)
 
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
-SMALLEST, LARGEST = 1e-50, 1e50
+SMALLEST = 1e-50
+LARGEST = 1e50
 
 
-def nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
+def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
     """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
     return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
 
@@ -84,14 +85,14 @@ _LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a ke
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
 
-def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> Table:
+def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
     """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
     content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)), path)
     if broken is not None:
         raise broken
     content = content.replace("\r\n", "\n")
     try:
-        return Table(tomllib.loads(content), (), str(path), content)
+        return TomlTable(tomllib.loads(content), (), str(path), content)
     except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
         raise _syntax_error(str(error), content, path) from None
     except RecursionError:
@@ -107,7 +108,7 @@ def _syntax_error(reason: str, content: str, path: str | Path) -> InputError:
 
 
 @dataclass(frozen=True)
-class Table:
+class TomlTable:
     """A table of a TOML file: its ``values``, the keys that lead to it, and the text it was read from."""
 
     values: dict[str, Any]
@@ -120,22 +121,24 @@ class Table:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                raise self._error(key, f"unknown key{where}", f"{nearest(key, known)} (nearest of {', '.join(known)})")
+                raise self._error(
+                    key, f"unknown key{where}", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
+                )
 
-    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> Table:
+    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> TomlTable:
         """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
         if required and key not in self.values:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            raise self._error(key, f"is {_kind(value)}", expected)
-        return Table(value, (*self.path, key), self.file, self.content)
+            raise self._error(key, f"is {_describe_kind(value)}", expected)
+        return TomlTable(value, (*self.path, key), self.file, self.content)
 
     def text(self, key: str, *, default: str) -> str:
         """The text under ``key``, or ``default``."""
         value = self.values.get(key, default)
         if not isinstance(value, str):
-            raise self._error(key, f"is {_kind(value)}", "a text in quotes")
+            raise self._error(key, f"is {_describe_kind(value)}", "a text in quotes")
         return value
 
     def number(
@@ -157,7 +160,7 @@ class Table:
                 f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self._error(key, f"is {_kind(value)}", expected)
+            raise self._error(key, f"is {_describe_kind(value)}", expected)
         try:
             number = float(value)
         except OverflowError:  # an integer of more than 308 digits
@@ -170,7 +173,7 @@ class Table:
 
     def _error(self, key: str, message: str, expected: str) -> InputError:
         line = line_of(self.content, (*self.path, key))
-        return InputError(message, file=self.file, line=line, column=shortened(key), expected=expected)
+        return InputError(message, file=self.file, line=line, column=describe_shortened(key), expected=expected)
 
     def _line(self) -> int | None:
         return line_of(self.content, self.path) if self.path else None
@@ -202,7 +205,7 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
     return False
 
 
-def _kind(value: object) -> str:
+def _describe_kind(value: object) -> str:
     """What a TOML value is, in words."""
     kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")

@@ -14,7 +14,7 @@ import numpy as np
 from damping import effects, forces
 from damping.arrays import RAD_S_PER_HZ
 from damping.forces.shapes import Shape
-from damping.records.keys import Table, read_toml
+from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
 
@@ -77,7 +77,7 @@ class Mode:
             "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "tolerance")},
             **{name: getattr(self, name) for name in ("repeatability", "units", "damping", "effects")},
         }
-        for name, value in _checked(Table(_as_written(written), (), self.source or "mode", ""), self.name).items():
+        for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, value)
 
     @property
@@ -98,7 +98,7 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     return Mode(**values, source=str(path))
 
 
-def _checked(top: Table, name: str) -> dict[str, Any]:
+def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
     top.only("mode", "repeatability", "units", "damping", "effects")
     mode = top.table("mode", required=True)
@@ -126,23 +126,23 @@ def _as_written(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _tolerance(table: Table) -> Tolerance:
+def _tolerance(table: TomlTable) -> Tolerance:
     table.only("frequency", "mass", "viscous")
     default = Tolerance()
     return Tolerance(**{key: table.number(key, default=value, least=0.0) for key, value in vars(default).items()})
 
 
-def _repeatability(table: Table) -> Repeatability:
+def _repeatability(table: TomlTable) -> Repeatability:
     table.only("amplitude", "frequency")
     return Repeatability(**{key: table.number(key, least=0.0) for key in table.values})
 
 
-def _damping(table: Table) -> dict[str, dict[str, float]]:
+def _damping(table: TomlTable) -> dict[str, dict[str, float]]:
     table.only(*forces.CATALOGUE)
     return {name: _force(table, name) for name in table.values}
 
 
-def _force(damping: Table, name: str) -> dict[str, float]:
+def _force(damping: TomlTable, name: str) -> dict[str, float]:
     """Parameters of one damping force; a bare number is its parameter where it has one only."""
     shapes = forces.shapes_of(name)
     if len(shapes) == 1 and not isinstance(damping.values[name], dict):
@@ -151,23 +151,23 @@ def _force(damping: Table, name: str) -> dict[str, float]:
     return _parameters(damping.table(name, expected=expected), shapes)
 
 
-def _effects(table: Table) -> dict[str, dict[str, float]]:
+def _effects(table: TomlTable) -> dict[str, dict[str, float]]:
     table.only(*effects.CATALOGUE)
     return {name: _parameters(table.table(name), effects.CATALOGUE[name].shapes) for name in table.values}
 
 
-def _parameters(table: Table, shapes: tuple[Shape, ...]) -> dict[str, float]:
+def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]:
     """The numbers of a table; one that has a default may be absent."""
     table.only(*(shape.name for shape in shapes))
     given = [shape for shape in shapes if shape.default is None or shape.name in table.values]
     return {shape.name: _number(table, shape.name, shape) for shape in given}
 
 
-def _number(table: Table, key: str, shape: Shape) -> float:
+def _number(table: TomlTable, key: str, shape: Shape) -> float:
     return table.number(key, above=shape.above, least=shape.least, below=shape.below)
 
 
-def mode_to_toml(mode: Mode) -> str:
+def describe_mode_to_toml(mode: Mode) -> str:
     """The TOML file of a mode; reading it gives the same mode (but for ``source``), to the last digit."""
     groups = {
         "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass},
@@ -177,12 +177,14 @@ def mode_to_toml(mode: Mode) -> str:
         "damping": {name: _inline(parameters) for name, parameters in mode.damping.items()},
         **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
     }
-    written = [_group(name, values) for name, values in groups.items() if values or name.startswith("effects.")]
+    written = [
+        _describe_group(name, values) for name, values in groups.items() if values or name.startswith("effects.")
+    ]
     return "\n".join(written)
 
 
-def _group(name: str, values: Mapping[str, Any]) -> str:
-    lines = [f"[{name}]", *(f"{_key(key)} = {_value(value)}" for key, value in values.items())]
+def _describe_group(name: str, values: Mapping[str, Any]) -> str:
+    lines = [f"[{name}]", *(f"{_describe_key(key)} = {_describe_value(value)}" for key, value in values.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -191,15 +193,17 @@ def _inline(parameters: Mapping[str, float]) -> float | Mapping[str, float]:
     return next(iter(parameters.values())) if len(parameters) == 1 else parameters
 
 
-def _value(value: str | float | Mapping[str, float]) -> str:
+def _describe_value(value: str | float | Mapping[str, float]) -> str:
     if isinstance(value, str):
         return _quoted(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(key)} = {_value(number)}" for key, number in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items()) + "}"
+        )
     return repr(float(value))
 
 
-def _key(key: str) -> str:
+def _describe_key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
 
 

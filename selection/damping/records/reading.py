@@ -17,7 +17,7 @@ from damping.arrays import IntArray
 from damping.errors import InputError
 from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
 from damping.records.record import Record, find_problems, require_columns
-from damping.records.text import DEFAULT_MAX_SIZE, Cells, Rows, read_bytes, shortened, unguarded
+from damping.records.text import DEFAULT_MAX_SIZE, Cells, CsvRows, describe_shortened, read_bytes, unguarded
 
 #: Most rows of a table: a bound on memory and time.
 MOST_ROWS = 250_000
@@ -100,11 +100,11 @@ class _Scan:
 
 def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
     """Read a table; problems with the file or its header are raised, those with rows are noted."""
-    rows = Rows(read_bytes(path, max_size), path)
+    rows = CsvRows(read_bytes(path, max_size), path)
     header_line, header = next(rows, (1, []))
     if not header:
         raise rows.problem or InputError("the file is empty", file=path)
-    names = _names(header, header_line, path)
+    names = _list_names(header, header_line, path)
     require_columns(columns.required, names, str(path), header_line)
     growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
     lines, problem = _data(rows, list(growing.values()), path)
@@ -117,7 +117,7 @@ def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
     return scan
 
 
-def _names(header: list[str], line: int, file: str | Path) -> list[str]:
+def _list_names(header: list[str], line: int, file: str | Path) -> list[str]:
     """Column names, stripped; each must be there and occur once."""
     if len(header) > MOST_COLUMNS:
         raise InputError(f"{len(header)} columns", file=file, line=line, expected=f"at most {MOST_COLUMNS}")
@@ -127,12 +127,14 @@ def _names(header: list[str], line: int, file: str | Path) -> list[str]:
         if not name:
             raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
         if name in seen:
-            raise InputError("occurs twice", file=file, line=line, column=shortened(name), expected="each column once")
+            raise InputError(
+                "occurs twice", file=file, line=line, column=describe_shortened(name), expected="each column once"
+            )
         seen.add(name)
     return names
 
 
-def _data(rows: Rows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
+def _data(rows: CsvRows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
     """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
 
     Cells go to their columns some thousand rows at a time.
@@ -175,19 +177,19 @@ def _column(scan: _Scan, name: str, cells: Cells, columns: _Columns) -> pd.Serie
             bad = [(row, cell) for row, cell in bad if cell.strip()]
         if bad:
             row, cell = bad[0]
-            scan.add(row, name, _wrong(cell), "a finite number")
+            scan.add(row, name, _describe_wrong(cell), "a finite number")
         return pd.Series(cells.numbers(), copy=False)
     if cells.all_numbers:
         return pd.Series(cells.numbers(), copy=False)
     return pd.Series(cells.text(), dtype=object)
 
 
-def _wrong(cell: str) -> str:
+def _describe_wrong(cell: str) -> str:
     text = cell.strip()
     if not text:
         return "empty cell"
     try:
         float(text)
     except ValueError:
-        return f"{shortened(text)!r} is not a number"
-    return f"{shortened(text)!r} is not a finite number written with the digits 0-9"
+        return f"{describe_shortened(text)!r} is not a number"
+    return f"{describe_shortened(text)!r} is not a finite number written with the digits 0-9"

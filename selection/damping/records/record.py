@@ -21,10 +21,10 @@ from damping.records.keys import (
     OPTIONAL_COLUMNS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
-    nearest,
+    describe_nearest,
     record_schema,
 )
-from damping.records.text import guarded, shortened
+from damping.records.text import describe_shortened, guarded
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Record:
     source: str = "record"
 
     def __post_init__(self) -> None:
-        table = _typed(self.table, self.source)
+        table = _tabulate_typed(self.table, self.source)
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
@@ -112,7 +112,7 @@ class Record:
         return Record.trusted(self.table[chosen].reset_index(drop=True), self.source)
 
 
-class Problem(NamedTuple):
+class CellProblem(NamedTuple):
     """What is wrong with a cell of a record, or (``column`` None) with a row; ``twin``: the row that it repeats."""
 
     row: int
@@ -130,7 +130,7 @@ class Problem(NamedTuple):
         return -1 if self.column is None else list(table.columns).index(self.column)
 
 
-def find_problems(table: pd.DataFrame) -> list[Problem]:
+def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     """The first cell of each column outside the range of the record schema, and the first row that is there twice.
 
     Refused are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
@@ -146,12 +146,12 @@ def find_problems(table: pd.DataFrame) -> list[Problem]:
         cases = errors.failure_cases
         for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
             value = float(first["failure_case"])
-            problems.append(Problem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
+            problems.append(CellProblem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
     repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))
         twin = int(np.argmax(table.iloc[: second + 1].duplicated(keep="last").to_numpy()))
-        problems.append(Problem(second, None, "identical in every column", "each measured state once", twin))
+        problems.append(CellProblem(second, None, "identical in every column", "each measured state once", twin))
     return problems
 
 
@@ -161,16 +161,16 @@ def require_columns(required: Iterable[str], names: Sequence[str], file: str | N
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    alike = nearest(missing[0], names, likeness=0.6)
+    alike = describe_nearest(missing[0], names, likeness=0.6)
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         hint = " (the header is separated by semicolons or tabs)"
     else:
-        hint = f" (is {shortened(alike)!r} meant?)" if alike else ""
+        hint = f" (is {describe_shortened(alike)!r} meant?)" if alike else ""
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 
-def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
+def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """A copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
     if not isinstance(table, pd.DataFrame):
@@ -191,7 +191,7 @@ def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():
             row = int(np.argmin(good))
-            message = f"{shortened(str(cells.iloc[row]))!r} in row {row}"
+            message = f"{describe_shortened(str(cells.iloc[row]))!r} in row {row}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed
 
@@ -208,15 +208,15 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
     execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
     """
     table = record.table if isinstance(record, Record) else record
-    parts = [",".join(_cell(str(name)) for name in table.columns) + "\n"]
+    parts = [",".join(_describe_cell(str(name)) for name in table.columns) + "\n"]
     for start in range(0, len(table), _BLOCK):
         block = table.iloc[start : start + _BLOCK]
-        columns = [[_cell(value) for value in block.iloc[:, i].tolist()] for i in range(block.shape[1])]
+        columns = [[_describe_cell(value) for value in block.iloc[:, i].tolist()] for i in range(block.shape[1])]
         parts.append("".join(",".join(row) + "\n" for row in zip(*columns, strict=True)))
     return "".join(parts)
 
 
-def _cell(value: object) -> str:
+def _describe_cell(value: object) -> str:
     if isinstance(value, str):
         return _quoted(guarded(value))
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):

@@ -73,7 +73,7 @@ def energy_per_cycle(record: Record) -> FloatArray:
     return energy
 
 
-def resonances(record: Record) -> pd.DataFrame:
+def tabulate_resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
     rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))

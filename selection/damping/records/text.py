@@ -71,7 +71,7 @@ def decode(data: bytes, file: str | Path) -> tuple[str, InputError | None]:
     return data[:start].decode(), InputError(message, file=file, line=len(ends) + 1, expected="text in UTF-8")
 
 
-def shortened(text: str, length: int = 30) -> str:
+def describe_shortened(text: str, length: int = 30) -> str:
     """``text``, cut to ``length`` characters for a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
 
@@ -89,7 +89,7 @@ def unguarded(text: str) -> str:
     return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_EXECUTED) else text
 
 
-class Rows:
+class CsvRows:
     """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
 
     It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line

@@ -21,7 +21,7 @@ from damping.records.implied import (
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import resonances
+from damping.records.resonance import tabulate_resonances
 from damping.records.runs import (
     FEWEST_ROWS,
     WHITE,
@@ -192,7 +192,7 @@ class View:
     @cached_property
     def implied(self) -> pd.DataFrame:
         """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
-        table = _replace_steady_amplitudes(resonances(self.right), self.right)
+        table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
         for run, value in zip(self.runs, self.masses, strict=True):
             mass.setdefault(run.sweep, []).append(value)

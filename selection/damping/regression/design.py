@@ -40,7 +40,7 @@ class Columns:
         return len(self.rows)
 
 
-def sources(name: str, available: Collection[str]) -> tuple[str, ...]:
+def list_sources(name: str, available: Collection[str]) -> tuple[str, ...]:
     """The table's columns that ``name`` is made of; ``name`` itself, missing, where nothing can make it.
 
     A column whose name has blanks is found with or without them.
@@ -57,9 +57,9 @@ def sources(name: str, available: Collection[str]) -> tuple[str, ...]:
     return (name,)
 
 
-def required_columns(names: Iterable[str], available: Collection[str]) -> tuple[str, ...]:
+def list_required_columns(names: Iterable[str], available: Collection[str]) -> tuple[str, ...]:
     """The table's columns that all of ``names`` are made of, each once."""
-    return tuple(dict.fromkeys(column for name in names for column in sources(name, available)))
+    return tuple(dict.fromkeys(column for name in names for column in list_sources(name, available)))
 
 
 def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table") -> Columns:
@@ -79,7 +79,7 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
     for name in names:
-        found = sources(name, list(table.columns))
+        found = list_sources(name, list(table.columns))
         if len(found) == 1:
             factor = 1.0 if found[0] == name or name not in _ALIASES else _ALIASES[name][1]
             values[name] = factor * table[found[0]].to_numpy(dtype=np.float64)

@@ -15,7 +15,7 @@ from damping.regression.program import Regression
 Form = dict[str, Any]
 
 
-def terms_table(fit: Fit) -> pd.DataFrame:
+def tabulate_terms(fit: Fit) -> pd.DataFrame:
     """A row a term: ``name, coefficient, std_error, t_ratio, p_value``."""
     columns = (fit.names, fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
     keys = ("name", "coefficient", "std_error", "t_ratio", "p_value")
@@ -30,28 +30,28 @@ def regress_form(result: Regression) -> Form:
         "data": result.data,
         "n": fit.n,
         "response": result.design.response,
-        "terms": _terms(fit),
+        "terms": _list_terms(fit),
         "one_term_fits": [_one_term(one) for one in result.one_term],
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
-        "steps": _steps(result),
+        "steps": _list_steps(result),
         "selection": asdict(choice),
-        "subsets": _subsets(result),
+        "subsets": _list_subsets(result),
         "proof": _proof(result),
-        "all_terms": _terms(result.full),
-        "plane": None if result.plane is None else _terms(result.plane),
+        "all_terms": _list_terms(result.full),
+        "plane": None if result.plane is None else _list_terms(result.plane),
         "variables": [asdict(variable) for variable in result.variables],
         "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
         "goodness_of_fit": asdict(result.sums),
         "breakdown": [asdict(band) for band in result.bands],
         "notes": list(result.notes),
     }
-    return {**plain(form), "deviations": _deviations(result)}
+    return {**plain(form), "deviations": _list_deviations(result)}
 
 
-def _terms(fit: Fit) -> list[Form]:
-    return [{str(key): value for key, value in row.items()} for row in terms_table(fit).to_dict("records")]
+def _list_terms(fit: Fit) -> list[Form]:
+    return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
 
 
 def _one_term(one: Fit) -> Form:
@@ -82,14 +82,14 @@ def _summary(result: Regression) -> Form:
     }
 
 
-def _deviations(result: Regression) -> list[Form]:
+def _list_deviations(result: Regression) -> list[Form]:
     d = result.deviations
     columns = plain((d.observed, d.fitted, d.deviation, d.percent, result.rows + 1))
     keys = ("observed", "fitted", "deviation", "percent", "row")
     return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def _steps(result: Regression) -> list[Form]:
+def _list_steps(result: Regression) -> list[Form]:
     return [
         {
             "action": step.action,
@@ -97,7 +97,7 @@ def _steps(result: Regression) -> list[Form]:
             "reason": step.reason,
             "t_ratio": step.t_ratio,
             "score": step.score,
-            "terms": _terms(step.fit),
+            "terms": _list_terms(step.fit),
         }
         for step in result.selected.steps
         if step.action != "start"
@@ -111,7 +111,7 @@ def _proof(result: Regression) -> Form | None:
     return None if models is None or models.proof is None else asdict(models.proof)
 
 
-def _subsets(result: Regression) -> list[Form] | None:
+def _list_subsets(result: Regression) -> list[Form] | None:
     """The best subsets, best first; None where subsets were not searched."""
     models = result.selected.models
     if models is None:

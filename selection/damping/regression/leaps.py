@@ -32,7 +32,7 @@ from damping.errors import AnalysisError
 from damping.regression.decomposition import Basis
 from damping.regression.design import Design
 from damping.regression.fit import leave_one_out
-from damping.regression.shortlist import LARGEST_LEVERAGE, Problem, Shortlist, state_problem
+from damping.regression.shortlist import LARGEST_LEVERAGE, Shortlist, SubsetProblem, state_problem
 
 #: Multiplications that a search may take, about two minutes; a node takes k^2, by leave-one-out n k more.
 MOST_WORK = 4e9
@@ -144,7 +144,7 @@ def search(
     return best.members, visited
 
 
-def _eliminate(problem: Problem, best: Shortlist) -> None:
+def _eliminate(problem: SubsetProblem, best: Shortlist) -> None:
     """Enter what backward elimination sees: from all terms on, the model without each one, then the best of these."""
     root = _root(problem)
     inside, duals, rest, leverages = root.inside[0], root.duals[0], root.rest[0], root.leverages[0]
@@ -166,7 +166,7 @@ def _eliminate(problem: Problem, best: Shortlist) -> None:
         duals = duals - np.outer(duals @ direction, direction)
 
 
-def _root(problem: Problem) -> _Nodes:
+def _root(problem: SubsetProblem) -> _Nodes:
     """All terms, all open."""
     k, n = problem.k, len(problem.observed) if problem.leaves_out else 0
     leverages = np.einsum("nk,nk->n", problem.orthonormal, problem.orthonormal)[:n]
@@ -174,7 +174,7 @@ def _root(problem: Problem) -> _Nodes:
     return _Nodes(everything, np.arange(k)[None], np.array([k]), problem.duals[None], np.zeros((1, k)), leverages[None])
 
 
-def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: Problem) -> _Nodes:
+def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: SubsetProblem) -> _Nodes:
     """The nodes that drop a term; open terms before it stay open, those after it stay in."""
     rows = np.arange(len(parents))
     direction = nodes.duals[parents, drops]
@@ -192,7 +192,7 @@ def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: Proble
     return _Nodes(inside, nodes.terms[parents, :most], drops, duals, rest, leverages)
 
 
-def _visit(nodes: _Nodes, problem: Problem, best: Shortlist) -> _Opened:
+def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
     """Fit nodes, enter the subsets that they stand for, and open what is worth it."""
     stay = nodes.stay
     if problem.nonnegative:
@@ -214,7 +214,7 @@ def _visit(nodes: _Nodes, problem: Problem, best: Shortlist) -> _Opened:
     return _open(nodes, numbers, numbers + change, least, stay, best)
 
 
-def _nonnegative(nodes: _Nodes, problem: Problem) -> tuple[FloatArray, FloatArray]:
+def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
     """Coefficients (b, k) of non-negative least squares on the terms inside, and the response's rest (b, k)."""
     coefficients = np.zeros(nodes.inside.shape)
     for row, inside in zip(coefficients, nodes.inside, strict=True):
@@ -226,13 +226,13 @@ def _nonnegative(nodes: _Nodes, problem: Problem) -> tuple[FloatArray, FloatArra
     return coefficients, problem.along - coefficients @ problem.factor.T
 
 
-def _leverages(subsets: BoolArray, problem: Problem) -> FloatArray:
+def _leverages(subsets: BoolArray, problem: SubsetProblem) -> FloatArray:
     """Leverages (m, n) of subsets."""
     directions = [problem.orthonormal @ np.linalg.qr(problem.factor[:, members])[0] for members in subsets]
     return np.array([np.einsum("nk,nk->n", d, d) for d in directions]).reshape(len(subsets), len(problem.observed))
 
 
-def _weighted(nodes: _Nodes, deviations: FloatArray, problem: Problem) -> tuple[FloatArray, FloatArray]:
+def _weighted(nodes: _Nodes, deviations: FloatArray, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
     """The least sum of squared leave-one-out errors within nodes (b,), and by how much the coefficients of open terms
     (b, m) differ there."""
     open_directions = np.linalg.qr(nodes.duals.transpose(0, 2, 1))[0][:, :, : nodes.duals.shape[1]]

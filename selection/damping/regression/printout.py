@@ -14,23 +14,35 @@ _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 
 def printout(result: Regression) -> str:
     """All statistics of one curve on one table, as text that ends in a line end."""
-    parts = [_heading(result), _variables(result), _correlations(result), _one_term(result)]
+    parts = [
+        _describe_heading(result),
+        _describe_variables(result),
+        _describe_correlations(result),
+        _describe_one_term(result),
+    ]
     if result.plane is not None:
-        parts.append(_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _coefficients(result.plane)))
+        parts.append(_describe_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _list_coefficients(result.plane)))
     selects = result.choice.method != "none" or result.choice.nonnegative
     if selects:
-        parts.append(_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _coefficients(result.full)))
-        parts.append(_selection(result))
+        parts.append(_describe_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _list_coefficients(result.full)))
+        parts.append(_describe_selection(result))
     fit = result.selected.fit
-    parts.append(_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _coefficients(fit)))
-    parts.append(_section("TERMS IN DESCENDING ORDER OF T-RATIO", _by_t_ratio(fit)))
-    parts += [_goodness(result), _criteria(result), _bands(result), _deviations(result)]
+    parts.append(
+        _describe_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _list_coefficients(fit))
+    )
+    parts.append(_describe_section("TERMS IN DESCENDING ORDER OF T-RATIO", _list_by_t_ratio(fit)))
+    parts += [
+        _describe_goodness(result),
+        _describe_criteria(result),
+        _describe_bands(result),
+        _describe_deviations(result),
+    ]
     if result.notes:
-        parts.append(_section("NOTES", [f"- {note}" for note in result.notes]))
-    return _shown("\n".join(parts))
+        parts.append(_describe_section("NOTES", [f"- {note}" for note in result.notes]))
+    return _describe_shown("\n".join(parts))
 
 
-def comparison(results: Sequence[Regression]) -> str:
+def describe_comparison(results: Sequence[Regression]) -> str:
     """One line a fit, where several curves or several data sets were asked for."""
     rows = [
         (
@@ -43,10 +55,10 @@ def comparison(results: Sequence[Regression]) -> str:
         for result in results
     ]
     header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
-    return _shown(_section("COMPARISON OF FITS", _table(header, rows, left=2)))
+    return _describe_shown(_describe_section("COMPARISON OF FITS", _list_table(header, rows, left=2)))
 
 
-def _shown(text: str) -> str:
+def _describe_shown(text: str) -> str:
     """Control characters in names of the input are shown, not sent to the terminal."""
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
@@ -59,11 +71,11 @@ def _number(value: float) -> str:
     return "-" if np.isnan(value) else f"{value:.6g}"
 
 
-def _section(title: str, lines: Iterable[str]) -> str:
+def _describe_section(title: str, lines: Iterable[str]) -> str:
     return "\n".join([title, "-" * len(title), *lines, ""])
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+def _list_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     """Aligned columns, the first ``left`` to the left."""
     widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
     return [
@@ -75,61 +87,61 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) 
     ]
 
 
-def _heading(result: Regression) -> str:
+def _describe_heading(result: Regression) -> str:
     lines = [
         f"{result.data or 'table'}, number of observations {result.design.n}",
         f"{result.design.response} = " + " + ".join(f"a{i + 1} {name}" for i, name in enumerate(result.design.names)),
     ]
-    return _section("MULTIVARIATE REGRESSION PROGRAM I", lines)
+    return _describe_section("MULTIVARIATE REGRESSION PROGRAM I", lines)
 
 
-def _variables(result: Regression) -> str:
+def _describe_variables(result: Regression) -> str:
     header = ("variable", "sum", "average value", "standard deviation", "sum of squares")
     rows = [(v.name, *map(_number, (v.sum, v.mean, v.standard_deviation, v.sum_of_squares))) for v in result.variables]
-    return _section("TRANSFORMED VARIABLES", _table(header, rows))
+    return _describe_section("TRANSFORMED VARIABLES", _list_table(header, rows))
 
 
-def _correlations(result: Regression) -> str:
+def _describe_correlations(result: Regression) -> str:
     names = (*result.design.names, result.design.response)
     rows = [
         (name, *("-" if np.isnan(value) else f"{value:.5f}" for value in row[: i + 1]), *[""] * (len(names) - i - 1))
         for i, (name, row) in enumerate(zip(names, result.correlations, strict=True))
     ]
-    return _section("CORRELATION COEFFICIENTS", _table(("", *names), rows))
+    return _describe_section("CORRELATION COEFFICIENTS", _list_table(("", *names), rows))
 
 
-def _one_term(result: Regression) -> str:
+def _describe_one_term(result: Regression) -> str:
     header = ("term", "coefficient", "T-ratio", "rms error", "R^2 about zero")
     rows = [
         (one.names[0], *map(_number, (one.coefficients[0], one.t_ratios[0], one.rms_error, one.r_squared)))
         for one in result.one_term
     ]
-    return _section("ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", _table(header, rows))
+    return _describe_section("ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", _list_table(header, rows))
 
 
-def _coefficients(fit: Fit) -> list[str]:
+def _list_coefficients(fit: Fit) -> list[str]:
     header = ("term", "coefficient", "standard error", "T-ratio", "p-value")
     columns = (fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
     rows = [(name, *map(_number, row)) for name, *row in zip(fit.names, *columns, strict=True)]
     held = [] if fit.active.all() else ["A coefficient of 0 without standard error is held there: coefficients >= 0."]
-    return [*_table(header, rows), *held, f"Scaled condition number {fit.condition_number:.4g}"]
+    return [*_list_table(header, rows), *held, f"Scaled condition number {fit.condition_number:.4g}"]
 
 
-def _by_t_ratio(fit: Fit) -> list[str]:
+def _list_by_t_ratio(fit: Fit) -> list[str]:
     order = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
-    return _table(("term", "T-ratio"), [(fit.names[i], _number(fit.t_ratios[i])) for i in order])
+    return _list_table(("term", "T-ratio"), [(fit.names[i], _number(fit.t_ratios[i])) for i in order])
 
 
-def _selection(result: Regression) -> str:
+def _describe_selection(result: Regression) -> str:
     choice = result.choice
     by = NAMES[choice.criterion] if choice.t_stop is None else f"|T| = {choice.t_stop:g}"
     title = f"SELECTION: {choice.method}" + ("" if choice.method == "none" else f", by {by}")
     title += ", coefficients >= 0" if choice.nonnegative else ""
     lines = [f"{step.action:5s}  {step.term:14s}  {step.reason}" for step in result.selected.steps]
-    return _section(title, [*lines, *_models(result)])
+    return _describe_section(title, [*lines, *_list_models(result)])
 
 
-def _models(result: Regression, most: int = 20) -> list[str]:
+def _list_models(result: Regression, most: int = 20) -> list[str]:
     """The best subsets, where all were searched, and what proves them so."""
     models = result.selected.models
     if models is None:
@@ -141,12 +153,12 @@ def _models(result: Regression, most: int = 20) -> list[str]:
     ]
     proof, every = models.proof, f"all 2^{len(models.names)} - 1 subsets"
     said = f"best of {every}, each fitted" if proof is None else f"best of {every}, proved by {proof.nodes} fits"
-    return ["", *_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows), said]
+    return ["", *_list_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows), said]
 
 
-def _goodness(result: Regression) -> str:
+def _describe_goodness(result: Regression) -> str:
     sums, fit, deviations = result.sums, result.selected.fit, result.deviations
-    table = _table(
+    table = _list_table(
         ("", "fitted E", "observed E", "E fitted - observed"),
         [
             ("sum", *map(_number, (sums.fitted, sums.observed, sums.difference))),
@@ -165,10 +177,12 @@ def _goodness(result: Regression) -> str:
         ("   R^2 about zero, 1 - SSE/sum y^2", fit.r_squared),
         ("   R^2 about the mean, 1 - SSE/sum (y - mean)^2", fit.r_squared_centred),
     ]
-    return _section("GOODNESS OF FIT", [*table, "", *_table(("", ""), [(k, _number(v)) for k, v in rows])[1:]])
+    return _describe_section(
+        "GOODNESS OF FIT", [*table, "", *_list_table(("", ""), [(k, _number(v)) for k, v in rows])[1:]]
+    )
 
 
-def _criteria(result: Regression) -> str:
+def _describe_criteria(result: Regression) -> str:
     values = result.selected.fit.criteria
     rows = [
         ("AIC", values.aic),
@@ -177,10 +191,12 @@ def _criteria(result: Regression) -> str:
         ("adjusted R^2 about zero", values.adjusted_r_squared),
         ("leave-one-out error", values.leave_one_out_error),
     ]
-    return _section("CRITERIA", _table(("", ""), [(name, _number(float(value))) for name, value in rows])[1:])
+    return _describe_section(
+        "CRITERIA", _list_table(("", ""), [(name, _number(float(value))) for name, value in rows])[1:]
+    )
 
 
-def _bands(result: Regression) -> str:
+def _describe_bands(result: Regression) -> str:
     rows = [
         (
             f"{band.low:g} to {band.high:g}" if np.isfinite(band.high) else f"{band.low:g} and more",
@@ -190,10 +206,10 @@ def _bands(result: Regression) -> str:
         for band in result.bands
     ]
     header = ("i) |per cent deviation|", "observations", "per cent of them")
-    return _section("OBSERVATIONS BY PER CENT OF DEVIATION", _table(header, rows))
+    return _describe_section("OBSERVATIONS BY PER CENT OF DEVIATION", _list_table(header, rows))
 
 
-def _deviations(result: Regression) -> str:
+def _describe_deviations(result: Regression) -> str:
     d = result.deviations
     columns = (d.observed, d.fitted, d.deviation)
     rows = [
@@ -203,4 +219,4 @@ def _deviations(result: Regression) -> str:
     left_out = len(d.observed) - len(rows)
     more = [f"and {left_out} more"] if left_out else []
     header = ("row", "observed", "fitted", "deviation", "per cent")
-    return _section("DEVIATIONS (observed - fitted)", [*_table(header, rows), *more])
+    return _describe_section("DEVIATIONS (observed - fitted)", [*_list_table(header, rows), *more])

@@ -16,7 +16,7 @@ from damping.errors import AnalysisError
 from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.selecting import Choice, Selected, select
-from damping.regression.terms import CONSTANT, Term, columns_of, parse_term
+from damping.regression.terms import CONSTANT, Term, list_columns_of, parse_term
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
@@ -150,7 +150,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     full = fit(design)
     selected = select(design, choice)
     deviations = deviations_of(selected.fit)
-    independent = {name: columns.numbers[name] for name in columns_of(terms)}
+    independent = {name: columns.numbers[name] for name in list_columns_of(terms)}
     plane, why_not = _plane(columns, response, tuple(independent))
     return Regression(
         data=data,
@@ -167,7 +167,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         deviations=deviations,
         sums=goodness_of_fit(selected.fit),
         bands=breakdown(deviations),
-        notes=(*columns.notes, *why_not, *_cautions(selected.fit)),
+        notes=(*columns.notes, *why_not, *_list_cautions(selected.fit)),
     )
 
 
@@ -180,7 +180,7 @@ def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tup
         return None, (f"no plane: {error}",)
 
 
-def _cautions(found: Fit) -> tuple[str, ...]:
+def _list_cautions(found: Fit) -> tuple[str, ...]:
     """What a reader of the coefficients must know."""
     cautions = []
     if found.n == found.k:

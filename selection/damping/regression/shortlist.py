@@ -23,7 +23,7 @@ LARGEST_LEVERAGE = 0.99
 
 
 @dataclass(frozen=True)
-class Problem:
+class SubsetProblem:
     """What is searched, for a response of length 1.
 
     ``factor`` R and ``duals`` R^-1 (k, k); ``along`` (k,) the response along the basis and ``beyond`` (n,) across it;
@@ -84,7 +84,7 @@ class Shortlist:
     subset of a size can enter the list with more, ``ceiling`` (k + 1,) from the start. ``reach`` (k + 1,): nor any of
     that size or a larger one."""
 
-    problem: Problem
+    problem: SubsetProblem
     number: int | None
     per_size: int | None
     ceiling: FloatArray
@@ -137,12 +137,12 @@ def rounding_of(basis: Basis, criterion: str) -> float:
     return _ROUNDINGS * basis.condition_number / (1.0 - LARGEST_LEVERAGE if criterion == "loo" else 1.0)
 
 
-def state_problem(design: Design, basis: Basis, criterion: str, nonnegative: bool) -> Problem:
+def state_problem(design: Design, basis: Basis, criterion: str, nonnegative: bool) -> SubsetProblem:
     """The problem of a design: response and columns scaled to length 1."""
     observed = design.observed / (np.linalg.norm(design.observed) or 1.0)
     along = observed @ basis.orthonormal
     length = np.linalg.norm(basis.factor, axis=0)
-    return Problem(
+    return SubsetProblem(
         criterion=criterion,
         nonnegative=nonnegative,
         observed=observed,

@@ -149,7 +149,7 @@ class _Search:
         return replace(step, t_ratio=ratio, reason=f"|T| = {ratio:.4g} is the largest on entry")
 
     def _if_better(self, step: Step, now: Step) -> Step | None:
-        reason = f"{step.reason}; {NAMES[self.criterion]} {_shown(self.criterion, now.score, step.score)}"
+        reason = f"{step.reason}; {NAMES[self.criterion]} {_describe_shown(self.criterion, now.score, step.score)}"
         return replace(step, reason=reason) if step.score < now.score else None
 
 
@@ -159,7 +159,7 @@ def _flipped(mask: BoolArray, j: int) -> BoolArray:
     return changed
 
 
-def _shown(criterion: str, before: float, after: float) -> str:
+def _describe_shown(criterion: str, before: float, after: float) -> str:
     sign = -1.0 if criterion == "adjusted-r2" else 1.0  # a score is lower when it is better; people see the criterion
     return f"{sign * before:.6g} -> {sign * after:.6g}"
 

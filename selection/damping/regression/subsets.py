@@ -28,7 +28,8 @@ from damping.regression.shortlist import rounding_of
 #: Of so many terms and no more every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
 _ONE_THREAD = 2**18  # multiplications
-_BLOCK, _BLOCK_SIZE = 9, 2e6  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+_BLOCK = 9  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+_BLOCK_SIZE = 2e6
 
 _PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 

@@ -191,6 +191,6 @@ def _error(text: str, position: int, found: str, expected: str) -> InputError:
     return InputError(f"terms {text.strip()!r}, character {position + 1}: {found}", expected=expected)
 
 
-def columns_of(terms: Iterable[Term]) -> tuple[str, ...]:
+def list_columns_of(terms: Iterable[Term]) -> tuple[str, ...]:
     """The columns that the terms need, each once, in order of first use."""
     return tuple(dict.fromkeys(column for term in terms for column in term.columns))

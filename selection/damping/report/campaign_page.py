@@ -9,18 +9,22 @@ import pandas as pd
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.plots.campaign import mode_over_level
 from damping.plots.style import to_svg
-from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, page
+from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, describe_page
 
 
-def campaign_page(
+def describe_campaign_page(
     campaign: Campaign, title: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
 ) -> str:
     """The page as HTML."""
-    sections = [_overview(campaign), *(_mode(mode, campaign) for mode in campaign.modes), _understood(campaign)]
-    return page(title, sections, Footer(seed, versions, inputs))
+    sections = [
+        _build_overview(campaign),
+        *(_build_mode(mode, campaign) for mode in campaign.modes),
+        _build_understood(campaign),
+    ]
+    return describe_page(title, sections, Footer(seed, versions, inputs))
 
 
-def _overview(campaign: Campaign) -> Section:
+def _build_overview(campaign: Campaign) -> Section:
     rows = []
     for mode in campaign.modes:
         lowest, top = mode.places[0], mode.places[-1]
@@ -28,8 +32,8 @@ def _overview(campaign: Campaign) -> Section:
             {
                 "mode": mode.name,
                 "frequency, Hz": mode.frequency,
-                "damping ratio at the lowest level, %": _percent(lowest.ratio),
-                f"at {top.level:.4g} {campaign.unit}, %": _percent(top.ratio),
+                "damping ratio at the lowest level, %": _describe_percent(lowest.ratio),
+                f"at {top.level:.4g} {campaign.unit}, %": _describe_percent(top.ratio),
                 "law": mode.law,
                 "sensors left out": ", ".join(mode.left_out) or "none",
             }
@@ -38,11 +42,11 @@ def _overview(campaign: Campaign) -> Section:
     return Section("modes", "Modes", [Text(said, lead=True), Table(pd.DataFrame(rows), "Modes of the campaign.")])
 
 
-def _percent(band: tuple[float, float, float] | None) -> str:
+def _describe_percent(band: tuple[float, float, float] | None) -> str:
     return f"{100 * band[0]:.3g} ({100 * band[1]:.3g} to {100 * band[2]:.3g})" if band else "no answer"
 
 
-def _mode(mode: ModeAnswer, campaign: Campaign) -> Section:
+def _build_mode(mode: ModeAnswer, campaign: Campaign) -> Section:
     levels = pd.DataFrame(
         [
             {"level": at.level, "tested": at.tested, "frequency": at.frequency}
@@ -67,7 +71,7 @@ def _mode(mode: ModeAnswer, campaign: Campaign) -> Section:
     return Section(mode.name, mode.name, blocks)
 
 
-def _understood(campaign: Campaign) -> Section:
+def _build_understood(campaign: Campaign) -> Section:
     table = campaign.summary.table
     blocks: list[Block] = [Table(table, "What was understood of the files.")]
     if campaign.summary.notes:

@@ -12,11 +12,18 @@ from damping.infer.chains import Settings
 from damping.plots.design_loads import design_loads
 from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
 from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
-from damping.plots.style import with_unit
+from damping.plots.style import describe_with_unit
 from damping.ranking import Candidate
 from damping.report import forms, tables
 from damping.report.results import LawPosterior, RecordResult, posterior_draws, prior_draws
-from damping.report.words import energy_unit, force_text, joined, number, parameter_label, share
+from damping.report.words import (
+    format_energy_unit,
+    format_force_text,
+    format_joined,
+    format_parameter_label,
+    format_share,
+    number,
+)
 
 #: Laws whose fits are drawn: more curves cannot be told apart.
 MOST_LAWS = 5
@@ -35,16 +42,16 @@ class Drawn(NamedTuple):
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
     """Figures of a record by name; those its results cannot fill are left out. ``level``: of predictive checks."""
     drawn = {
-        "ranking": _ranking(result),
-        "fits": _fits(result),
-        "deviations": _deviations(result),
-        "energy_surface": _energy_surface(result),
-        "corner": _corner(result),
-        "prior_posterior": _prior_posterior(result),
-        "priors": _priors(result),
-        "predictive_check": _predictive_check(result, level),
-        "convergence": _convergence(result),
-        "design_loads": _design_loads(result),
+        "ranking": _draw_ranking(result),
+        "fits": _draw_fits(result),
+        "deviations": _draw_deviations(result),
+        "energy_surface": _draw_energy_surface(result),
+        "corner": _draw_corner(result),
+        "prior_posterior": _draw_prior_posterior(result),
+        "priors": _draw_priors(result),
+        "predictive_check": _draw_predictive_check(result, level),
+        "convergence": _draw_convergence(result),
+        "design_loads": _draw_design_loads(result),
     }
     return {name: one for name, one in drawn.items() if one is not None}
 
@@ -62,10 +69,12 @@ def shown_laws(result: RecordResult) -> list[Candidate]:
     return best + viscous
 
 
-def _ranking(result: RecordResult) -> Drawn:
-    table = tables.ranking_table(result)
+def _draw_ranking(result: RecordResult) -> Drawn:
+    table = tables.tabulate_ranking(result)
     best = table[table["weight"] > 0.0].head(3)
-    said = joined(f"{law} {share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True))
+    said = format_joined(
+        f"{law} {format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
+    )
     description = (
         f"Bars of the weight of {len(table)} candidate laws, beside their error at the tested resonances, fitted and "
         f"with the level held out. Largest weights: {said}."
@@ -73,32 +82,34 @@ def _ranking(result: RecordResult) -> Drawn:
     return Drawn(ranking(table), f"{result.title}: candidate laws ranked", description)
 
 
-def _fits(result: RecordResult) -> Drawn:
+def _draw_fits(result: RecordResult) -> Drawn:
     one_sweep = len(result.data.sweeps) == 1
     units = result.mode.units
-    observed = tables.observations_table(result)
+    observed = tables.tabulate_observations(result)
     laws = shown_laws(result)
     x = "frequency" if one_sweep else "amplitude"
     y = "energy" if one_sweep else "damping_force"
     measured = pd.DataFrame({"x": observed[x], "y": observed[y], "label": observed["point"]})
-    curves = [_curve(result, law, one_sweep) for law in laws]
-    deviations = tables.deviations_table(result)
+    curves = [_tabulate_curve(result, law, one_sweep) for law in laws]
+    deviations = tables.tabulate_deviations(result)
     chosen = deviations[deviations["law"].isin([law.name for law in laws])]
     figure = fits(
         measured,
         pd.concat(curves, ignore_index=True),
         pd.DataFrame({"law": chosen["law"], "x": chosen[x], "percent": chosen["percent"]}),
-        with_unit("frequency", "Hz") if one_sweep else with_unit("amplitude", units.length),
-        with_unit("energy per cycle", energy_unit(units)) if one_sweep else with_unit("damping force", units.force),
+        describe_with_unit("frequency", "Hz") if one_sweep else describe_with_unit("amplitude", units.length),
+        describe_with_unit("energy per cycle", format_energy_unit(units))
+        if one_sweep
+        else describe_with_unit("damping force", units.force),
     )
     means = chosen.groupby("law", sort=False)["percent"].agg(lambda percent: percent.abs().mean())
-    said = joined(f"{law} {number(mean)} per cent" for law, mean in means.items())
+    said = format_joined(f"{law} {number(mean)} per cent" for law, mean in means.items())
     what = "Energy per cycle against frequency" if one_sweep else "Damping force against amplitude"
     description = f"{what}, measured and by {len(laws)} laws, with deviations below. Mean absolute deviation: {said}."
     return Drawn(figure, f"{result.title}: fits and residuals", description)
 
 
-def _curve(result: RecordResult, law: Candidate, one_sweep: bool) -> pd.DataFrame:
+def _tabulate_curve(result: RecordResult, law: Candidate, one_sweep: bool) -> pd.DataFrame:
     """A law's curve: energy at the measured points of one sweep, or damping force over a grid of amplitudes."""
     data = result.data
     if one_sweep:
@@ -111,9 +122,9 @@ def _curve(result: RecordResult, law: Candidate, one_sweep: bool) -> pd.DataFram
     return pd.DataFrame({"law": law.name, "weight": law.weight, "x": grid, "y": y})
 
 
-def _deviations(result: RecordResult) -> Drawn | None:
+def _draw_deviations(result: RecordResult) -> Drawn | None:
     names = [law.name for law in shown_laws(result)]
-    table = tables.deviations_table(result)
+    table = tables.tabulate_deviations(result)
     table = table[table["law"].isin(names)]
     if len(result.data.A) < 5:
         return None
@@ -125,7 +136,7 @@ def _deviations(result: RecordResult) -> Drawn | None:
     return Drawn(percent_deviations(table), f"{result.title}: per cent deviations", description)
 
 
-def _energy_surface(result: RecordResult) -> Drawn | None:
+def _draw_energy_surface(result: RecordResult) -> Drawn | None:
     best = next((c for c in result.ranking.candidates if c.weight > 0.0 and c.rank is not None), None)
     data = result.data
     if best is None or len(data.A) < 5:
@@ -141,10 +152,10 @@ def _energy_surface(result: RecordResult) -> Drawn | None:
         A,
         f,
         energy,
-        tables.observations_table(result)[["amplitude", "frequency", "energy"]],
-        with_unit("amplitude", units.length),
-        with_unit("frequency", "Hz"),
-        with_unit("energy per cycle", energy_unit(units)),
+        tables.tabulate_observations(result)[["amplitude", "frequency", "energy"]],
+        describe_with_unit("amplitude", units.length),
+        describe_with_unit("frequency", "Hz"),
+        describe_with_unit("energy per cycle", format_energy_unit(units)),
     )
     description = (
         f"Contours of the energy per cycle by {best.name} over amplitude and frequency, with {len(data.A)} measured "
@@ -157,36 +168,36 @@ def _labelled(result: RecordResult, sampled: LawPosterior) -> tuple[dict[str, np
     """Prior and posterior draws under labels with units."""
     units = result.mode.units
     prior, posterior = prior_draws(sampled.posterior.coordinates), posterior_draws(sampled)
-    labels = {name: parameter_label(name, units) for name in posterior}
+    labels = {name: format_parameter_label(name, units) for name in posterior}
     return {labels[name]: prior[name] for name in posterior}, {labels[name]: posterior[name] for name in posterior}
 
 
-def _intervals(draws: dict[str, np.ndarray]) -> str:
+def _describe_intervals(draws: dict[str, np.ndarray]) -> str:
     quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in draws.items()}
-    return joined(f"{name} {number(q[1])} ({number(q[0])} to {number(q[2])})" for name, q in quantiles.items())
+    return format_joined(f"{name} {number(q[1])} ({number(q[0])} to {number(q[2])})" for name, q in quantiles.items())
 
 
-def _corner(result: RecordResult) -> Drawn | None:
+def _draw_corner(result: RecordResult) -> Drawn | None:
     best = leading(result)
     if best is None:
         return None
     prior, posterior = _labelled(result, best)
-    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_intervals(posterior)}."
+    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_describe_intervals(posterior)}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
 
 
-def _prior_posterior(result: RecordResult) -> Drawn | None:
+def _draw_prior_posterior(result: RecordResult) -> Drawn | None:
     best = leading(result)
     if best is None:
         return None
     prior, posterior = _labelled(result, best)
-    description = f"{best.law.name}. Prior: {_intervals(prior)}. Posterior: {_intervals(posterior)}."
+    description = f"{best.law.name}. Prior: {_describe_intervals(prior)}. Posterior: {_describe_intervals(posterior)}."
     figure = prior_posterior(prior, posterior)
     return Drawn(figure, f"{result.title}: prior and posterior of {best.law.name}", description)
 
 
-def _priors(result: RecordResult) -> Drawn | None:
-    table = tables.posteriors_table(result)
+def _draw_priors(result: RecordResult) -> Drawn | None:
+    table = tables.tabulate_posteriors(result)
     table = table[table["median"].notna()] if not table.empty else table
     if table.empty:
         return None
@@ -197,8 +208,8 @@ def _priors(result: RecordResult) -> Drawn | None:
     return Drawn(prior_posterior_summary(table), f"{result.title}: prior and posterior of every law", description)
 
 
-def _predictive_check(result: RecordResult, level: float) -> Drawn | None:
-    table = tables.predictive_check_table(result)
+def _draw_predictive_check(result: RecordResult, level: float) -> Drawn | None:
+    table = tables.tabulate_predictive_check(result)
     if table.empty:
         return None
     by_force = np.argsort(result.data.tested_force, kind="stable")
@@ -212,8 +223,8 @@ def _predictive_check(result: RecordResult, level: float) -> Drawn | None:
     return Drawn(predictive_check(table, level), f"{result.title}: predictive check", description)
 
 
-def _convergence(result: RecordResult) -> Drawn | None:
-    table = tables.convergence_table(result)
+def _draw_convergence(result: RecordResult) -> Drawn | None:
+    table = tables.tabulate_convergence(result)
     if table.empty:
         return None
     limits = Settings()
@@ -225,15 +236,15 @@ def _convergence(result: RecordResult) -> Drawn | None:
     return Drawn(figure, f"{result.title}: convergence", description)
 
 
-def _design_loads(result: RecordResult) -> Drawn | None:
+def _draw_design_loads(result: RecordResult) -> Drawn | None:
     if result.bands is None or result.design is None or not np.isfinite(result.design.average.median).any():
         return None
     data, units = result.data, result.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
-    design = forms.loads_table(result.design)
+    design = forms.tabulate_loads(result.design)
     figure = design_loads(
-        forms.loads_table(result.bands),
-        forms.loads_by_model_table(result.bands),
+        forms.tabulate_loads(result.bands),
+        forms.tabulate_loads_by_model(result.bands),
         tested,
         design,
         result.bands.level,
@@ -241,8 +252,8 @@ def _design_loads(result: RecordResult) -> Drawn | None:
         units.length,
         result.bands.limit,
     )
-    said = joined(
-        f"at {force_text(force, units.force)} median {number(median)} {units.length} "
+    said = format_joined(
+        f"at {format_force_text(force, units.force)} median {number(median)} {units.length} "
         f"({number(low)} to {number(high)}), linear {number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
     )

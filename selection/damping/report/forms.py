@@ -28,7 +28,7 @@ Form = dict[str, Any]
 FAR = 1.5
 
 
-def mode_cautions(data: Observations, mode: Mode) -> list[str]:
+def list_mode_cautions(data: Observations, mode: Mode) -> list[str]:
     """What is odd about the mode beside the record: nothing, or a frequency far from every tested one."""
     low, high = (float(omega) / RAD_S_PER_HZ for omega in (data.omega.min(), data.omega.max()))
     if low / FAR <= mode.frequency <= high * FAR:
@@ -37,7 +37,7 @@ def mode_cautions(data: Observations, mode: Mode) -> list[str]:
     return [f"the mode's frequency, {mode.frequency:.4g} Hz, is far from those of the record, {tested} Hz"]
 
 
-def candidates_table(ranking: Ranking) -> pd.DataFrame:
+def tabulate_candidates(ranking: Ranking) -> pd.DataFrame:
     """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
     rows = [
         {
@@ -63,7 +63,7 @@ _RANK_KEYS = ("score", "weight", "held_out_error", "average_absolute_percent", "
 
 def rank_form(ranking: Ranking) -> Form:
     """The form ``rank/1``; shape parameters and further criteria are extra keys."""
-    rows = candidates_table(ranking).to_dict("records")
+    rows = tabulate_candidates(ranking).to_dict("records")
     return {
         "format": "rank/1",
         "criterion": ranking.criterion,
@@ -76,14 +76,14 @@ def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
     return {
         "rank": candidate.rank,
         "name": row["law"],
-        "forces": _forces(candidate),
+        "forces": _list_forces(candidate),
         **{key: row[key] for key in _RANK_KEYS},
         "cautions": list(candidate.cautions),
         "equivalents": list(candidate.equivalents),
     }
 
 
-def _forces(candidate: Candidate) -> list[Form]:
+def _list_forces(candidate: Candidate) -> list[Form]:
     """One entry a force; its shape parameters are nested by name."""
     entries: list[Form] = []
     for c in candidate.coefficients:
@@ -101,7 +101,7 @@ def _forces(candidate: Candidate) -> list[Form]:
 _PART = "sd_percent_"
 
 
-def loads_table(loads: Loads) -> pd.DataFrame:
+def tabulate_loads(loads: Loads) -> pd.DataFrame:
     """A row a force with the keys of ``loads/1``: averaged over models, with the linear prediction beside it."""
     return pd.DataFrame(
         {
@@ -122,7 +122,7 @@ def loads_table(loads: Loads) -> pd.DataFrame:
     )
 
 
-def loads_by_model_table(loads: Loads) -> pd.DataFrame:
+def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
     """A row a law and force."""
     columns = ("median", "low", "high", "credible_low", "credible_high")
     parts = [
@@ -161,7 +161,7 @@ def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
                 for b in loads.by_model
             ],
         }
-        for i, row in enumerate(loads_table(loads).to_dict("records"))
+        for i, row in enumerate(tabulate_loads(loads).to_dict("records"))
     ]
     form: Form = {"format": "loads/1", "level": loads.level, "predictions": predictions}
     return {**form, **_plan_keys(plan)} if plan else form
@@ -179,7 +179,7 @@ def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
     return {"sensitivity": varied.to_dict("records"), "next_level": level}
 
 
-def explanations_table(diagnosis: Diagnosis) -> pd.DataFrame:
+def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
     """A row an explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
     return pd.DataFrame(
         {

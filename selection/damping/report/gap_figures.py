@@ -14,7 +14,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.terms import Terms, complex_stiffness
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
-from damping.gap.fit import Fit
+from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated
 from damping.gap.rows import Rows
 from damping.gap.size import nominal_residuals, refitted, regular_values
@@ -57,13 +57,15 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
         )
     if len(diagnosis.hypotheses) > 1:
         found["probabilities"] = GapFigure(
-            gap_probabilities(probability_table(diagnosis)),
+            gap_probabilities(tabulate_probability(diagnosis)),
             "Probabilities of the explanations",
             "Bars of the most probable explanations; those that together reach 0.95 stand out.",
         )
     if diagnosis.local:
         found["local"] = GapFigure(
-            gap_local(local_table(diagnosis.local), _local_curves(leading, rows), diagnosis.mode.units.length),
+            gap_local(
+                tabulate_local(diagnosis.local), _tabulate_local_curves(leading, rows), diagnosis.mode.units.length
+            ),
             "Local natural frequency and damping",
             "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself (bars of "
             "one standard error), with the refitted simulation, the explanation, and what a curve of free form would "
@@ -75,7 +77,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
 def _sweeps(diagnosis: Diagnosis) -> GapFigure:
     leading = diagnosis.leading.best
     return GapFigure(
-        gap_overlay(measured_table(leading), predicted_table(leading), diagnosis.mode.units.length),
+        gap_overlay(tabulate_measured(leading), tabulate_predicted(leading), diagnosis.mode.units.length),
         "Measured and simulated sweeps",
         "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
         "refitted within its tolerance, and with the leading explanation.",
@@ -89,14 +91,14 @@ def _resonances(diagnosis: Diagnosis) -> GapFigure:
         {"sweep": [rows.sweeps[k] for k in rows.sweep], "force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude}
     )
     return GapFigure(
-        gap_resonances(measured, resonance_table(leading), units.force, units.length),
+        gap_resonances(measured, tabulate_resonance(leading), units.force, units.length),
         "Measured and simulated resonances",
         "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
         "simulation as given, refitted within its tolerance, and with the leading explanation.",
     )
 
 
-def resonance_table(leading: Fit) -> pd.DataFrame:
+def tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     """Amplitude at phase resonance over force, simulated as given, refitted and explained: ``model, force, ...``."""
     rows = leading.model.problem.rows
     order = np.argsort(rows.F)
@@ -121,7 +123,7 @@ def resonance_table(leading: Fit) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def measured_table(leading: Fit) -> pd.DataFrame:
+def tabulate_measured(leading: ModelFit) -> pd.DataFrame:
     """Measured rows: ``sweep, frequency, amplitude, phase, wild``."""
     rows = leading.model.problem.rows
     wild = ~np.all(regular_values(leading).reshape(-1, len(rows)), axis=0)
@@ -136,7 +138,7 @@ def measured_table(leading: Fit) -> pd.DataFrame:
     )
 
 
-def predicted_table(leading: Fit) -> pd.DataFrame:
+def tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
     """Curves of the simulation as given, refitted, and with the explanation: ``sweep, model, frequency, ...``."""
     problem = leading.model.problem
     dense = _dense(problem.rows)
@@ -166,7 +168,7 @@ def predicted_table(leading: Fit) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def probability_table(diagnosis: Diagnosis) -> pd.DataFrame:
+def tabulate_probability(diagnosis: Diagnosis) -> pd.DataFrame:
     """The most probable explanations: ``explanation, probability, listed``."""
     shown = diagnosis.hypotheses[:_MOST_BARS]
     return pd.DataFrame(
@@ -178,12 +180,12 @@ def probability_table(diagnosis: Diagnosis) -> pd.DataFrame:
     )
 
 
-def local_table(estimates: tuple[LocalEstimate, ...]) -> pd.DataFrame:
+def tabulate_local(estimates: tuple[LocalEstimate, ...]) -> pd.DataFrame:
     """Local estimates as a table."""
     return pd.DataFrame([vars(one) for one in estimates])
 
 
-def _on(one: Fit, rows: Rows) -> Terms:
+def _on(one: ModelFit, rows: Rows) -> Terms:
     """Terms of a fit on other rows of the same sweeps, with each sweep's own deviation."""
     k = one.model.size
     return deviated(one.model.terms(one.y[np.newaxis, :k]), rows, one.y[np.newaxis, k:], one.model.scatter)
@@ -223,7 +225,7 @@ def _map(rows: Rows, values: dict[str, FloatArray]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _local_curves(leading: Fit, rows: Rows) -> pd.DataFrame:
+def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
@@ -236,11 +238,11 @@ def _local_curves(leading: Fit, rows: Rows) -> pd.DataFrame:
         damping = Z.imag / (2.0 * M * omega_n**2)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
     if not rows.at_resonance:
-        tables.append(_free_curves(leading, tables[-1]))
+        tables.append(_tabulate_free_curves(leading, tables[-1]))
     return pd.concat(tables, ignore_index=True)
 
 
-def _free_curves(leading: Fit, explained: pd.DataFrame) -> pd.DataFrame:
+def _tabulate_free_curves(leading: ModelFit, explained: pd.DataFrame) -> pd.DataFrame:
     """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
     free = free_form(leading)
     f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))

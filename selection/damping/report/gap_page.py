@@ -16,16 +16,28 @@ from damping.gap.corrected import EffectPosterior, effect_values, refitted_value
 from damping.gap.diagnose import Diagnosis
 from damping.plots.style import to_svg
 from damping.report.gap_figures import GapFigure, gap_figures
-from damping.report.page import Block, Callout, Facts, FigureBlock, Fold, Footer, List, Section, Table, Text, page
-from damping.report.words import NOTHING, joined, number, percent, share
+from damping.report.page import (
+    Block,
+    Callout,
+    Facts,
+    FigureBlock,
+    Fold,
+    Footer,
+    List,
+    Section,
+    Table,
+    Text,
+    describe_page,
+)
+from damping.report.words import NOTHING, format_joined, format_percent, format_share, number
 
 
-def verdict(diagnosis: Diagnosis) -> str:
+def describe_verdict(diagnosis: Diagnosis) -> str:
     """One sentence: what it is, how sure, and whether it is all."""
     gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
     if not leading.effects:
-        if outside(diagnosis):
-            return f"Nothing in the library explains how the test differs; {_likeliest(diagnosis)} would."
+        if list_outside(diagnosis):
+            return f"Nothing in the library explains how the test differs; {_describe_likeliest(diagnosis)} would."
         if diagnosis.unexplained:
             return (
                 f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
@@ -36,14 +48,15 @@ def verdict(diagnosis: Diagnosis) -> str:
             f"({number(gap.before)} sigma)."
         )
     size = f"{number(gap.before)} sigma" if gap.shrinkage is not None else "hardly more than noise"
-    effects = joined(_sentence(name) for name in leading.effects)
+    effects = format_joined(_describe_sentence(name) for name in leading.effects)
     said = (
-        f"The test differs from the refitted simulation by {size}: {effects} (probability {share(leading.probability)})"
+        f"The test differs from the refitted simulation by {size}: {effects} (probability "
+        f"{format_share(leading.probability)})"
     )
     return said + (", but that is not all." if diagnosis.unexplained else ".")
 
 
-def _likeliest(diagnosis: Diagnosis) -> str:
+def _describe_likeliest(diagnosis: Diagnosis) -> str:
     return max(diagnosis.strangers, key=lambda one: one.log_odds).name
 
 
@@ -52,20 +65,20 @@ def place(diagnosis: Diagnosis) -> str:
     top = diagnosis.where[0]
     return (
         f"Most of it lies in the {top.quantity} of sweep {top.sweep} between {number(top.frequency_low, 4)} and "
-        f"{number(top.frequency_high, 4)} Hz ({percent(100.0 * top.share)} % of the squared residual)."
+        f"{number(top.frequency_high, 4)} Hz ({format_percent(100.0 * top.share)} % of the squared residual)."
     )
 
 
-def doubts(diagnosis: Diagnosis) -> list[str]:
+def list_doubts(diagnosis: Diagnosis) -> list[str]:
     """What cannot be told apart."""
     return [
-        f"This record cannot tell {joined(group.effects)} apart: their best-fitting predictions differ by "
+        f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
         f"{number(group.distance, 2)} sigma in all."
         for group in diagnosis.groups
     ]
 
 
-def outside(diagnosis: Diagnosis) -> list[str]:
+def list_outside(diagnosis: Diagnosis) -> list[str]:
     """Causes that the library does not name and that are more probable than the leading explanation."""
     likelier = [one for one in diagnosis.strangers if one.log_odds > 0.0]
     return [
@@ -86,13 +99,13 @@ def reach(diagnosis: Diagnosis) -> str:
             "nothing to shrink."
         )
     return (
-        f"{percent(100.0 * held.shrinkage)} % of the gap ({percent(100.0 * held.low)} to "
-        f"{percent(100.0 * held.high)} %) vanishes on data that neither chose nor fitted the explanation "
+        f"{format_percent(100.0 * held.shrinkage)} % of the gap ({format_percent(100.0 * held.low)} to "
+        f"{format_percent(100.0 * held.high)} %) vanishes on data that neither chose nor fitted the explanation "
         f"({held.scheme}): {number(held.before)} sigma before, {number(held.after)} after."
     )
 
 
-def following(diagnosis: Diagnosis) -> str:
+def describe_following(diagnosis: Diagnosis) -> str:
     """What to test next."""
     if diagnosis.next_test is None:
         return "No further test is needed to choose between explanations."
@@ -103,7 +116,7 @@ def following(diagnosis: Diagnosis) -> str:
     )
 
 
-def trends(diagnosis: Diagnosis) -> list[str]:
+def list_trends(diagnosis: Diagnosis) -> list[str]:
     """How local damping and frequency go with amplitude."""
     found = []
     for what, one in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
@@ -122,14 +135,14 @@ def trends(diagnosis: Diagnosis) -> list[str]:
 TREND_SEEN = 13.8
 
 
-def _sentence(name: str) -> str:
+def _describe_sentence(name: str) -> str:
     return f"{CATALOGUE[name].sentence} ({name})" if name in CATALOGUE else name
 
 
 _MOST_CELLS = 12
 
 
-def gap_page(
+def describe_gap_page(
     diagnosis: Diagnosis,
     posterior: EffectPosterior | None,
     seed: int,
@@ -138,43 +151,43 @@ def gap_page(
 ) -> str:
     """The page as HTML. Equal arguments give equal text."""
     figures = {
-        name: FigureBlock(to_svg(one.figure, f"gap-{name}", one.title, one.description), _caption(one))
+        name: FigureBlock(to_svg(one.figure, f"gap-{name}", one.title, one.description), _describe_caption(one))
         for name, one in gap_figures(diagnosis).items()
     }
     sections = [
-        Section("verdict", "What is found", _verdict(diagnosis)),
+        Section("verdict", "What is found", _build_verdict(diagnosis)),
         Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
-        Section("where", "Where it lies", _where(diagnosis, figures)),
-        Section("which", "Which effect", _which(diagnosis, posterior, figures)),
-        Section("how-far", "How far it shrinks", _how_far(diagnosis)),
-        Section("next", "What to test next", _next(diagnosis)),
-        Section("basis", "What this rests on", _basis(diagnosis)),
+        Section("where", "Where it lies", _build_where(diagnosis, figures)),
+        Section("which", "Which effect", _build_which(diagnosis, posterior, figures)),
+        Section("how-far", "How far it shrinks", _build_how_far(diagnosis)),
+        Section("next", "What to test next", _build_next(diagnosis)),
+        Section("basis", "What this rests on", _build_basis(diagnosis)),
     ]
-    return page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
+    return describe_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
 
 
-def _caption(one: GapFigure) -> str:
+def _describe_caption(one: GapFigure) -> str:
     return f"{one.title}. {one.description}"
 
 
-def _verdict(diagnosis: Diagnosis) -> list[Block]:
+def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
     gap, held = diagnosis.gap, diagnosis.held_out
     facts = [
         (number(gap.nominal), "gap as given (sigma; 1 is noise)"),
         (number(gap.before), "refitted within tolerance"),
         (number(gap.after), "with the explanation"),
-        (_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
+        (_describe_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
     ]
-    blocks: list[Block] = [Text(verdict(diagnosis), lead=True), Facts(facts)]
-    said = [place(diagnosis), *doubts(diagnosis), *outside(diagnosis)]
-    said += trends(diagnosis)
-    blocks.append(List([*said, reach(diagnosis), following(diagnosis)]))
+    blocks: list[Block] = [Text(describe_verdict(diagnosis), lead=True), Facts(facts)]
+    said = [place(diagnosis), *list_doubts(diagnosis), *list_outside(diagnosis)]
+    said += list_trends(diagnosis)
+    blocks.append(List([*said, reach(diagnosis), describe_following(diagnosis)]))
     if diagnosis.cautions:
         blocks.append(Callout("Cautions", diagnosis.cautions))
     return blocks
 
 
-def _where(diagnosis: Diagnosis, figures: Mapping[str, FigureBlock]) -> list[Block]:
+def _build_where(diagnosis: Diagnosis, figures: Mapping[str, FigureBlock]) -> list[Block]:
     blocks: list[Block] = [figures[name] for name in ("residuals", "footprint", "local") if name in figures]
     cells = pd.DataFrame([asdict(cell) for cell in diagnosis.where[:_MOST_CELLS]])
     blocks.append(Table(cells, "Cells with the largest share of the squared residual of the simulation as given"))
@@ -184,7 +197,9 @@ def _where(diagnosis: Diagnosis, figures: Mapping[str, FigureBlock]) -> list[Blo
     return blocks
 
 
-def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Mapping[str, FigureBlock]) -> list[Block]:
+def _build_which(
+    diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Mapping[str, FigureBlock]
+) -> list[Block]:
     blocks: list[Block] = [figures["probabilities"]] if "probabilities" in figures else []
     rows = [
         {"explanation": " + ".join(one.effects) or "no effect", "probability": one.probability}
@@ -194,12 +209,14 @@ def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Map
     blocks.append(
         Fold(
             "Every explanation that was fitted",
-            [Table(pd.DataFrame(rows), "Most probable first", {"probability": share})],
+            [Table(pd.DataFrame(rows), "Most probable first", {"probability": format_share})],
         )
     )
-    blocks.append(Table(_parameters(diagnosis), "Parameters of the leading explanation at their most probable values"))
+    blocks.append(
+        Table(_tabulate_parameters(diagnosis), "Parameters of the leading explanation at their most probable values")
+    )
     if posterior is not None:
-        blocks.append(Table(_posterior(posterior), "Posterior of these parameters (emcee)"))
+        blocks.append(Table(_tabulate_posterior(posterior), "Posterior of these parameters (emcee)"))
         if not posterior.chains.converged:
             blocks.append(Callout("The chains have not settled", [posterior.chains.failure]))
     tests = pd.DataFrame([asdict(test) for test in diagnosis.tests])
@@ -212,7 +229,7 @@ def _which(diagnosis: Diagnosis, posterior: EffectPosterior | None, figures: Map
     return blocks
 
 
-def _parameters(diagnosis: Diagnosis) -> pd.DataFrame:
+def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     leading = diagnosis.leading.best
     found = [
         {"of": effect, "parameter": name, "value": value}
@@ -224,12 +241,12 @@ def _parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     return pd.DataFrame(found, columns=["of", "parameter", "value"])
 
 
-def _posterior(posterior: EffectPosterior) -> pd.DataFrame:
+def _tabulate_posterior(posterior: EffectPosterior) -> pd.DataFrame:
     low, median, high = pd.DataFrame(posterior.draws).quantile([0.05, 0.5, 0.95]).to_numpy()
     return pd.DataFrame({"parameter": posterior.names, "5 %": low, "median": median, "95 %": high})
 
 
-def _how_far(diagnosis: Diagnosis) -> list[Block]:
+def _build_how_far(diagnosis: Diagnosis) -> list[Block]:
     held = diagnosis.held_out
     blocks: list[Block] = [Text(reach(diagnosis))]
     if held is not None:
@@ -244,19 +261,21 @@ def _how_far(diagnosis: Diagnosis) -> list[Block]:
             for fold in held.folds
         ]
         blocks.append(Table(pd.DataFrame(rows), "Root mean square residual of each level held out, in sigma"))
-    inside = f"On the data that fitted it, the explanation closes {_percent(diagnosis.gap.shrinkage)} of the gap."
+    inside = (
+        f"On the data that fitted it, the explanation closes {_describe_percent(diagnosis.gap.shrinkage)} of the gap."
+    )
     return [*blocks, Text(inside)]
 
 
-def _next(diagnosis: Diagnosis) -> list[Block]:
-    blocks: list[Block] = [Text(following(diagnosis))]
+def _build_next(diagnosis: Diagnosis) -> list[Block]:
+    blocks: list[Block] = [Text(describe_following(diagnosis))]
     if diagnosis.next_tests:
         table = pd.DataFrame([asdict(test) for test in diagnosis.next_tests])
         blocks.append(Table(table, "Candidate tests, simulated for the explanations that are alive"))
     return blocks
 
 
-def _basis(diagnosis: Diagnosis) -> list[Block]:
+def _build_basis(diagnosis: Diagnosis) -> list[Block]:
     scatter = diagnosis.leading.best.model.scatter
     rows = diagnosis.leading.best.model.problem.rows
     stated = "stated" if diagnosis.setting.scatter is not None else "estimated"
@@ -268,14 +287,14 @@ def _basis(diagnosis: Diagnosis) -> list[Block]:
                 f"Record {diagnosis.record.source}, model {diagnosis.mode.source}; {diagnosis.mode.units}.",
                 f"{len(rows)} rows in {len(rows.sweeps)} sweeps on {rows.levels} force levels, "
                 + ("with phase." if rows.has_phase else "without phase."),
-                f"Noise ({noise}): median {percent(100.0 * sd_amplitude)} % of amplitude"
+                f"Noise ({noise}): median {format_percent(100.0 * sd_amplitude)} % of amplitude"
                 + (f", {number(sd_phase, 2)} rad of phase." if rows.has_phase else "."),
-                f"Repeatability from sweep to sweep ({stated}): gain {percent(100.0 * scatter.amplitude)} %, "
-                f"frequency {percent(100.0 * scatter.frequency)} %.",
+                f"Repeatability from sweep to sweep ({stated}): gain {format_percent(100.0 * scatter.amplitude)} %, "
+                f"frequency {format_percent(100.0 * scatter.frequency)} %.",
             ]
         )
     ]
 
 
-def _percent(value: float | None) -> str:
-    return NOTHING if value is None else f"{percent(100.0 * value)} %"
+def _describe_percent(value: float | None) -> str:
+    return NOTHING if value is None else f"{format_percent(100.0 * value)} %"

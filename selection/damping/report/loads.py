@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
-from damping.report.answer import bands_caption, bands_figure
+from damping.report.answer import build_bands_figure, describe_bands_caption
 from damping.report.page import Block, Format, Heading, List, Section, Table, Text
-from damping.report.results import RecordResult, StudyResult, Svgs, figure, file_stem
-from damping.report.tables import INTERVAL, loads_table, power_laws_table
-from damping.report.words import between, force_text, number, percent, share, signed
+from damping.report.results import RecordResult, StudyResult, Svgs, build_figure, describe_file_stem
+from damping.report.tables import INTERVAL, tabulate_loads, tabulate_power_laws
+from damping.report.words import format_between, format_force_text, format_percent, format_share, format_signed, number
 
 
-def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
+def build_loads(study: StudyResult, svgs: Svgs) -> list[Section]:
     """The section; none where the study asks for no design loads."""
     asked = [result for result in study.records if result.design is not None]
     if not asked:
@@ -30,36 +30,38 @@ def loads(study: StudyResult, svgs: Svgs) -> list[Section]:
             "four levels can be held out."
         )
     ]
-    first = next((r for r in asked if file_stem(r, "design_loads") in svgs), None)
+    first = next((r for r in asked if describe_file_stem(r, "design_loads") in svgs), None)
     for result in asked:
         assert result.design is not None  # chosen so above
         blocks.append(Heading(result.title))
         if result is first:
             blocks.append(Text("The figure stands with the answer, at the top."))
         else:
-            blocks += bands_figure(result, svgs, bands_caption(result))
+            blocks += build_bands_figure(result, svgs, describe_bands_caption(result))
         blocks += [
-            _predictions(result, result.design),
-            _by_model(result, result.design),
-            _parts(result, result.design),
-            *_cautions(result.design),
+            _build_predictions(result, result.design),
+            _build_by_model(result, result.design),
+            _build_parts(result, result.design),
+            *_build_cautions(result.design),
         ]
     return [Section("loads", "Design loads", blocks)]
 
 
-def _predictions(result: RecordResult, design: Loads) -> Table:
-    table, shared = loads_table(design), _shared(design)
+def _build_predictions(result: RecordResult, design: Loads) -> Table:
+    table, shared = tabulate_loads(design), _list_shared(design)
     spoken = pd.DataFrame(
         {
             "force": table["force"],
             "times tested": table["extrapolation_ratio"],
             "median": table["median"],
-            "predictive": [between(a, b) for a, b in zip(table["low"], table["high"], strict=True)],
-            "credible": [between(a, b) for a, b in zip(table["credible_low"], table["credible_high"], strict=True)],
+            "predictive": [format_between(a, b) for a, b in zip(table["low"], table["high"], strict=True)],
+            "credible": [
+                format_between(a, b) for a, b in zip(table["credible_low"], table["credible_high"], strict=True)
+            ],
             "linear": table["linear"],
             "over": table["overprediction"],
             "over_interval": [
-                f"{signed(a)} to {signed(b)}"
+                f"{format_signed(a)} to {format_signed(b)}"
                 for a, b in zip(table["overprediction_low"], table["overprediction_high"], strict=True)
             ],
             "caution": ["; ".join(c for c in said if c not in shared) for said in design.cautions],
@@ -67,47 +69,47 @@ def _predictions(result: RecordResult, design: Loads) -> Table:
     )
     level = f"{100 * design.level:g} %"
     headings = {
-        "force": _headed("force", result.mode.units.force),
-        "median": _headed("median", result.mode.units.length),
+        "force": _describe_headed("force", result.mode.units.force),
+        "median": _describe_headed("median", result.mode.units.length),
         "predictive": f"{level} predictive",
         "credible": f"{level} credible",
-        "linear": _headed("linear", result.mode.units.length),
+        "linear": _describe_headed("linear", result.mode.units.length),
         "over": "linear over median",
         "over_interval": f"its {level} interval",
     }
     formats: dict[str, Format] = dict.fromkeys(("times tested", "median", "linear"), number)
-    formats |= {"force": lambda force: f"{force:.6g}", "over": signed}
+    formats |= {"force": lambda force: f"{force:.6g}", "over": format_signed}
     caption = (
         "Resonant amplitude at the design forces; the last columns say by how much the linear prediction exceeds it."
     )
-    return Table(spoken, caption, formats, headings, key=file_stem(result, "design_loads"))
+    return Table(spoken, caption, formats, headings, key=describe_file_stem(result, "design_loads"))
 
 
-def _headed(what: str, unit: str) -> str:
+def _describe_headed(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
-def _by_model(result: RecordResult, design: Loads) -> Table:
+def _build_by_model(result: RecordResult, design: Loads) -> Table:
     """A row a model, a column a force: median and predictive interval."""
     unit = result.mode.units.force
     columns: dict[str, list[str]] = {
         "model": [band.name for band in design.by_model],
-        "weight": [share(band.weight) for band in design.by_model],
+        "weight": [format_share(band.weight) for band in design.by_model],
     }
     for i, force in enumerate(design.force):
-        columns[f"at {force_text(force, unit)}"] = [
-            f"{number(band.median[i])} ({between(band.low[i], band.high[i])})" for band in design.by_model
+        columns[f"at {format_force_text(force, unit)}"] = [
+            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
         ]
     caption = f"Each model's own median, and its {100 * design.level:g} % predictive interval in parentheses."
-    return Table(pd.DataFrame(columns), caption, key=file_stem(result, "design_loads_by_model"))
+    return Table(pd.DataFrame(columns), caption, key=describe_file_stem(result, "design_loads_by_model"))
 
 
-def _parts(result: RecordResult, design: Loads) -> Table:
+def _build_parts(result: RecordResult, design: Loads) -> Table:
     """What the predictive band is made of, in per cent of amplitude."""
     table = pd.DataFrame({"force": design.force, **design.parts})
     table["together"] = np.sqrt(np.sum([values**2 for values in design.parts.values()], axis=0))
-    headings = {"force": _headed("force", result.mode.units.force)}
-    formats: dict[str, Format] = dict.fromkeys((*design.parts, "together"), percent)
+    headings = {"force": _describe_headed("force", result.mode.units.force)}
+    formats: dict[str, Format] = dict.fromkeys((*design.parts, "together"), format_percent)
     caption = (
         "What the predictive band is made of: standard deviation of each part, per cent of amplitude; squares add. "
         "With one row a level, noise and scatter from level to level cannot be told apart and stand under noise."
@@ -115,23 +117,23 @@ def _parts(result: RecordResult, design: Loads) -> Table:
     return Table(table, caption, formats | {"force": lambda force: f"{force:.6g}"}, headings)
 
 
-def _shared(design: Loads) -> list[str]:
+def _list_shared(design: Loads) -> list[str]:
     """Cautions that hold at every design force."""
     return [c for c in design.cautions[0] if all(c in others for others in design.cautions)] if design.cautions else []
 
 
-def _cautions(design: Loads) -> list[Block]:
+def _build_cautions(design: Loads) -> list[Block]:
     """What to know before using any of the predictions."""
-    shared = [f"{_capital(caution)}." for caution in _shared(design)]
+    shared = [f"{_describe_capital(caution)}." for caution in _list_shared(design)]
     dash = [] if np.isfinite(design.average.median).all() else ["A dash stands where no prediction is given."]
     return [List([*shared, *dash])] if shared or dash else []
 
 
-def _capital(text: str) -> str:
+def _describe_capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def power_law_section(study: StudyResult, svgs: Svgs) -> list[Section]:
+def build_power_law_section(study: StudyResult, svgs: Svgs) -> list[Section]:
     """The section; none where no record has two levels."""
     fitted = [result for result in study.records if result.power_laws]
     if not fitted:
@@ -142,19 +144,19 @@ def power_law_section(study: StudyResult, svgs: Svgs) -> list[Section]:
             "and its slope is the exponent of velocity p for α|q̇|ᵖ sgn q̇, or p + 1 for α|q||q̇|ᵖ sgn q̇. Slope 1 "
             "is linear damping."
         ),
-        *figure(
+        *build_figure(
             svgs,
             "force-amplitude",
             "Modal force against resonant amplitude with the fitted line, its t interval, and linear damping "
             "through the largest level. With three points there is one degree of freedom and the interval is wide.",
         ),
-        *(_table(result) for result in fitted),
+        *(_build_table(result) for result in fitted),
     ]
     return [Section("power-laws", "Force against amplitude", blocks)]
 
 
-def _table(result: RecordResult) -> Table:
-    rows = power_laws_table(result)
+def _build_table(result: RecordResult) -> Table:
+    rows = tabulate_power_laws(result)
     alphas = [column for column in rows.columns if str(column).startswith("alpha_")]
     units = result.mode.units
     spoken = pd.DataFrame(
@@ -163,9 +165,9 @@ def _table(result: RecordResult) -> Table:
             "p": rows["p"],
             "std_error": rows["std_error"],
             "freedom": rows["degrees_of_freedom"],
-            "interval": [between(a, b) for a, b in zip(rows["p_low"], rows["p_high"], strict=True)],
+            "interval": [format_between(a, b) for a, b in zip(rows["p_low"], rows["p_high"], strict=True)],
             "posterior": [
-                f"{number(m)} ({between(a, b)})"
+                f"{number(m)} ({format_between(a, b)})"
                 for m, a, b in rows[["posterior_p", "posterior_p_low", "posterior_p_high"]].itertuples(index=False)
             ],
             "factor": rows["factor"],
@@ -186,4 +188,4 @@ def _table(result: RecordResult) -> Table:
         "constant over the sweeps where the law holds."
     )
     formats = dict.fromkeys(("p", "std_error", "factor", "alpha", *alphas), number)
-    return Table(spoken, caption, formats, headings, key=file_stem(result, "power_laws"))
+    return Table(spoken, caption, formats, headings, key=describe_file_stem(result, "power_laws"))

@@ -21,12 +21,12 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
 from damping.report.answer import largest
 from damping.report.page import Block, Callout, Fold, Heading, List, Section, Table, Text
-from damping.report.results import RecordResult, StudyResult, failed_chains, file_stem, weighted
-from damping.report.tables import observations_table
-from damping.report.words import count, number, quantity
+from damping.report.results import RecordResult, StudyResult, describe_file_stem, list_failed_chains, weighted
+from damping.report.tables import tabulate_observations
+from damping.report.words import count, format_quantity, number
 
 
-def method(study: StudyResult) -> Section:
+def build_method(study: StudyResult) -> Section:
     """The section."""
     blocks: list[Block] = [
         Heading("What is compared"),
@@ -42,16 +42,16 @@ def method(study: StudyResult) -> Section:
             "row's relative scatter, the record's own uncertainties added in quadrature; where sweeps have several "
             "rows, a scatter common to a sweep is added, so that rows of one sweep share it."
         ),
-        _laws(study),
+        _build_laws(study),
         Heading("Priors"),
-        List(_priors()),
+        List(_list_priors()),
         Heading("Ranking, sampling, prediction"),
-        *(Text(text) for text in _steps(study)),
+        *(Text(text) for text in _list_steps(study)),
     ]
     return Section("method", "Method", blocks)
 
 
-def _laws(study: StudyResult) -> Table:
+def _build_laws(study: StudyResult) -> Table:
     """Every force that takes part in a candidate, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
     parts = [component(name) for name in dict.fromkeys(names)]
@@ -66,7 +66,7 @@ def _laws(study: StudyResult) -> Table:
     return Table(table, "Forces of the candidate laws; q is the modal displacement, q' its velocity.")
 
 
-def _priors() -> list[str]:
+def _list_priors() -> list[str]:
     shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
     return [
         "Each parameter is a known function of a standard normal variable, so the prior of any law is a product of "
@@ -81,7 +81,7 @@ def _priors() -> list[str]:
     ]
 
 
-def _steps(study: StudyResult) -> list[str]:
+def _list_steps(study: StudyResult) -> list[str]:
     run, content, level = Settings(), f"{100 * INTERVAL:g}", f"{100 * study.level:g}"
     return [
         "Ranking: the score is −2 ln Z, Z the marginal likelihood by importance sampling with coefficients at least "
@@ -115,18 +115,18 @@ FOLDED_POINTS = 30
 MOST_POINTS = 300
 
 
-def tested(study: StudyResult) -> Section:
+def build_tested(study: StudyResult) -> Section:
     """The section: a table of tested levels, and for each record where its numbers come from."""
-    levels = pd.concat([_levels(result) for result in study.records], ignore_index=True)
+    levels = pd.concat([_tabulate_levels(result) for result in study.records], ignore_index=True)
     units = {str(result.mode.units) for result in study.records}
     caption = f"Tested levels, each at its phase resonance. Units: {'; '.join(sorted(units))}; frequency in Hz."
     blocks: list[Block] = [Table(levels, caption)]
     for result in study.records:
-        blocks += [Heading(result.title), Text(_said(result)), *_points(result)]
+        blocks += [Heading(result.title), Text(_describe_said(result)), *_build_points(result)]
     return Section("tested", "What was tested", blocks)
 
 
-def _levels(result: RecordResult) -> pd.DataFrame:
+def _tabulate_levels(result: RecordResult) -> pd.DataFrame:
     data = result.data
     return pd.DataFrame(
         {
@@ -140,7 +140,7 @@ def _levels(result: RecordResult) -> pd.DataFrame:
     )
 
 
-def _said(result: RecordResult) -> str:
+def _describe_said(result: RecordResult) -> str:
     """The record and its mode in sentences."""
     record, mode, units = result.record, result.mode, result.mode.units
     columns = record.table.columns
@@ -157,20 +157,21 @@ def _said(result: RecordResult) -> str:
     tolerance = mode.tolerance
     return (
         f"{mode.name}: {count(len(record), 'point')} in {count(len(record.sweeps), 'sweep')} from "
-        f"{Path(record.source).name}. {energy}{unused} The simulation assumes {quantity(mode.frequency, 'Hz', 4)} "
-        f"and a generalized mass of {quantity(mode.mass, mass_unit, 4)}, known to "
+        f"{Path(record.source).name}. {energy}{unused} The simulation assumes "
+        f"{format_quantity(mode.frequency, 'Hz', 4)} "
+        f"and a generalized mass of {format_quantity(mode.mass, mass_unit, 4)}, known to "
         f"{number(100 * tolerance.frequency, 2)} and {number(100 * tolerance.mass, 2)} per cent, and its viscous "
         f"damping to {number(100 * tolerance.viscous, 2)} per cent."
     )
 
 
-def _points(result: RecordResult) -> list[Block]:
+def _build_points(result: RecordResult) -> list[Block]:
     """All points of a record that has more than its resonances."""
     if len(result.data.A) <= len(result.data.sweeps):
         return []
-    table = observations_table(result).drop(columns="omega")
+    table = tabulate_observations(result).drop(columns="omega")
     caption = "Points used: frequency (Hz), amplitude, force in quadrature E/(π A), and energy per cycle E."
-    block = Table(table.head(MOST_POINTS), caption, key=file_stem(result, "observations"))
+    block = Table(table.head(MOST_POINTS), caption, key=describe_file_stem(result, "observations"))
     if len(table) <= FOLDED_POINTS:
         return [block]
     return [Fold(f"The first {len(block.frame)} of {count(len(table), 'point')}; the file has all", [block])]
@@ -190,18 +191,21 @@ STANDING = (
 )
 
 
-def cautions(study: StudyResult) -> Section:
+def build_cautions(study: StudyResult) -> Section:
     """The section."""
     said: dict[str, list[str]] = {}
     for result in study.records:
         for caution in dict.fromkeys(_of(result)):
             said.setdefault(caution, []).append(result.title)
-    failed = [f"{result.title}: {failure}" for result in study.records for failure in failed_chains(result)]
+    failed = [f"{result.title}: {failure}" for result in study.records for failure in list_failed_chains(result)]
     blocks: list[Block] = [Text("What no number on this page knows:"), List(STANDING)]
     if failed:
         blocks.append(Callout("Chains that failed; nothing here rests on them", failed))
     if said:
-        blocks += [Heading("Of these records"), List([_sentence(caution, titles) for caution, titles in said.items()])]
+        blocks += [
+            Heading("Of these records"),
+            List([_describe_sentence(caution, titles) for caution, titles in said.items()]),
+        ]
     return Section("cautions", "Cautions", blocks)
 
 
@@ -219,5 +223,5 @@ def _of(result: RecordResult) -> Iterator[str]:
         yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
 
 
-def _sentence(caution: str, titles: list[str]) -> str:
+def _describe_sentence(caution: str, titles: list[str]) -> str:
     return f"{caution[:1].upper()}{caution[1:]} ({'; '.join(titles)})."

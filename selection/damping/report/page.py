@@ -144,9 +144,9 @@ class Table(Block):
     @property
     def rows(self) -> list[list[Cell]]:
         """Cells as written."""
-        formats = [self.formats.get(str(name), written) for name in self.frame.columns]
+        formats = [self.formats.get(str(name), describe_written) for name in self.frame.columns]
         return [
-            [_cell(value, form) for value, form in zip(row, formats, strict=True)]
+            [_build_cell(value, form) for value, form in zip(row, formats, strict=True)]
             for row in self.frame.itertuples(index=False, name=None)
         ]
 
@@ -178,7 +178,7 @@ class Footer:
     inputs: Mapping[str, str]
 
 
-def written(value: Any) -> str:
+def describe_written(value: Any) -> str:
     """A value for people: numbers to four digits, yes and no, a dash for nothing."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
@@ -189,7 +189,7 @@ def written(value: Any) -> str:
     return number(value, 4) if isinstance(value, float | np.floating) else str(value)
 
 
-def page(title: str, sections: Sequence[Section], footer: Footer) -> str:
+def describe_page(title: str, sections: Sequence[Section], footer: Footer) -> str:
     """The page as HTML. Equal arguments give equal text.
 
     Its policy lets the reader's browser run the one script of :func:`_script` and nothing else.
@@ -220,9 +220,9 @@ def _template() -> Template:
     return environment.get_template("template.html.jinja")
 
 
-def _cell(value: Any, form: Format) -> Cell:
+def _build_cell(value: Any, form: Format) -> Cell:
     if isinstance(value, Link):
-        return _cell(value.text, form)._replace(href=value.href)
+        return _build_cell(value.text, form)._replace(href=value.href)
     text = form(value)
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Cell(text, "number")

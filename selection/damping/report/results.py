@@ -127,12 +127,12 @@ def posterior_draws(sampled: LawPosterior) -> dict[str, FloatArray]:
 Svgs = Mapping[str, str]
 
 
-def figure(svgs: Svgs, name: str, caption: str) -> list[Block]:
+def build_figure(svgs: Svgs, name: str, caption: str) -> list[Block]:
     """The figure with its caption; nothing where the results could not fill it."""
     return [FigureBlock(svgs[name], caption)] if name in svgs else []
 
 
-def file_stem(result: RecordResult, name: str) -> str:
+def describe_file_stem(result: RecordResult, name: str) -> str:
     """Name of the file of a record's table or figure, without its ending."""
     return f"{result.name}-{name.replace('_', '-')}"
 
@@ -143,6 +143,6 @@ def weighted(result: RecordResult) -> list[Candidate]:
     return sorted(carrying, key=lambda candidate: -candidate.weight)
 
 
-def failed_chains(result: RecordResult) -> list[str]:
+def list_failed_chains(result: RecordResult) -> list[str]:
     """Laws whose chain did not get there, and why."""
     return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]

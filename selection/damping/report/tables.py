@@ -15,7 +15,7 @@ from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
-from damping.report.words import parameter_unit
+from damping.report.words import format_parameter_unit
 
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
@@ -23,33 +23,33 @@ _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
     """All tables of a record by name; those that would be empty are left out."""
     tables = {
-        "ranking": ranking_table(result),
-        "coefficients": coefficients_table(result),
-        "posteriors": posteriors_table(result),
-        "checks": checks_table(result),
-        "convergence": convergence_table(result),
-        "design_loads": loads_table(result.design),
-        "design_loads_by_model": loads_by_model_table(result.design),
-        "power_laws": power_laws_table(result),
-        "predictive_check": predictive_check_table(result),
-        "observations": observations_table(result),
-        "deviations": deviations_table(result),
+        "ranking": tabulate_ranking(result),
+        "coefficients": tabulate_coefficients(result),
+        "posteriors": tabulate_posteriors(result),
+        "checks": tabulate_checks(result),
+        "convergence": tabulate_convergence(result),
+        "design_loads": tabulate_loads(result.design),
+        "design_loads_by_model": tabulate_loads_by_model(result.design),
+        "power_laws": tabulate_power_laws(result),
+        "predictive_check": tabulate_predictive_check(result),
+        "observations": tabulate_observations(result),
+        "deviations": tabulate_deviations(result),
     }
     return {name: table for name, table in tables.items() if not table.empty}
 
 
-def ranking_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_ranking(result: RecordResult) -> pd.DataFrame:
     """The candidates of a record."""
-    return forms.candidates_table(result.ranking)
+    return forms.tabulate_candidates(result.ranking)
 
 
-def coefficients_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
     """Least squares with T-ratio, and the credible interval, of each parameter of each candidate."""
     rows = [
         {
             "law": candidate.name,
             "parameter": f"{c.force} {c.shape}".strip(),
-            "unit": parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
+            "unit": format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
             "value": c.value,
             "std_error": c.std_error,
             "t_ratio": c.t_ratio,
@@ -62,7 +62,7 @@ def coefficients_table(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def posteriors_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
     """Prior and posterior median and interval of each parameter; no posterior where the chain failed."""
     rows = []
     for sampled in result.posteriors:
@@ -76,7 +76,7 @@ def posteriors_table(result: RecordResult) -> pd.DataFrame:
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
-                    "unit": parameter_unit(name, result.mode.units),
+                    "unit": format_parameter_unit(name, result.mode.units),
                     "prior_low": prior_low,
                     "prior_median": prior_median,
                     "prior_high": prior_high,
@@ -89,7 +89,7 @@ def posteriors_table(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def checks_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_checks(result: RecordResult) -> pd.DataFrame:
     """A row a sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
     rows = [
         {
@@ -114,7 +114,7 @@ def checks_table(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def convergence_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     """A row a sampled law and reported quantity."""
     rows = [
         {
@@ -142,20 +142,20 @@ _FILE_NAMES = {
 }
 
 
-def loads_table(loads: Loads | None) -> pd.DataFrame:
+def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
     """A row a force, as the files of a study name the columns; empty without loads."""
     if loads is None:
         return pd.DataFrame()
-    table = forms.loads_table(loads)
+    table = forms.tabulate_loads(loads)
     return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
 
 
-def loads_by_model_table(loads: Loads | None) -> pd.DataFrame:
+def tabulate_loads_by_model(loads: Loads | None) -> pd.DataFrame:
     """A row a law and force; empty without loads."""
-    return pd.DataFrame() if loads is None else forms.loads_by_model_table(loads)
+    return pd.DataFrame() if loads is None else forms.tabulate_loads_by_model(loads)
 
 
-def power_laws_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
     """A row a form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
     rows = []
     for law in result.power_laws:
@@ -190,7 +190,7 @@ def _posterior_exponent(result: RecordResult, form: str) -> FloatArray:
     return np.full(3, np.nan)
 
 
-def predictive_check_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
     """Predictive resonant amplitude of each tested sweep, per cent of the measured; laws whose chain converged."""
     data = result.data
     parts = [
@@ -211,13 +211,13 @@ def predictive_check_table(result: RecordResult) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-def observations_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_observations(result: RecordResult) -> pd.DataFrame:
     """The rows that say something about damping: force in quadrature E/(pi A) and energy per cycle."""
     data = result.data
     return pd.DataFrame(
         {
             "sweep": [data.sweeps[s] for s in data.sweep],
-            "point": _points(result),
+            "point": _list_points(result),
             "frequency": data.omega / (2.0 * np.pi),
             "omega": data.omega,
             "amplitude": data.A,
@@ -227,7 +227,7 @@ def observations_table(result: RecordResult) -> pd.DataFrame:
     )
 
 
-def _points(result: RecordResult) -> list[str]:
+def _list_points(result: RecordResult) -> list[str]:
     """A short label for each row: its sweep, and its number there where a sweep has several rows."""
     data = result.data
     number = pd.Series(data.sweep).groupby(data.sweep).cumcount() + 1
@@ -238,9 +238,9 @@ def _points(result: RecordResult) -> list[str]:
     return [data.sweeps[s] + n for s, n in zip(data.sweep, numbers, strict=True)]
 
 
-def deviations_table(result: RecordResult) -> pd.DataFrame:
+def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
     """Energy per cycle of each row against each law as fitted; percent = 100 (E - fitted)/E."""
-    observed = observations_table(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
+    observed = tabulate_observations(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
     parts = []
     for candidate in result.ranking.candidates:
         if candidate.rank is None:

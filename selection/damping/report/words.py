@@ -19,7 +19,7 @@ from damping.records.mode import Units
 _SMALL = ("no", "one", "two", "three", "four", "five", "six")
 
 
-def joined(parts: Iterable[str]) -> str:
+def format_joined(parts: Iterable[str]) -> str:
     """``a, b and c``; items that hold commas are joined by semicolons."""
     items = list(parts)
     comma = "; " if any("," in item for item in items) else ", "
@@ -28,7 +28,7 @@ def joined(parts: Iterable[str]) -> str:
     return comma.join(items[:-1]) + " and " + items[-1]
 
 
-def points_text(points: Iterable[int]) -> str:
+def format_points_text(points: Iterable[int]) -> str:
     """``points 1 to 6, 14 and 15``."""
     numbers = sorted(int(p) for p in points)
     if not numbers:
@@ -36,10 +36,10 @@ def points_text(points: Iterable[int]) -> str:
     cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
     runs = [numbers[a:b] for a, b in pairwise(cuts)]
     parts = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(n) for n in run])]
-    return f"point{'s' * (len(numbers) > 1)} {joined(parts)}"
+    return f"point{'s' * (len(numbers) > 1)} {format_joined(parts)}"
 
 
-def counted(n: int, what: str) -> str:
+def format_counted(n: int, what: str) -> str:
     """``no peak``, ``one peak``, ``two peaks``, ``15 peaks``."""
     return f"{_SMALL[n] if n < len(_SMALL) else n} {what}{'s' * (n > 1)}"
 
@@ -63,7 +63,7 @@ def number(value: SupportsFloat, digits: int = 3) -> str:
     return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
-def share(value: SupportsFloat) -> str:
+def format_share(value: SupportsFloat) -> str:
     """A probability with two decimals, three where small."""
     x = float(value)
     if not isfinite(x):
@@ -78,22 +78,22 @@ def count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-def quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
     """A number with its unit, where it has one: ``2.90 in``."""
     return f"{number(value, digits)} {unit}".strip()
 
 
-def force_text(force: SupportsFloat, unit: str) -> str:
+def format_force_text(force: SupportsFloat, unit: str) -> str:
     """A force as it was asked for: ``90 lb``."""
     return f"{float(force):.6g} {unit}".strip()
 
 
-def between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
+def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
     """``2.59 to 3.26 in``."""
-    return f"{number(low, digits)} to {quantity(high, unit, digits)}"
+    return f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
 
 
-def percent(value: SupportsFloat) -> str:
+def format_percent(value: SupportsFloat) -> str:
     """Per cent: whole numbers from 10, two digits below, and ``< 0.01`` for less than that either way."""
     x = float(value)
     if not isfinite(x):
@@ -103,10 +103,10 @@ def percent(value: SupportsFloat) -> str:
     return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
 
 
-def signed(value: SupportsFloat) -> str:
+def format_signed(value: SupportsFloat) -> str:
     """Per cent with its sign: ``+68 %``."""
     x = float(value)
-    return f"{'+' if x > 0.0 else ''}{percent(x)} %" if isfinite(x) else NOTHING
+    return f"{'+' if x > 0.0 else ''}{format_percent(x)} %" if isfinite(x) else NOTHING
 
 
 _EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -116,28 +116,28 @@ _EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SCATTERS = {"scatter": "scatter of a row", "level_scatter": "scatter of a level"}
 
 
-def parameter_unit(parameter: str, units: Units) -> str:
+def format_parameter_unit(parameter: str, units: Units) -> str:
     """Unit of a parameter as :meth:`Coordinates.parameters` names it; empty where it has none or none is known."""
     if not (units.force and units.length and units.time) or parameter in SCATTERS:
         return ""
     force, _, name = parameter.partition(" ")
     shapes = component(force).shapes
-    return dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
+    return format_dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
 
 
-def energy_unit(units: Units) -> str:
+def format_energy_unit(units: Units) -> str:
     """Unit of energy per cycle."""
     return f"{units.force}·{units.length}" if units.force and units.length else ""
 
 
-def parameter_label(parameter: str, units: Units) -> str:
+def format_parameter_label(parameter: str, units: Units) -> str:
     """A parameter with its unit for an axis."""
-    unit = parameter_unit(parameter, units)
+    unit = format_parameter_unit(parameter, units)
     name = SCATTERS.get(parameter, parameter)
     return f"{name} ({unit})" if unit else name
 
 
-def dimension_text(dimension: Dimension, units: Units) -> str:
+def format_dimension_text(dimension: Dimension, units: Units) -> str:
     """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``."""
     names = vars(units)
     plain = {base: float(getattr(dimension, base)) for base in names}
@@ -145,13 +145,15 @@ def dimension_text(dimension: Dimension, units: Units) -> str:
     both = any(plain[base] and raised[base] for base in names)
     if both or sum(map(bool, raised.values())) < 2:
         signs = {base: (raised[base] or plain[base]) for base in names}
-        return _quotient({names[base]: (sign, _raised(plain[base], raised[base])) for base, sign in signs.items()})
-    free = _quotient({names[base]: (power, _power(abs(power))) for base, power in raised.items()})
-    fixed = _quotient({names[base]: (power, _power(abs(power))) for base, power in plain.items()})
+        return _format_quotient(
+            {names[base]: (sign, _format_raised(plain[base], raised[base])) for base, sign in signs.items()}
+        )
+    free = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in raised.items()})
+    fixed = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in plain.items()})
     return f"{fixed}·({free})^p" if fixed else f"({free})^p"
 
 
-def _quotient(parts: dict[str, tuple[float, str]]) -> str:
+def _format_quotient(parts: dict[str, tuple[float, str]]) -> str:
     """Units over units; of each unit the sign of its power, and the power as text without the sign."""
     above = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign > 0)
     below = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign < 0)
@@ -160,16 +162,16 @@ def _quotient(parts: dict[str, tuple[float, str]]) -> str:
     return f"{above or 1}/{below}" if "·" not in below else f"{above or 1}/({below})"
 
 
-def _raised(plain: float, raised: float) -> str:
+def _format_raised(plain: float, raised: float) -> str:
     """The power plain + raised p without the sign of its leading part: ``²``, ``^p``, ``^(p+1)``."""
     if not raised:
-        return _power(abs(plain))
+        return _format_power(abs(plain))
     free = "p" if abs(raised) == 1.0 else f"{abs(raised):g}p"
     rest = plain if raised > 0.0 else -plain
     return f"^({free}{rest:+g})" if rest else f"^{free}"
 
 
-def _power(power: float) -> str:
+def _format_power(power: float) -> str:
     if power == 1.0:
         return ""
     return f"{power:.0f}".translate(_EXPONENTS) if power == round(power) else f"^{power:g}"

@@ -68,7 +68,7 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
     """
     d = description
     steps: list[ConditioningStep] = []
-    table = working_table(raw, d)
+    table = tabulate_working(raw, d)
     actions: list[Callable[[pd.DataFrame], ConditioningStep]] = [
         lambda t: to_displacements(t, d.sensors),
         *([lambda t: to_yaw(t, d.yaw)] if d.yaw else []),
@@ -87,7 +87,7 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
     return tuple(steps)
 
 
-def working_table(raw: pd.DataFrame, description: Description) -> pd.DataFrame:
+def tabulate_working(raw: pd.DataFrame, description: Description) -> pd.DataFrame:
     """Readings in the units of the description: ``sweep, omega, force``, one column a sensor, columns kept."""
     d = description
     label = raw[d.raw.sweep].astype(str) if d.raw.sweep else d.raw.sweep_label

@@ -12,9 +12,9 @@ import pandas as pd
 from pydantic import BaseModel, ValidationError
 
 from damping.errors import InputError
-from damping.records.keys import Table, line_of, nearest, read_toml
+from damping.records.keys import TomlTable, describe_nearest, line_of, read_toml
 from damping.records.reading import read_table
-from damping.records.text import DEFAULT_MAX_SIZE, Rows, read_bytes
+from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals import description as schema
 from damping.signals.description import Description
 
@@ -37,10 +37,10 @@ def read_description(path: str | Path) -> Description:
 
 def describe(values: Mapping[str, Any]) -> Description:
     """A description in the keys of a CONDITION.toml, checked. InputError with the key of what is wrong."""
-    return _described(Table(dict(values), (), "description", ""))
+    return _described(TomlTable(dict(values), (), "description", ""))
 
 
-def _described(table: Table) -> Description:
+def _described(table: TomlTable) -> Description:
     try:
         description = Description.model_validate(table.values)
     except ValidationError as error:
@@ -68,7 +68,7 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
     table = read_table(path, required=[*numbers, *labels], text_columns=text, max_size=max_size)
     for name in d.raw.keep:
         if name not in table:
-            hint = nearest(name, map(str, table.columns))
+            hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r} to keep", file=path, line=1, expected=f"{hint} or another column")
     problem = _out_of_range(table, d)
     if problem is not None:
@@ -87,7 +87,7 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     d = description
     for name in dict.fromkeys([*d.columns, *([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]):
         if name not in table.columns:
-            hint = nearest(name, map(str, table.columns))
+            hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r}", expected=f"{hint} or another column")
         numbers = pd.to_numeric(table[name], errors="coerce") if name in d.columns else None
         if numbers is not None and not np.isfinite(numbers.to_numpy(float)).all():
@@ -142,7 +142,7 @@ def check_repeats(record: pd.DataFrame, raw: Path, max_size: int) -> None:
 
 def _lines(path: Path, max_size: int) -> list[int]:
     """Line on which each data row of a CSV file starts."""
-    return [line for line, _ in Rows(read_bytes(path, max_size), path)][1:]
+    return [line for line, _ in CsvRows(read_bytes(path, max_size), path)][1:]
 
 
 def _input_error(problem: Any, path: str, content: str) -> InputError:
@@ -151,7 +151,7 @@ def _input_error(problem: Any, path: str, content: str) -> InputError:
     line = _line(content, keys)
     if problem["type"] == "extra_forbidden":
         known = _model(keys[:-1]).model_fields
-        expected = f"{nearest(str(keys[-1]), known)} (nearest of {', '.join(known)})"
+        expected = f"{describe_nearest(str(keys[-1]), known)} (nearest of {', '.join(known)})"
         return InputError("unknown key", file=path, line=line, column=_name(keys), expected=expected)
     if problem["type"] == "missing":
         what = "key" if len(keys) > 1 else "table"
@@ -182,10 +182,10 @@ def _model(keys: tuple[str | int, ...]) -> type[BaseModel]:
 
 def _name(keys: tuple[str | int, ...]) -> str:
     """Keys as people count them: ``sensors 2, factor``."""
-    return ", ".join(f"{key}" for key in _joined(keys))
+    return ", ".join(f"{key}" for key in _list_joined(keys))
 
 
-def _joined(keys: tuple[str | int, ...]) -> list[str]:
+def _list_joined(keys: tuple[str | int, ...]) -> list[str]:
     parts: list[str] = []
     for key in keys:
         if isinstance(key, int):

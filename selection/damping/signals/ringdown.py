@@ -152,11 +152,11 @@ def ring_down(
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
-    lost = _lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
+    lost = _list_lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 
-def _lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
+def _list_lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
     """A note where the motion is larger before ``since``, when the window first fits, than its ``size`` there."""
     peak = int(np.argmax(np.abs(x)))
     largest = float(np.abs(x[peak]))
