@@ -16,6 +16,7 @@ a normal posterior; rough where a share lies at the edge of its range or two mod
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -44,7 +45,7 @@ def find_mode(coordinates: Coordinates, data: Observations) -> FloatArray:
         AnalysisError: the law cannot carry the measured forces at any parameter value tried.
     """
     negative = negative_log_posterior(coordinates, data)
-    fit = fit_law(coordinates.law, data)
+    fit = replace(fit_law(coordinates.law, data), coordinates=coordinates)
     start = fit.variables if np.isfinite(fit.squares) else np.zeros(coordinates.dimension)
     if not negative(start[None, :])[0] < BARRIER:
         raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
@@ -115,8 +116,7 @@ def evidence(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evi
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
-    data = data.scaled()
-    coordinates = Coordinates.of(coordinates.law, data)
+    coordinates, data = coordinates.scaled(data.reference), data.scaled()
     mode = find_mode(coordinates, data)
     density = partial(log_posterior, coordinates=coordinates, data=data)
     return importance(density, mode, covariance_at(mode, coordinates, data), seed)
@@ -158,8 +158,7 @@ def laplace(coordinates: Coordinates, data: Observations, seed: int = 0) -> Evid
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
-    data = data.scaled()
-    coordinates = Coordinates.of(coordinates.law, data)
+    coordinates, data = coordinates.scaled(data.reference), data.scaled()
     negative = negative_log_posterior(coordinates, data)
     near = _descended(coordinates, negative)
     gradient, covariance, _ = derivatives(near, negative, np.full(near.size, _LAPLACE_STEP))

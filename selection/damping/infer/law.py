@@ -31,7 +31,7 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,7 +42,7 @@ from damping.forces import Component, component
 from damping.forces.contract import Force, Sum
 from damping.forces.shapes import Shape, Tested
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, stray_covariance
-from damping.infer.observations import Observations
+from damping.infer.observations import Observations, round_bits
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
 TOTAL_LOG_SD = 1.0
@@ -115,6 +115,13 @@ class Coordinates:
         tested = Tested(float(amplitude.min()), float(amplitude.max()), observations.reference[1])
         scatters = observations.has_repeats and len(observations.sweeps) > 1
         return cls(law, observations.reference, tested, scatters, len(observations.sweeps) > 1)
+
+    def scaled(self, by: tuple[float, float, float]) -> Coordinates:
+        """The same without dimension: over an amplitude, a frequency and a force (:meth:`Observations.scaled`)."""
+        amplitude, omega, force = (float(x) for x in round_bits(np.array(self.reference) / by))
+        low, high = (float(x) for x in round_bits(np.array(self.tested[:2]) / by[0]))
+        tested = Tested(low, high, float(round_bits(np.array(self.tested.omega / by[1]))))
+        return replace(self, reference=(amplitude, omega, force), tested=tested)
 
     @property
     def names(self) -> tuple[str, ...]:

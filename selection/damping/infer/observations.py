@@ -82,13 +82,13 @@ class Observations:
         amplitude, omega, force = self.reference
         return replace(
             self,
-            A=_round_bits(self.A / amplitude),
-            omega=_round_bits(self.omega / omega),
-            D=_round_bits(self.D / force),
-            R=_round_bits(self.R / force),
-            tested_amplitude=_round_bits(self.tested_amplitude / amplitude),
-            tested_omega=_round_bits(self.tested_omega / omega),
-            tested_force=_round_bits(self.tested_force / force),
+            A=round_bits(self.A / amplitude),
+            omega=round_bits(self.omega / omega),
+            D=round_bits(self.D / force),
+            R=round_bits(self.R / force),
+            tested_amplitude=round_bits(self.tested_amplitude / amplitude),
+            tested_omega=round_bits(self.tested_omega / omega),
+            tested_force=round_bits(self.tested_force / force),
         )
 
     def keep_sweeps(self, keep: BoolArray) -> Observations:
@@ -101,7 +101,7 @@ class Observations:
         return replace(self, **per_row, **per_sweep, sweep=number[self.sweep[rows]], sweeps=labels)
 
 
-def _round_bits(values: FloatArray, bits: int = 40) -> FloatArray:
+def round_bits(values: FloatArray, bits: int = 40) -> FloatArray:
     """Values rounded to a number of binary digits."""
     mantissa, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
