@@ -402,7 +402,7 @@ def test_a_broken_part_is_set_aside_and_its_records_computed_again(tmp_path, one
 def test_a_page_of_somebody_else_is_not_written_over(tmp_path, one_law):
     write_record(tmp_path / "in", "one", 0)
     write_bytes(tmp_path / "out" / "fleet.html", b"of the user")
-    with pytest.raises(InputError, match="fleet.html: is no result of an earlier run"):
+    with pytest.raises(InputError, match=r"fleet\.html: is no result of an earlier run"):
         fleet(tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
     assert (tmp_path / "out" / "fleet.html").read_bytes() == b"of the user"
 
@@ -440,7 +440,7 @@ def test_a_local_cluster_answers_its_client_alone():
     with runners.connected(None, 1) as client:
         address = client.scheduler.address
         assert address.startswith("tls://127.0.0.1:")
-        with pytest.raises(OSError, match="(?i)timed out|closed|TLS|SSL"):
+        with pytest.raises(OSError, match=r"(?i)timed out|closed|TLS|SSL"):
             Client(address.replace("tls", "tcp"), timeout=1.0)
 
 
