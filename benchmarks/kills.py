@@ -56,7 +56,7 @@ class Studies:
         self.settings.write_text(SETTINGS)
 
     def __enter__(self) -> Studies:
-        root = str(Path(__file__).parents[1])
+        root = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self.server = subprocess.Popen(
             [sys.executable, "-m", "benchmarks._short_study"],
             stdin=subprocess.PIPE,

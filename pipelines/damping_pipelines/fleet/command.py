@@ -14,6 +14,7 @@ from distributed import Client
 
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
+from damping.records.audit import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import DataSet
 from damping_pipelines.fleet.inputs import (
@@ -85,6 +86,7 @@ def fleet(
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
+    require_checks(despite)
     check_address(dashboard)
     settings = FleetSettings(
         seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, describe_digest_code(), time_limit

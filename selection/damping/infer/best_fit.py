@@ -82,7 +82,8 @@ class BestFit:
         x[parts : parts + self.point.size] = self.point
         unit = np.array([float(c) for c in self.coordinates.coefficients(x)])
         force = self.coefficients / unit * np.asarray(self.coordinates.shares(x))
-        x[0] = np.clip(np.log(force.sum()) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
+        total = max(float(force.sum()), np.finfo(float).tiny)  # a fit may be of no damping at all
+        x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
         left = force.sum()
         for i in range(parts - 1):
             fraction = np.clip(force[i] / max(left, np.finfo(float).tiny), *SHARE_RANGE)

@@ -93,9 +93,7 @@ class Audit:
         Raises:
             InputError: ``despite`` names no check.
         """
-        for name in despite:
-            if name not in NAMES:
-                raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")
+        require_checks(despite)
         for finding in self.refusing(despite):
             raise Refused(f"{finding}, or --despite {finding.check}")
 
@@ -111,6 +109,13 @@ class Audit:
         head = "<tr><th>check</th><th>verdict</th><th>what</th><th>advice</th><th>sweeps</th></tr>"
         table = f"<table>{head}{rows}</table>" if rows else ""
         return f"<p>Audit: <b>{self.verdict}</b></p>{table}{self.implied.to_html(index=False)}"
+
+
+def require_checks(names: Collection[str]) -> None:
+    """InputError for a name that is no check's."""
+    for name in names:
+        if name not in NAMES:
+            raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")
 
 
 def audit(record: Record, mode: Mode | None = None) -> Audit:
