@@ -112,8 +112,12 @@ def format_signed(value: SupportsFloat) -> str:
 _EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-#: What scatters are called for people.
-SCATTERS = {"scatter": "scatter of a row", "level_scatter": "scatter of a level"}
+#: What parameters that are no part of a force are called for people.
+SCATTERS = {
+    "scatter": "scatter of a row",
+    "level_scatter": "scatter of a level",
+    "doubt": "straying of the local exponent",
+}
 
 
 def format_parameter_unit(parameter: str, units: Units) -> str:
