@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import arviz
 import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
+from damping.infer.diagnostics import load_arviz
 from damping.ranking import Ranking
 from damping.report.results import Exhibit
 from damping_pipelines.terminal import progress
@@ -162,7 +162,7 @@ def _list_rows(table: pd.DataFrame) -> list[Any]:
     return plain
 
 
-def planar_data(known: Known) -> arviz.InferenceData:
+def planar_data(known: Known) -> Any:
     """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
 
     Single precision: seven digits are far more than the Monte Carlo error leaves.
@@ -170,7 +170,7 @@ def planar_data(known: Known) -> arviz.InferenceData:
     assert known.posterior is not None  # asked of sampled posteriors only
     ensembles, kept = known.posterior.chains.x.shape[:2]
     draws = {name: np.asarray(values, dtype=np.float32) for name, values in known.parameters.items()}
-    return arviz.from_dict(
+    return load_arviz().from_dict(
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},
         attrs={"data": known.data, "fit": known.variant, "converged": str(known.posterior.chains.converged)},
     )

@@ -66,7 +66,7 @@ def folder(tmp_path, monkeypatch) -> Path:
         pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
     for module in (api, study):
-        monkeypatch.setattr(module, "candidate_laws", lambda data: RANKED)
+        monkeypatch.setattr(module, "candidate_laws", lambda *_: RANKED)
     for module in (extrapolation, study):
         monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)
     return tmp_path

@@ -101,7 +101,7 @@ def test_numbers_of_the_pages():
 def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page):
     """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""
     laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
-    monkeypatch.setattr(study, "candidate_laws", lambda data: laws)
+    monkeypatch.setattr(study, "candidate_laws", lambda *_: laws)
     monkeypatch.setattr(study, "load_candidates", lambda data: laws)
     shutil.copytree(EXAMPLES / "tank", tmp_path / "tank")
     damping("study", tmp_path / "tank" / "STUDY.toml", "--out", tmp_path / "out")

@@ -14,7 +14,7 @@ from damping.gap.steady import swept
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 
 US = Units("lbf", "in", "s")
-MODE = Mode("m", 2.0, 1.5, units=US, damping={"viscous": {"coefficient": 0.4}})
+MODE = Mode(name="m", frequency=2.0, mass=1.5, units=US, damping={"viscous": {"coefficient": 0.4}})
 #: A table of each, sizes of which all change the motion of ``MODE`` at the force ``F`` by a per cent or more.
 FORCES = {
     "viscous": {"coefficient": 0.3},

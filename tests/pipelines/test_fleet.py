@@ -85,7 +85,7 @@ def alone(records, tmp_path_factory) -> Path:
 def one_law(monkeypatch):
     """One candidate in this process: where the laws do not matter."""
     for name in ("candidate_laws", "load_candidates"):
-        monkeypatch.setattr(f"damping_pipelines.fleet.analyse.{name}", lambda data: [Law(("viscous",))])
+        monkeypatch.setattr(f"damping_pipelines.fleet.analyse.{name}", lambda *_: [Law(("viscous",))])
 
 
 @pytest.fixture(scope="module")

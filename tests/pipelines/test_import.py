@@ -87,7 +87,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     # the image of the window, 1e-3 and of the second harmonic, averages out over levels of some periods
     np.testing.assert_allclose(record.column("force"), c * n * record.column("amplitude"), rtol=5e-3)
     data = observe(load(out, mode, 10**6)[0])
-    laws = [law for law in candidate_laws(data) if law.name in ("viscous", "velocity-squared")]
+    laws = [law for law in candidate_laws() if law.name in ("viscous", "velocity-squared")]
     best = rank_laws(data, 1, laws).candidates[0]
     assert best.name == "viscous"
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
