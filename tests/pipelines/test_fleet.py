@@ -84,8 +84,8 @@ def alone(records, tmp_path_factory) -> Path:
 @pytest.fixture
 def one_law(monkeypatch):
     """One candidate in this process: where the laws do not matter."""
-    for name in ("candidate_laws", "load_candidates"):
-        monkeypatch.setattr(f"damping_pipelines.fleet.analyse.{name}", lambda *_: [Law(("viscous",))])
+    for place in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+        monkeypatch.setattr(place, lambda *_: [Law(("viscous",))])
 
 
 @pytest.fixture(scope="module")
