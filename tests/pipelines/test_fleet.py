@@ -85,7 +85,7 @@ def alone(records, tmp_path_factory) -> Path:
 def one_law(monkeypatch):
     """One candidate in this process: where the laws do not matter."""
     for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
-        monkeypatch.setattr(name, lambda data: [Law(("viscous",))])
+        monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])
 
 
 @pytest.fixture(scope="module")
