@@ -84,8 +84,8 @@ def alone(records, tmp_path_factory) -> Path:
 @pytest.fixture
 def one_law(monkeypatch):
     """One candidate in this process: where the laws do not matter."""
-    for place in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
-        monkeypatch.setattr(place, lambda *_: [Law(("viscous",))])
+    for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+        monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +163,7 @@ def harmless_or_deadly(task):
         os.kill(os.getpid(), signal.SIGKILL)
     if task.name == "mode-02":
         raise ZeroDivisionError("of no record's making")
-    return FleetResult({"name": task.name, "status": "done", "reason": ""}, {})
+    return FleetResult({"name": task.name, "status": "done", "reason": "", "code": digest_code()}, {})
 
 
 def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records, monkeypatch):
