@@ -41,6 +41,6 @@ def describe_code() -> dict[str, str]:
     return {**versions(), "source": digest_source()}
 
 
-def describe_digest_code() -> str:
+def digest_code() -> str:
     """SHA-256 of :func:`describe_code`, which is in the key of every result."""
     return hashlib.sha256(repr(sorted(describe_code().items())).encode()).hexdigest()

@@ -32,7 +32,7 @@ from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import checkpoint_in, sole_writer
-from damping_pipelines.provenance import describe_digest_code, versions
+from damping_pipelines.provenance import digest_code, versions
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
@@ -205,7 +205,7 @@ def sample_law(task: Task) -> LawPosterior:
 
 def describe_chain_key(task: Task) -> str:
     """A digest of everything the chains of a task depend on."""
-    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, describe_digest_code())).encode())
+    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, digest_code())).encode())
     for value in (*vars(task.data).values(), task.forces):
         if isinstance(value, np.ndarray):
             digest.update(np.ascontiguousarray(value).tobytes())

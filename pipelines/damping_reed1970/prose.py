@@ -34,7 +34,16 @@ from damping_reed1970.common import (
 )
 
 #: Functions of the texts: numbers and lists in words.
-_WORDS = ("between", "count", "counted", "joined", "number", "percent", "points_text", "signed")
+_WORDS = {
+    "between": words.format_between,
+    "count": words.count,
+    "counted": words.format_counted,
+    "joined": words.format_joined,
+    "number": words.number,
+    "percent": words.format_percent,
+    "points_text": words.format_points_text,
+    "signed": words.format_signed,
+}
 _DIRECTIVE = re.compile(r"\[(figure|table|known|fold|end) ?([^\]]*)\] ?(.*)", re.DOTALL)
 
 
@@ -64,9 +73,7 @@ def write_chapter(chapter: Chapter, text: Path) -> ReportPart:
     """The section of a chapter from its text, which may say ``agreement`` and every value of the chapter."""
     environment = Environment(undefined=StrictUndefined, trim_blocks=True)  # the page escapes what it shows
     agreement = describe_agreement_text(tabulate_of_chapter(chapter.named["reproduction"], chapter.number))
-    filled = environment.from_string(text.read_text("utf-8")).render(
-        {name: getattr(words, name) for name in _WORDS}, agreement=agreement, **chapter.values
-    )
+    filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, agreement=agreement, **chapter.values)
     parts = iter([part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n"))])
     section = Section(f"chapter-{chapter.number}", chapter.title, list(_build_blocks(chapter, parts)))
     return ReportPart(

@@ -30,7 +30,7 @@ from damping_pipelines.fleet.dataset import DataSet, row_of
 from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
 from damping_pipelines.fleet.page import tabulate_outliers
 from damping_pipelines.manifest import sole_writer, verify
-from damping_pipelines.provenance import describe_digest_code
+from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
 from damping_validation.calibration import OMEGA, simulated_levels, structures
 
@@ -182,7 +182,7 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
 
 def settings(**changes) -> FleetSettings:
     fields = {"seed": 5, "fast": True, "level": 0.9, "forces": (), "versions": {"damping-selection": "1"}}
-    fields["code"] = describe_digest_code()
+    fields["code"] = digest_code()
     return FleetSettings(**{**fields, "max_size": SIZE, **changes})
 
 
@@ -428,7 +428,7 @@ def test_a_worker_of_other_code_is_refused(records):
     """It may join late, when nobody asks: its rows say what it computes with."""
     task = next(tasks_of(find_cases(records), settings()))
     own = failed(task, "anything")
-    assert own.row["code"] == describe_digest_code()
+    assert own.row["code"] == digest_code()
     assert runners._result(task, own) is own
     late = FleetResult(own.row | {"code": "0" * 64, "status": "done"}, {})
     refused = runners._result(task, late)

@@ -99,7 +99,7 @@ def test_slider_moves_the_band_by_keyboard(opened, html):
 
 def test_tables_sort_by_keyboard_and_back(opened, html):
     with opened(html) as one:
-        ranking = one.page.locator("table:has(caption:has-text('Every candidate'))").first
+        ranking = one.page.locator("table:has(caption:has-text('Every distinct law'))").first
         heads = ranking.locator("th")
         at = heads.all_inner_texts().index(next(t for t in heads.all_inner_texts() if t.startswith("−2 ln Z")))
         cells = ranking.locator(f"tbody td:nth-child({at + 1})")

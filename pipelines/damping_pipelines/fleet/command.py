@@ -39,7 +39,7 @@ from damping_pipelines.fleet.runners import (
     serial,
 )
 from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import describe_code, describe_digest_code, versions
+from damping_pipelines.provenance import describe_code, digest_code, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import Advance, console, progress
 
@@ -89,7 +89,7 @@ def fleet(
     require_checks(despite)
     check_address(dashboard)
     settings = FleetSettings(
-        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, describe_digest_code(), time_limit
+        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, digest_code(), time_limit
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
