@@ -47,6 +47,9 @@ def find_mode(coordinates: Coordinates, data: Observations) -> FloatArray:
     negative = negative_log_posterior(coordinates, data)
     fit = replace(fit_law(coordinates.law, data), coordinates=coordinates)
     start = fit.variables if np.isfinite(fit.squares) else np.zeros(coordinates.dimension)
+    if not negative(start[None, :])[0] < BARRIER:  # a shape out of the prior's range: the best of prior points instead
+        points = _normal(coordinates.dimension, _LAPLACE_STARTS_POWER, 0)
+        start = points[np.argmin(negative(points))]
     if not negative(start[None, :])[0] < BARRIER:
         raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
     return _polished(start, negative)
