@@ -1,5 +1,7 @@
 """Marginal likelihoods against brute-force integration over the prior."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import simpson
@@ -7,12 +9,18 @@ from scipy.integrate import simpson
 from damping.errors import AnalysisError
 from damping.infer.evidence import evidence, find_mode
 from damping.infer.law import Coordinates, Law, log_posterior
+from damping.infer.observations import Observations
+
+
+def undoubted(law: Law, data: Observations) -> Coordinates:
+    """Coordinates without a straying exponent, which has tests of its own (test_doubt.py)."""
+    return replace(Coordinates.of(law, data), with_doubt=False)
 
 
 @pytest.mark.parametrize("name", ["viscous", "velocity-squared", "displacement-velocity"])
 def test_one_force_against_quadrature(name, saturn):
     data = saturn("config-2-mode-1")
-    c = Coordinates.of(Law((name,)), data)
+    c = undoubted(Law((name,)), data)
     found = evidence(c, data)
     total, scatter = np.linspace(-1.0, 1.0, 1601), np.linspace(-6.0, 6.0, 601)
     grid = np.stack(np.meshgrid(total, scatter, indexing="ij"), axis=-1)
@@ -27,7 +35,7 @@ def test_one_force_against_quadrature(name, saturn):
 
 def test_two_forces_against_prior_sampling(saturn):
     data = saturn("config-2-mode-1")
-    c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
+    c = undoubted(Law(("viscous", "displacement-velocity")), data)
     found = evidence(c, data)
     x = np.random.default_rng(0).standard_normal((400_000, c.dimension))
     from damping.infer.law import log_likelihood
@@ -39,7 +47,7 @@ def test_two_forces_against_prior_sampling(saturn):
 
 def test_mode_is_a_maximum(saturn):
     data = saturn("config-2-mode-2")
-    c = Coordinates.of(Law(("viscous", "quadratic-displacement")), data)
+    c = undoubted(Law(("viscous", "quadratic-displacement")), data)
     mode = find_mode(c, data)
     around = mode + 1e-2 * np.random.default_rng(1).standard_normal((200, c.dimension))
     assert log_posterior(mode, c, data)[0] >= log_posterior(around, c, data).max()
@@ -48,12 +56,12 @@ def test_mode_is_a_maximum(saturn):
 def test_an_impossible_law_says_so(saturn):
     data = saturn("config-2-mode-1")
     with pytest.raises(AnalysisError, match="coulomb"):
-        evidence(Coordinates.of(Law(("coulomb",)), data), data)
+        evidence(undoubted(Law(("coulomb",)), data), data)
 
 
 def test_a_seed_gives_the_same_digits(saturn):
     data = saturn("config-2-mode-1")
-    c = Coordinates.of(Law(("viscous", "slip")), data)
+    c = undoubted(Law(("viscous", "slip")), data)
     first, second = evidence(c, data, seed=7), evidence(c, data, seed=7)
     assert first.log_z == second.log_z
     np.testing.assert_array_equal(first.draws, second.draws)

@@ -19,6 +19,12 @@ from damping.infer.law import (
     pointwise_log_likelihood,
     residuals,
 )
+from damping.infer.observations import Observations
+
+
+def undoubted(law: Law, data: Observations) -> Coordinates:
+    """Coordinates without a straying exponent, which has tests of its own (test_doubt.py)."""
+    return replace(Coordinates.of(law, data), with_doubt=False)
 
 
 def swept(peaks, rows=5, levels=3):
@@ -54,7 +60,7 @@ def dense(x, c, data):
 
 def test_against_a_dense_multivariate_normal(peaks):
     data = swept(peaks)
-    c = Coordinates.of(Law(("viscous", "displacement")), data)
+    c = undoubted(Law(("viscous", "displacement")), data)
     assert c.with_level_scatter
     x = np.random.default_rng(4).standard_normal((6, c.dimension))
     np.testing.assert_allclose(log_likelihood(x, c, data), dense(x, c, data), rtol=1e-9)  # two routes, 15 x 15 algebra
@@ -106,8 +112,8 @@ def test_units_change_nothing(saturn):
     law = Law(("viscous", "velocity-squared"))
     x = np.random.default_rng(5).standard_normal((4, 3))
     np.testing.assert_allclose(
-        log_likelihood(x, Coordinates.of(law, data), data),
-        log_likelihood(x, Coordinates.of(law, metric), metric),
+        log_likelihood(x, undoubted(law, data), data),
+        log_likelihood(x, undoubted(law, metric), metric),
         rtol=1e-9,  # rounding of the factors
     )
 
@@ -116,19 +122,19 @@ def test_prior_is_standard_normal_and_cut_off(peaks):
     x = np.array([[0.3, -1.2], [2.0, 0.0]])
     np.testing.assert_allclose(log_prior(x), norm.logpdf(x).sum(axis=1), rtol=1e-13)
     data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
-    c = Coordinates.of(Law(("viscous",)), data)
+    c = undoubted(Law(("viscous",)), data)
     assert log_posterior(np.array([[0.0, REACH + 1.0]]), c, data)[0] == -np.inf
 
 
 def test_a_law_that_cannot_carry_the_force_is_impossible(peaks):
     data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
-    c = Coordinates.of(Law(("coulomb",)), data)
+    c = undoubted(Law(("coulomb",)), data)
     assert log_likelihood(np.zeros((1, c.dimension)), c, data)[0] == -np.inf
 
 
 def test_units_left_out_add_up(peaks):
     data = swept(peaks)
-    c = Coordinates.of(Law(("viscous",)), data)
+    c = undoubted(Law(("viscous",)), data)
     x = np.random.default_rng(6).standard_normal((3, c.dimension))
     by_level = pointwise_log_likelihood(x, c, data)
     assert by_level.shape == (3, 3)
@@ -138,7 +144,7 @@ def test_units_left_out_add_up(peaks):
 def test_many_levels_against_a_dense_multivariate_normal(peaks):
     """Forty sweeps are summed in another way than a few."""
     data = replace(swept(peaks, 2, 40), sweep=np.tile(np.arange(40), 2))
-    c = Coordinates.of(Law(("viscous",)), data)
+    c = undoubted(Law(("viscous",)), data)
     x = np.random.default_rng(4).standard_normal((3, c.dimension))
     np.testing.assert_allclose(log_likelihood(x, c, data), dense(x, c, data), rtol=1e-9)  # two routes, 80 x 80
 
@@ -146,7 +152,7 @@ def test_many_levels_against_a_dense_multivariate_normal(peaks):
 def test_memory_does_not_grow_with_points_times_rows(peaks):
     """10^7 of them, 80 MB an array if taken at once; what comes out is what a few points at a time give."""
     data = swept(peaks, 2500, 4)
-    c = Coordinates.of(Law(("viscous", "displacement")), data)
+    c = undoubted(Law(("viscous", "displacement")), data)
     x = np.random.default_rng(4).standard_normal((1000, c.dimension))
     tracemalloc.start()
     found = log_likelihood(x, c, data)
