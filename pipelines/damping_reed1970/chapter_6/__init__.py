@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.forces import make
+from damping.forces import component, make
 from damping.forces.contract import Sum
 from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
@@ -103,9 +103,12 @@ def recomputed(law: PrintedLaw) -> PrintedLaw:
 
 
 def ours(law: PrintedLaw, candidate: Candidate) -> Sum:
-    """The fitted force of the ranking for the same law."""
-    assert candidate.fit is not None  # every law of the report can be fitted to its own record
-    return candidate.fit.force
+    """The force of the same law at the posterior medians that the table shows."""
+    shapes: dict[str, dict[str, float]] = {}
+    for c in candidate.coefficients:
+        shapes.setdefault(c.force, {})[c.shape] = c.value
+    parts = [(component(name), values) for name, values in shapes.items()]
+    return Sum(tuple(part.build(values[""], **{k: v for k, v in values.items() if k}) for part, values in parts))
 
 
 def section_6_1(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
