@@ -6,7 +6,7 @@ Run ``python -m benchmarks.cost``. For terms the size is the number of subsets, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import emcee
@@ -54,7 +54,7 @@ def points(rows: int) -> Callable[[], object]:
     """Posterior density of 256 parameter points on so many rows."""
     A = np.geomspace(0.5, 2.0, rows)
     data = peaks(A**1.5, A)
-    coordinates = Coordinates.of(LAW, data)
+    coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
     x = np.random.default_rng(0).standard_normal((256, coordinates.dimension))
     return partial(log_posterior, x, coordinates, data)
 
@@ -81,7 +81,7 @@ def walkers(number: int) -> Callable[[], object]:
     """Twenty steps of an ensemble of so many walkers on three resonances."""
     A = np.array([1.229, 1.439, 1.567])
     data = peaks(A**1.6, A)
-    coordinates = Coordinates.of(LAW, data)
+    coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
     density = partial(log_posterior, coordinates=coordinates, data=data)
     sampler = emcee.EnsembleSampler(number, coordinates.dimension, density, vectorize=True)
     state = emcee.State(0.1 * np.random.default_rng(0).standard_normal((number, coordinates.dimension)))
