@@ -325,7 +325,7 @@ def test_hostile_names_stay_names(tmp_path, one_law):
 
 
 def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
-    """``model.toml`` beside ``data.csv``: the gap form is there; a model of another mode makes the row partial."""
+    """``model.toml`` beside ``data.csv``: the gap form is there; a model of another mode is refused by the audit."""
     hertz = OMEGA / (2.0 * np.pi)
     model = f"[mode]\nfrequency = {hertz}\nmass = 1.0\n[damping]\nviscous = 0.1\n"
     for name, text in (("a", model), ("b", model.replace(str(hertz), "40.0"))):
@@ -337,9 +337,8 @@ def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
     assert good["effects"] is not None
     assert '"format": "gap/1"' in good["gap_form"]
     assert (tmp_path / "out" / good["report"].replace(".html", "-gap.html")).is_file()
-    assert other["status"] == "partial"
-    assert other["reason"].startswith("gap: ")
-    assert other["law"] == "viscous"
+    assert other["status"] == "failed"
+    assert "different modes" in other["reason"]
 
 
 def test_chains_where_they_are_asked_for(tmp_path, one_law):
