@@ -241,6 +241,10 @@ def broken(change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarr
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
+        pytest.param(
+            *(lambda t, x: (t**1.01, x), InputError, "not evenly spaced"),
+            marks=pytest.mark.xfail(reason="known: resampling of jittered times lets a slow stretch of them pass"),
+        ),
         (lambda t, x: (t**2.0, x), InputError, "not evenly spaced"),
         (lambda t, x: (t[::-1], x), InputError, "not evenly spaced"),
         (lambda t, x: (0 * t, x), InputError, "not evenly spaced"),
