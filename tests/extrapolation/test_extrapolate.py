@@ -102,9 +102,7 @@ def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, capsys)
 @pytest.mark.sampling
 def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, capsys, swept):
     path, mode = tmp_path / "sweeps.csv", tmp_path / "mode.toml"
-    mode.write_text(
-        '[mode]\nname = "swept"\nfrequency = 1.5915494\nmass = 0.5\n'
-    )  # OMEGA_N = 10 rad/s and M of ``swept``
+    mode.write_text('[mode]\nname = "swept"\nfrequency = 1.5915494\nmass = 0.5\n')  # those of ``swept``
     pair = STRUCTURES["viscous + velocity-squared"]
     record = swept(pair.force, np.array([0.5, 1.0, 2.0]), noise=0.005, offset=0.05)
     path.write_text(record_to_csv(record.table))

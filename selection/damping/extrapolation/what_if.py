@@ -92,7 +92,7 @@ class NextLevel:
 
 
 def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
-    """Forces of a further level that are tried: repeats of the tested ones, and levels on the way to the design force."""
+    """Forces of a further level that are tried: repeats of the tested ones, and levels on the way to the design."""
     tested = np.unique(tested_force)
     return np.concatenate([tested, tested[-1] * (design / tested[-1]) ** np.array(ON_THE_WAY)])
 

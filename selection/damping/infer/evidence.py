@@ -75,7 +75,7 @@ def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
 def find_mode(
     coordinates: Coordinates, data: Observations, start: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Posterior mode in the standard normal variables (d,), and the inverse Hessian there (d, d), no wider than the prior.
+    """Posterior mode in the standard normal variables (d,), and the inverse Hessian (d, d), no wider than the prior.
 
     Args:
         start: where the search begins, by default at the best fit.
