@@ -70,7 +70,7 @@ def start(pool: Executor, seed: int) -> StartedReport:
 
 
 def exhibit(results: ReportResults) -> Exhibit:
-    """What the study gets: a section with links, a page a chapter, the summary's keys, the sampled planar posteriors."""
+    """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
     sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
     posteriors = {
         f"chapter-3--{_describe_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled
@@ -125,9 +125,9 @@ def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Sect
     """The section of the report that leads to the pages, with how well the printed numbers come out."""
     close = int(reproduction["agreement"].isin(CLOSE).sum())
     said = (
-        f"{len(reproduction)} numbers that the report of 1970 prints as results were recomputed by its own recipes from "
-        f"its own tables; {close} agree to the print or within half a per cent. Chapter by chapter, with every figure "
-        "redrawn and every erratum proved:"
+        f"{len(reproduction)} numbers that the report of 1970 prints as results were recomputed by its own recipes "
+        f"from its own tables; {close} agree to the print or within half a per cent. Chapter by chapter, with every "
+        "figure redrawn and every erratum proved:"
     )
     links = Links([Link(page.title, f"{page.file}.html") for page in pages])
     return Section("source-report", "The report of 1970, recomputed", [Text(said), links])
