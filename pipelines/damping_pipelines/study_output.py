@@ -22,7 +22,7 @@ from damping_pipelines.store import plain, refuse_inputs, to_json
 
 
 def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False) -> None:
-    """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, ``figures``, ``posterior/*.nc``, the manifest.
+    """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, ``figures/``, ``posterior/``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
     PNG too.

@@ -24,7 +24,7 @@ from damping.report.tables import record_tables
 
 @dataclass(frozen=True)
 class Rendered:
-    """``html``: the page. ``tables``, ``figures`` (SVG), ``pages`` (HTML): by the name of their file, without ending."""
+    """``html``: the page. ``tables``, ``figures`` (SVG), ``pages`` (HTML): by the name of their file without ending."""
 
     html: str
     tables: dict[str, pd.DataFrame]
