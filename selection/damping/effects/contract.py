@@ -24,7 +24,7 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances.
+        frequency, damping: the simulation's tolerances. sweeps: of the record.
     """
 
     A_low: float
@@ -36,6 +36,7 @@ class Scales:
     reach: float
     frequency: float
     damping: float
+    sweeps: int = 1
 
     @property
     def stiffness(self) -> float:
@@ -84,6 +85,7 @@ class Form:
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
+        sizes: strengths from which fits are started too where the gap is large.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
@@ -95,6 +97,7 @@ class Form:
     largest: float = np.inf
     label: str = ""
     replaces: str = ""
+    sizes: tuple[float, ...] = ()
     twin: Form | None = None
 
 

@@ -15,9 +15,8 @@ from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
 from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
 from damping.gap.rows import spread
-from damping.gap.search import Hypothesis, Search
+from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
 from damping.gap.size import Gap, HeldOut, hold_levels_out, measure_gap
-from damping.gap.unnamed import Group, UnnamedCause, fit_unnamed_causes, group_equivalent_effects
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
@@ -60,7 +59,6 @@ class Diagnosis:
         hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
-        strangers: causes that the library does not name, the most probable first.
         unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
@@ -73,7 +71,6 @@ class Diagnosis:
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     tests: tuple[Test, ...]
-    strangers: tuple[UnnamedCause, ...]
     unexplained: bool
     gap: Gap
     where: tuple[ResidualCell, ...]
@@ -126,7 +123,6 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     hypotheses = weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    others = fit_unnamed_causes(known.problem, known.unknowns, leading)
     local = local_estimates(known.problem.rows, mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
@@ -135,12 +131,10 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         setting=known,
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([one.hypothesis for one in hypotheses]),
+        groups=group_equivalent_effects([one.hypothesis for one in hypotheses], library),
         tests=tests,
-        strangers=tuple(others),
         unexplained=known.dispersion > 1.0
-        or unexplained(leading.best, tests, library)
-        or any(one.log_odds > 0.0 for one in others),
+        or unexplained(leading.best, tests, library),
         gap=measure_gap(leading.best),
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),

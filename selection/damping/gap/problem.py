@@ -88,6 +88,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         reach=float(np.abs(rows.omega / mode.omega_n - 1.0).max()),
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
+        sweeps=len(rows.sweeps),
     )
 
 

@@ -25,7 +25,9 @@ class Rows:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
             each sweep, (sweeps,), lowest first; repeats of one level share it.
         F: force. omega: rad/s. u: ln of the amplitude. phase: lag, rad (pi/2 where none was measured).
-        mass: the row's generalized mass over that of the model.
+        mass: the row's generalized mass over that of the model. time: when it was taken, -1/2 to 1/2 over the record.
+        label: number of the sweep in the whole record, from 1. up: 1 where the frequency rises in the order taken, -1
+        where it falls. rate: known d omega/dt, rad/s^2. added: known mass beside that of the model.
         sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad.
         has_phase: whether the phases were measured. at_resonance: whether every row is the phase resonance of its
             sweep, as in a record whose sweeps are single rows without a phase.
@@ -40,6 +42,11 @@ class Rows:
     u: FloatArray
     phase: FloatArray
     mass: FloatArray
+    time: FloatArray
+    label: FloatArray
+    up: FloatArray
+    rate: FloatArray
+    added: FloatArray
     sd_amplitude: FloatArray
     sd_phase: FloatArray
     has_phase: bool
@@ -55,8 +62,18 @@ class Rows:
 
     @property
     def drive(self) -> Drive:
-        """Force, frequency and mass factor."""
-        return Drive(self.F, self.omega, self.mass, self.at_resonance)
+        """What the rig does at each row."""
+        return Drive(
+            self.F,
+            self.omega,
+            self.mass,
+            self.at_resonance,
+            self.time,
+            self.label,
+            self.up,
+            self.rate,
+            self.added,
+        )
 
     @property
     def values(self) -> int:
@@ -71,9 +88,12 @@ class Rows:
     def where(self, keep: BoolArray) -> Rows:
         """The rows marked in ``keep``, sweeps without any row dropped and numbered anew."""
         kept, sweep = np.unique(self.sweep[keep], return_inverse=True)
-        by_row = ("row", "F", "omega", "u", "phase", "mass", "sd_amplitude", "sd_phase")
-        chosen = {name: getattr(self, name)[keep] for name in by_row}
+        chosen = {name: getattr(self, name)[keep] for name in BY_ROW}
         return replace(self, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept], **chosen)
+
+
+#: Fields of `Rows` with one entry a row, but for its sweep.
+BY_ROW = tuple("row F omega u phase mass time label up rate added sd_amplitude sd_phase".split())
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:
@@ -86,6 +106,15 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     F, A = record.column("force"), record.column("amplitude")
     at_resonance = not record.has_phase and len(sweeps) == len(record)
     phase = record.column("phase") if record.has_phase else np.full(len(record), 0.5 * pi)
+    time = _order_taken(record)
+    up = np.ones(len(record))
+    for number in range(len(sweeps)):
+        own = sweep == number
+        up[own] = np.sign(np.sum((time[own] - time[own].mean()) * (omega[own] - omega[own].mean()))) or 1.0
+
+    def optional(name: str) -> FloatArray:
+        return np.nan_to_num(record.column(name)) if name in record.table.columns else np.zeros(len(record))
+
     return Rows(
         row=order,
         sweep=sweep[order],
@@ -96,11 +125,25 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         u=np.log(A[order]),
         phase=phase[order],
         mass=(record.masses(mode.mass) / mode.mass)[order],
+        time=time[order],
+        label=1.0 + sweep[order],
+        up=up[order],
+        rate=RAD_S_PER_HZ * optional("sweep_rate")[order],
+        added=optional("added_mass")[order],
         sd_amplitude=np.ones(len(record)),
         sd_phase=np.ones(len(record)),
         has_phase=record.has_phase,
         at_resonance=at_resonance,
     )
+
+
+def _order_taken(record: Record) -> FloatArray:
+    """When each row was taken, -1/2 to 1/2 over the record; by the order of the rows where no time is given."""
+    time = np.arange(len(record), dtype=float)
+    if "time" in record.table.columns and np.isfinite(record.column("time")).all():
+        time = record.column("time")
+    span = float(np.ptp(time))
+    return np.asarray((time - time.min()) / span - 0.5) if span > 0.0 else np.zeros(len(record))
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ Fits of hypotheses: the simulation alone, with each effect, and with combination
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -23,6 +23,7 @@ _NONE = -60.0
 #: Range of start values of the gap an effect opens, in units of noise.
 _LOW = 0.3
 _HIGH = 60.0
+_FARTHEST = 3000.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]
 
 def at_gap(start: Start, gap: float) -> FloatArray:
     """Variables of a start with the strength that opens a gap of so many units of noise."""
-    return np.array([np.log(np.clip(gap, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
+    return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 
 def _grid(form: Form) -> FloatArray:
@@ -113,6 +114,9 @@ _WORTH = 15.0
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
+#: Forms of one effect that are fitted: those of the largest linear gain, none of which is far behind the first.
+_MOST_FORMS = 8
+_FAR = 0.2
 _ROUGH = 1.5
 _SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
@@ -249,16 +253,20 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
+        count = len(candidates)
+        candidates = [t for t in candidates[:_MOST_FORMS] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
         found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
         if found:
-            self._store((*base.effects, name), found, len(candidates))
+            self._store((*base.effects, name), found, count)
 
     def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
+            own += [at_gap(tried[0], size / tried[0].part.unit) for size in tried[0].part.form.sizes]
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
@@ -297,6 +305,53 @@ def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, .
         one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
     ]
     return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
+
+
+#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
+INDISTINCT = 2.45
+#: Odds below which an effect is no candidate for the place of another, however near its prediction.
+LEAST_ODDS = 0.02
+
+
+@dataclass(frozen=True)
+class Group:
+    """Effects that may take one another's place in the leading explanation, those of the rig first.
+
+    ``distance``: the largest to the leading one.
+    """
+
+    effects: tuple[str, ...]
+    distance: float
+
+
+def distance(one: ModelFit, other: ModelFit) -> float:
+    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
+    weights = np.sqrt(one.weights * other.weights)
+    return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
+
+
+def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
+    """For each effect of the leading explanation, those that could stand in its place without being told from it.
+
+    ``hypotheses`` are in order of probability; only those with as many effects as the first are compared with it.
+    """
+    leading = hypotheses[0]
+    found = []
+    for effect in leading.effects:
+        rest = leading.key - {effect}
+        members, farthest = [effect], 0.0
+        for other in hypotheses[1:]:
+            swapped = other.key - rest
+            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
+            if alive and len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
+                apart = distance(leading.best, other.best)
+                if apart < INDISTINCT:
+                    members.append(next(iter(swapped)))
+                    farthest = max(farthest, apart)
+        if len(members) > 1:
+            members.sort(key=lambda name: library[name].kind != "instrument")
+            found.append(Group(tuple(members), farthest))
+    return tuple(found)
 
 
 def _total(logarithms: Iterable[float]) -> float:

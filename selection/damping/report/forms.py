@@ -190,7 +190,7 @@ def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
 
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
-    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
+    """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     leading = diagnosis.leading
     return {
         "format": "gap/1",
@@ -210,7 +210,6 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
         "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
         "tests": [asdict(test) for test in diagnosis.tests],
-        "strangers": [asdict(stranger) for stranger in diagnosis.strangers],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),

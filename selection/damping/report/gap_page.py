@@ -36,8 +36,6 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     """One sentence: what it is, how sure, and whether it is all."""
     gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
     if not leading.effects:
-        if list_outside(diagnosis):
-            return f"Nothing in the library explains how the test differs; {_describe_likeliest(diagnosis)} would."
         if diagnosis.unexplained:
             return (
                 f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
@@ -56,10 +54,6 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     return said + (", but that is not all." if diagnosis.unexplained else ".")
 
 
-def _describe_likeliest(diagnosis: Diagnosis) -> str:
-    return max(diagnosis.strangers, key=lambda one: one.log_odds).name
-
-
 def place(diagnosis: Diagnosis) -> str:
     """Where most of the gap lies."""
     top = diagnosis.where[0]
@@ -75,16 +69,6 @@ def list_doubts(diagnosis: Diagnosis) -> list[str]:
         f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
         f"{number(group.distance, 2)} sigma in all."
         for group in diagnosis.groups
-    ]
-
-
-def list_outside(diagnosis: Diagnosis) -> list[str]:
-    """Causes that the library does not name and that are more probable than the leading explanation."""
-    likelier = [one for one in diagnosis.strangers if one.log_odds > 0.0]
-    return [
-        f"More probable than anything the library names: {one.name} (log odds {number(one.log_odds, 2)}). The leading "
-        "explanation may only imitate it."
-        for one in likelier
     ]
 
 
@@ -179,7 +163,7 @@ def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
         (_describe_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
     ]
     blocks: list[Block] = [Text(describe_verdict(diagnosis), lead=True), Facts(facts)]
-    said = [place(diagnosis), *list_doubts(diagnosis), *list_outside(diagnosis)]
+    said = [place(diagnosis), *list_doubts(diagnosis)]
     said += list_trends(diagnosis)
     blocks.append(List([*said, reach(diagnosis), describe_following(diagnosis)]))
     if diagnosis.cautions:
@@ -223,9 +207,6 @@ def _build_which(
     blocks.append(
         Table(tests, "Is more than noise left? Directed tests of the residuals", headings={"gain": "chi-square"})
     )
-    if diagnosis.strangers:
-        others = pd.DataFrame([asdict(one) for one in diagnosis.strangers])
-        blocks.append(Table(others, "Causes outside the library in the place of the leading explanation"))
     return blocks
 
 
