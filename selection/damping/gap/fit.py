@@ -40,6 +40,9 @@ _FAR_OFF = 1.5
 _TRIED = 4
 _PATIENCE = 5
 _SURVIVORS = 2
+#: ... of which none costs more than this factor, and so much in ln p, above the best.
+_HOPELESS = 1.3
+_BEHIND = 15.0
 
 
 @dataclass(frozen=True)
@@ -70,24 +73,32 @@ class ModelFit:
 def fit_model(
     model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
 ) -> list[ModelFit]:
-    """Distinct modes reached from starts x (starts, size), best first.
+    """Distinct modes reached from starts x (starts, size), best first, with predictions at the motion found.
 
     Args:
         z: deviations of the sweeps to start from, (starts, 2 sweeps); zero where not given.
         weights: of the residuals (m,), for plain least squares; robust ones where not given.
     """
+    return polish_fits(fit_roughly(model, x, z, weights), weights)
+
+
+def fit_roughly(
+    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
+) -> list[ModelFit]:
+    """The same with predictions at the measured amplitudes."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
-    rough = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
-    found = [_polished(one, weights) for one in _list_distinct(rough)]
+    return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
+
+
+def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> list[ModelFit]:
+    """Fits made again with predictions at the motion that they found: free of the noise of measured amplitudes."""
+    found = []
+    for one in rough:
+        model = one.model.at_motion(one.y)
+        y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
+        found.append(_fit(model, y[0], r[0], J[0], weights))
     return _list_distinct(found)
-
-
-def _polished(one: ModelFit, weights: FloatArray | None) -> ModelFit:
-    """The fit made again with predictions at the motion that it found: free of the noise of measured amplitudes."""
-    model = one.model.at_motion(one.y)
-    y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
-    return _fit(model, y[0], r[0], J[0], weights)
 
 
 def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
@@ -95,9 +106,15 @@ def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
     found = sorted(found, key=lambda one: -one.log_posterior)
     distinct: list[ModelFit] = []
     for one in found:
-        if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):
+        if all(_differ(one, other) for other in distinct):
             distinct.append(one)
-    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - 15.0]
+    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - _BEHIND]
+
+
+def _differ(one: ModelFit, other: ModelFit) -> bool:
+    if one.model.parts != other.model.parts:
+        return True
+    return bool(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:
@@ -131,7 +148,9 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
         if step == _PATIENCE:
-            keep = np.argsort(_cost(r, y, np.ones(len(y)), weights))[:_SURVIVORS]
+            cost = _cost(r, y, np.ones(len(y)), weights)
+            keep = np.argsort(cost)[:_SURVIVORS]
+            keep = keep[cost[keep] < cost.min() * _HOPELESS + _BEHIND]
             y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
         at = np.flatnonzero(active)
         if at.size == 0:

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, Unknowns, fit_model, marginalise_scatter
+from damping.gap.fit import ModelFit, Unknowns, fit_model, fit_roughly, marginalise_scatter, polish_fits
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
 
 #: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
@@ -111,6 +111,8 @@ _CLOSE_MODES = 10.0
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
 _WORTH = 15.0
+#: Hypotheses, the most probable, that are fitted to another problem too.
+_AGAIN = 12
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
@@ -199,12 +201,13 @@ class Search:
                 self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns) -> Search:
-        """The same hypotheses fitted to another problem, from the modes found: no other is tried.
+        """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
 
         Strengths keep their units, so that priors stay what they are.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
+        worth = [one for one in self.ranked()[:_AGAIN] if one.effects]
+        for one in [self.found[frozenset()], *worth]:
             models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
             fits = [
                 fit_model(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)
@@ -259,7 +262,9 @@ class Search:
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
         found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
         if found:
-            self._store((*base.effects, name), found, count)
+            top = max(one.log_evidence for one in found)
+            near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
+            self._store((*base.effects, name), polish_fits(near), count)
 
     def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
@@ -273,7 +278,7 @@ class Search:
         models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
-        return list(chain.from_iterable(fit_model(model, x) for model in models))
+        return list(chain.from_iterable(fit_roughly(model, x) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
