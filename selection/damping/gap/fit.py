@@ -298,7 +298,7 @@ def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
     k, sweeps = one.model.size, one.model.sweeps
     z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
     model = replace(one.model, scatter=scatter)
-    return fit_model(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+    return fit_roughly(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
 
 
 def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:

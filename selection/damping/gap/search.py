@@ -12,10 +12,11 @@ from itertools import chain
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, Unknowns, fit_model, fit_roughly, marginalise_scatter, polish_fits
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
+from damping.gap.rows import spread
 
 #: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
 _SMALL = 1e-3
@@ -100,11 +101,15 @@ PRIOR_NULL = 25.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
 _GAIN = 2.5
+#: The same beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
+#: errors, 0.8/sqrt(m), of 1.
+_GAIN_BEYOND_NOISE = 4.5
+_FITTING = 1.6
 _NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
-_MOST_FITS = 14
+_MOST_FITS = 10
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
@@ -112,7 +117,7 @@ _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
 _WORTH = 15.0
 #: Hypotheses, the most probable, that are fitted to another problem too.
-_AGAIN = 12
+_AGAIN = 8
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
@@ -200,18 +205,19 @@ class Search:
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
                 self._extend(null, name, some)
 
-    def again(self, problem: Problem, unknown: Unknowns) -> Search:
+    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
         """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
 
-        Strengths keep their units, so that priors stay what they are.
+        Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
         worth = [one for one in self.ranked()[:_AGAIN] if one.effects]
         for one in [self.found[frozenset()], *worth]:
-            models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
-            fits = [
-                fit_model(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)
-            ]
+            fits = []
+            for near in one.near:
+                at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
+                model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
+                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size]))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -241,6 +247,7 @@ class Search:
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+            least = _GAIN if spread(base.plain.r) > 1.0 + _FITTING / np.sqrt(base.plain.r.size) else _GAIN_BEYOND_NOISE
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
@@ -248,7 +255,7 @@ class Search:
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + 2.0 * gain - price
-                if gain > _GAIN and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                if gain > least and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
             self._extend(base, name, tried)

@@ -170,7 +170,7 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
     out = whole.rows.level[whole.rows.sweep] == level
     train = replace(whole, rows=whole.rows.where(~out))
     test = replace(whole, rows=whole.rows.where(out))
-    chosen = search.again(train, setting.unknowns).ranked()[0].best
+    chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)
     before = _predicted(refitted(chosen), test)
