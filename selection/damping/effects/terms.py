@@ -47,11 +47,11 @@ class Plane(NamedTuple):
 class Drive(NamedTuple):
     """What the rig does at each row, (n,) each: force, frequency in rad/s, and the factor of each row on M.
 
-    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``time``: when the
+    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``state``: of the
+    structure, from 0; ``ratio``, ``own``: its frequency, and its simulated damping, over those of the first. ``time``: when the
     row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
     rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
-    M; the stiffness stays. ``stiffness``: what a simulator that is no single mode has beside M (omega_n^2 - omega^2)
-    and the simulated damping.
+    M; the stiffness stays.
     """
 
     F: FloatArray
@@ -63,7 +63,9 @@ class Drive(NamedTuple):
     up: Floats = 1.0
     rate: Floats = 0.0
     added: Floats = 0.0
-    stiffness: ComplexArray | float = 0.0
+    state: Floats = 0.0
+    ratio: Floats = 1.0
+    own: Floats = 1.0
 
 
 #: A change of a row's prediction that follows from what the rig does there.
@@ -103,6 +105,7 @@ class Terms:
     damped: tuple[OfDrive, ...] = ()
     offset: tuple[OfDrive, ...] = ()
     readings: tuple[Reading, ...] = ()
+    beside: tuple[OfDrive, ...] = ()
     rate: Floats = 0.0
 
     def with_force(self, force: Force) -> Terms:
@@ -145,8 +148,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _unread(terms, u - gain)
     A = np.exp(v)
-    if terms.detuned:
-        terms = replace(terms, omega_n=terms.omega_n * np.exp(_total(terms.detuned, drive)))
+    terms = tuned(terms, drive)
     found = _receptance(terms, drive, (A, A))
     if not terms.linear and (terms.plane is not None or terms.compliance):
         for _ in range(_REFINEMENTS):
@@ -166,6 +168,13 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     if terms.readings:
         by_u, by_frequency = (slope * part.real + 1j * part.imag for part in (by_u * per_u, by_frequency))
     return Prediction(real + gain + 1j * (P.imag - lag), by_u, by_frequency)
+
+
+def tuned(terms: Terms, drive: Drive) -> Terms:
+    """The terms with omega_n as it is at each row: of its state, and drifting."""
+    if not terms.detuned and np.all(drive.ratio == 1.0):
+        return terms
+    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(_total(terms.detuned, drive)), detuned=())
 
 
 def _total(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
@@ -212,17 +221,18 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
     slope_imaginary: Floats = 0.0
-    for force in terms.forces:
-        C = force.quadrature(A, drive.omega)
+    for number, force in enumerate(terms.forces):
+        own = drive.own if number < terms.simulated else 1.0
+        C = force.quadrature(A, drive.omega) * own
         imaginary = imaginary + C
-        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) - C)
+        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) * own - C)
         if force.restores:
             S = force.in_phase(A, drive.omega)
             real = real + S / A
             slope_real = slope_real + (force.in_phase_slope(A, drive.omega) - S) / A
     damped = np.exp(_total(terms.damped, drive)) / A
     return (
-        np.asarray(real + 1j * (imaginary * damped) + drive.stiffness),
+        np.asarray(real + 1j * (imaginary * damped) + _total(terms.beside, drive)),
         np.asarray(slope_real + 1j * (slope_imaginary * damped)),
     )
 
@@ -284,3 +294,36 @@ def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray
     t = np.asarray(terms.plane.weight)
     first, second = (np.abs(path) * per_reading for path in found.paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
+
+
+#: Points of a cycle from which the third harmonic of a force is taken: one in a hundred for friction, less for others.
+_CYCLE = 48
+
+
+def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
+    """Phasor Q3 of the third harmonic at motion A sin(omega t - phase): q3 = Im Q3 exp(3 i omega t).
+
+    That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
+    """
+    terms = tuned(terms, drive)
+    theta = 2.0 * np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
+    cycle: Floats = 0.0
+    for force in terms.forces:
+        if not force.linear:
+            cycle = cycle + np.asarray(force.cycle(theta, A, drive.omega))
+    if np.ndim(cycle) == 0:
+        return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
+    harmonic = 2j * np.mean(cycle * np.exp(-3j * theta), axis=0)
+    M = terms.M * drive.mass
+    stiffness = M * (np.square(terms.omega_n) - 9.0 * np.square(drive.omega)) - 9.0 * drive.added * drive.omega**2
+    return np.asarray(-harmonic * np.exp(-3j * phase) / stiffness)
+
+
+def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
+    """Phasor of the motion across the drive, F sin(theta) cos(theta) (H_1 - H_2) (3.1.24-3.1.27); 0 in one plane."""
+    if terms.plane is None:
+        return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
+    found = _receptance(tuned(terms, drive), drive, (A, A))
+    t = np.asarray(terms.plane.weight)
+    first, second = found.paths[0] * (1.0 + t), found.paths[1] * (1.0 + t) / t
+    return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))

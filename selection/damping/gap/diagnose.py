@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
 from damping.gap.rows import spread
 from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
@@ -89,7 +90,8 @@ class Diagnosis:
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        return ranked_tests(self.leading.best, rivals(self.hypotheses))
+        files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
+        return rank_tests(self.leading.best, list_rivals(self.hypotheses), f"damping gap {files[0]} {files[1]}")
 
     @property
     def next_test(self) -> NextTest | None:
@@ -148,9 +150,9 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     )
 
 
-def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
-    """The explanations beside the leading one that are alive; the most probable of the others where none is."""
-    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE] or list(hypotheses[1:2])
+def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
+    """The explanations beside the leading one that are alive."""
+    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE]
     return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 

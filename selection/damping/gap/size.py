@@ -45,9 +45,10 @@ def measure_gap(leading: ModelFit) -> Gap:
 
 
 def regular_values(one: ModelFit) -> BoolArray:
-    """Values (m,) that a fit does not take for wild points; all, where they would be more than a few."""
-    found = one.weights > WILD_WEIGHT
-    return found if found.mean() >= 1.0 - MOST_WILD else np.ones_like(found)
+    """Values (m,) that are measured and that a fit does not take for wild points; all, where these are many."""
+    seen = one.model.problem.rows.seen
+    found = seen & (one.weights > WILD_WEIGHT)
+    return found if found.sum() >= (1.0 - MOST_WILD) * seen.sum() else seen
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:

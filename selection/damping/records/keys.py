@@ -128,7 +128,7 @@ class TomlTable:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                raise self._error(
+                raise self.error(
                     key, f"unknown key{where}", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
                 )
 
@@ -138,14 +138,21 @@ class TomlTable:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            raise self._error(key, f"is {_describe_kind(value)}", expected)
+            raise self.error(key, f"is {_describe_kind(value)}", expected)
         return TomlTable(value, (*self.path, key), self.file, self.content)
 
     def text(self, key: str, *, default: str) -> str:
         """The text under ``key``, or ``default``."""
         value = self.values.get(key, default)
         if not isinstance(value, str):
-            raise self._error(key, f"is {_describe_kind(value)}", "a text in quotes")
+            raise self.error(key, f"is {_describe_kind(value)}", "a text in quotes")
+        return value
+
+    def truth(self, key: str) -> bool:
+        """Whether ``key`` is set to true; false where it is not there."""
+        value = self.values.get(key, False)
+        if not isinstance(value, bool):
+            raise self.error(key, f"is {_describe_kind(value)}", "true or false")
         return value
 
     def number(
@@ -167,18 +174,19 @@ class TomlTable:
                 f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self._error(key, f"is {_describe_kind(value)}", expected)
+            raise self.error(key, f"is {_describe_kind(value)}", expected)
         try:
             number = float(value)
         except OverflowError:  # an integer of more than 308 digits
             number = math.inf
         if not (math.isfinite(number) and above < number < below and number >= least):
-            raise self._error(key, f"is {number:g}", expected)
+            raise self.error(key, f"is {number:g}", expected)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
-            raise self._error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+            raise self.error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
         return number
 
-    def _error(self, key: str, message: str, expected: str) -> InputError:
+    def error(self, key: str, message: str, expected: str) -> InputError:
+        """What is wrong with the value under ``key``, with its line."""
         line = line_of(self.content, (*self.path, key))
         return InputError(message, file=self.file, line=line, column=describe_shortened(key), expected=expected)
 
