@@ -267,8 +267,8 @@ _MOST_WARMING = 2.0
 
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
-    """The frequency moves with time, evenly or settling, or is another in one sweep; the damping moves with time."""
-    found = []
+    """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
+    found = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
     for sign in (1.0, -1.0):
         found += [
             _drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT),
@@ -278,6 +278,26 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
         sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
         found += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
     return tuple(found)
+
+
+#: Sweeps up to which the frequency of each may be its own.
+_MOST_JUMPS = 8
+
+
+def _jumping_form(scales: Scales) -> Form:
+    """The frequency of each sweep is its own; strength: their root mean square deviation, shapes: each over it."""
+    patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
+    shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
+
+    def change(terms: Terms, size: Floats, *jumps: Floats) -> Terms:
+        for sweep, jump in enumerate(jumps, 1):
+            terms = drifting(terms, "frequency", size * jump, 0.0, sweep)
+        return terms
+
+    def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
+        return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
+
+    return Form("drift", change, report, scales.bandwidth, shapes, largest=_MOST_DRIFT, label="level to level")
 
 
 def _drift_form(
@@ -312,10 +332,16 @@ def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, swee
 
 
 def simulate_drift(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only."""
+    """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
+
+    ``frequency_1`` and so on: of each sweep.
+    """
     for quantity in ("frequency", "damping"):
         if table[quantity] != 0.0:
             terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
+    for sweep in range(1, _MOST_JUMPS + 1):
+        if table[f"frequency_{sweep}"] != 0.0:
+            terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
     return terms
 
 
@@ -330,6 +356,7 @@ DRIFT = Effect(
         Shape("damping", default=0.0),
         Shape("settling", least=0.0, default=0.0),
         Shape("sweep", least=0.0, default=0.0),
+        *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),
     need="sweep",
 )

@@ -175,13 +175,14 @@ class Scatter:
     """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
 
     ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
-    explanation misses by more than noise.
+    explanation misses by more than noise. ``correlation``: of the errors of neighbouring rows.
     """
 
     amplitude: float
     frequency: float
     noise: float = 1.0
     dispersion: float = 1.0
+    correlation: float = 0.0
 
     @property
     def factor(self) -> float:

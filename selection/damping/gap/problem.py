@@ -15,7 +15,7 @@ from damping.effects.contract import Scales
 from damping.effects.terms import predict
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
-from damping.gap.fit import ModelFit, Unknowns, unknowns
+from damping.gap.fit import ModelFit, Unknowns, list_unknowns
 from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
 from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
 from damping.records.check_units import UNIT_FACTORS
@@ -47,7 +47,7 @@ class Setting:
         """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n)."""
         rows = self.problem.rows
         error = 0.0 if self.noise_known else GUESS_ERROR if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))
-        return unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
+        return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:

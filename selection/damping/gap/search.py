@@ -115,7 +115,7 @@ _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
-_WORTH = 15.0
+_WORTH = 30.0
 #: Hypotheses, the most probable, that are fitted to another problem too.
 _AGAIN = 8
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
