@@ -118,7 +118,8 @@ class Effect:
         force: the force that such a table adds, where it adds one: it can then be integrated in time too.
         damping: name of the damping force that a corrected model has in its place; empty where it is none.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
-        need: what it cannot be told without. denies: effects that are not tried beside it.
+        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
+            often than others it is the cause.
     """
 
     name: str
@@ -132,6 +133,7 @@ class Effect:
     corrects: str = ""
     need: Need = ""
     denies: frozenset[str] = frozenset()
+    prior: float = 1.0
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

@@ -158,6 +158,9 @@ def delayed(terms: Terms, delay: Floats) -> Terms:
     return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * delay))
 
 
+#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+_DELAY = 0.25
+
 TIME_DELAY = Effect(
     name="time-delay",
     kind="instrument",
@@ -166,6 +169,7 @@ TIME_DELAY = Effect(
     simulate=lambda terms, table: delayed(terms, table["delay"]),
     shapes=(Shape("delay", TIME),),
     need="phase",
+    prior=_DELAY,
 )
 
 

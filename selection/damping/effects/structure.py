@@ -32,6 +32,8 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 #: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
 _FACTORS = (0.3, 1.0, 2.0, 4.0)
+#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
+_MOST_FACTOR = 12.0
 
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
@@ -52,7 +54,14 @@ def _viscous_side(scales: Scales, sign: float) -> Form:
         return {"relative": np.expm1(sign * (least + beyond))}
 
     return Form(
-        "viscous-coefficient", change, report, 0.1, label=f"{sign:+.0f}", replaces=Viscous.name, sizes=_FACTORS
+        "viscous-coefficient",
+        change,
+        report,
+        0.1,
+        largest=_MOST_FACTOR,
+        label=f"{sign:+.0f}",
+        replaces=Viscous.name,
+        sizes=_FACTORS,
     )
 
 

@@ -16,8 +16,18 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
 from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
-from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
-from damping.gap.rows import spread
+from damping.gap.model import Simulate
+from damping.gap.problem import (
+    Setting,
+    State,
+    exclude_effects,
+    guess_unit,
+    record_cautions,
+    refuse_other_mode,
+    rescaled,
+    setting,
+)
+from damping.gap.rows import read_rows, spread
 from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
 from damping.gap.corrected import list_ends
 from damping.gap.size import (
@@ -113,23 +123,33 @@ class Diagnosis:
         return self.next_tests[0] if self.next_tests else None
 
 
-def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
+def diagnose(
+    record: Record,
+    mode: Mode,
+    effects: Mapping[str, Effect] | None = None,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+) -> Diagnosis:
     """Diagnose the gap between a simulation and a record.
 
     Args:
         effects: the library, by name; all of `CATALOGUE` where not given.
+        states: records of further states of the structure with their modes; effects are shared.
+        simulate: the user's own simulation in the place of the mode, see `damping.gap.model.Simulator`.
 
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    if len(record) > MOST_ROWS:
+    count = len(record) + sum(len(own) for own, _ in states)
+    if count > MOST_ROWS:
         raise AnalysisError(
-            f"{record.source}: {len(record)} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+            f"{record.source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
         )
-    library = CATALOGUE if effects is None else effects
-    start = setting(record, mode)
+    for own, state in ((record, mode), *states):
+        refuse_other_mode(read_rows(own, state), state)
+    start = setting(record, mode, states, simulate)
     rows = start.problem.rows
-    refuse_other_mode(rows, mode)
+    library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     guess = guess_unit(rows, start.problem.simulation)
     if guess is not None:
@@ -146,7 +166,7 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
     hypotheses = blend_probabilities(hypotheses, in_library)
     cautions += levels + list_ends(leading.best) + describe_held_out(gap, held_out)
-    local = local_estimates(known.problem.rows, mode)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
         record=record,
@@ -242,14 +262,15 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
         weights = np.exp((logarithms - logarithms.max()) / temperature)
         return np.asarray(weights / weights.sum())
 
-    p = in_library * tempered(TEMPERATURE) + (1.0 - in_library) * tempered(TEMPERATURE_OUTSIDE)
+    doubt = 1.0 - in_library / float(expit(IN_LIBRARY))  # beyond that of an explanation that leaves noise only
+    p = (1.0 - doubt) * tempered(TEMPERATURE) + doubt * tempered(TEMPERATURE_OUTSIDE)
     return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
 
 
 #: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
 #: smallest p-value (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
-IN_LIBRARY = 4.0
-PER_DECADE = 0.8
+IN_LIBRARY = 2.2
+PER_DECADE = 0.6
 PER_DISPERSION = 3.0
 PER_EFFECT = 0.7
 PER_FAILURE = 1.5

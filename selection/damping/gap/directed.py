@@ -129,12 +129,11 @@ def _transfer(one: ModelFit) -> FloatArray:
 def _drift(one: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
     rows, found = _at(one)
-    whole = rows.row / max(len(rows) - 1, 1) - 0.5
     within = np.zeros(len(rows))
     for number in range(len(rows.sweeps)):
         own = rows.sweep == number
-        within[own] = (rows.row[own] - rows.row[own].mean()) / max(np.ptp(rows.row[own]), 1)
-    time = np.stack([whole, within])
+        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
+    time = np.stack([rows.time, within])
     return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
 
 

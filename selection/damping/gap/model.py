@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from inspect import signature
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales
 from damping.effects.terms import (
@@ -35,6 +36,7 @@ from damping.effects.terms import (
     predict,
     third_harmonic,
 )
+from damping.errors import InputError
 from damping.forces import list_parameter_names, make
 from damping.gap.rows import Rows, wrapped
 from damping.records.mode import Mode
@@ -73,7 +75,7 @@ class Simulation:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
-        own = () if self.simulator is None else tuple(self.simulator.names)
+        own = () if self.simulator is None else tuple(self.simulator.values)
         states = (f"frequency of state {number + 1}" for number in self.further)
         return ("frequency", "mass", *self.mode.damping, *states, *own)
 
@@ -84,7 +86,7 @@ class Simulation:
         frequency, mass, damping = stated.frequency, stated.mass, stated.viscous
         if stated.from_record:
             frequency, mass, damping = map(max, (frequency, mass, damping), NO_KNOWLEDGE.values())
-        own = [] if self.simulator is None else list(self.simulator.tolerance)
+        own = [] if self.simulator is None else list(self.simulator.tolerances.values())
         if own:  # what the simulator's own parameters leave open is theirs
             frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
         return np.array([frequency, mass, *[damping] * len(self.mode.damping), *[frequency] * len(self.further), *own])
@@ -116,22 +118,43 @@ def _of_state(state: int, deviation: FloatArray) -> OfDrive:
     return lambda drive: deviation * (drive.state == state)
 
 
+#: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
+Simulate = Callable[..., tuple[FloatArray, FloatArray]]
+
+
 @dataclass(frozen=True)
 class Simulator:
     """A user's own simulation, as what its complex stiffness has beside that of the mode that stands for it.
 
-    Z = F exp(i phase)/A of a linear simulation changes evenly with its parameters, a resonance does not: Z is taken at
-    their nominal values and, for differences, one step of tolerance away in each.
+    Z = F exp(i phase)/A of a simulation changes evenly with its parameters where its resonance does not: Z is taken at
+    their nominal values and, for differences, one tolerance away in each.
 
     Attributes:
-        names, tolerance: of its parameters; tolerances are relative. nominal: Z less that of the mode at each row of
-            the record, (n,); by_parameter: dZ/d ln(parameter), (parameters, n). place: where a drive has these rows.
+        function: the simulation; values, tolerances: of its parameters by name, tolerances relative. mode: what
+            stands for it where an effect needs a mass, a frequency, a damping.
     """
 
-    names: tuple[str, ...]
-    tolerance: tuple[float, ...]
-    function: Callable[[Drive, Mapping[str, float]], ComplexArray]
+    function: Simulate
+    values: Mapping[str, float]
+    tolerances: Mapping[str, float]
     mode: Mode
+    _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
+
+    @staticmethod
+    def read(function: Simulate, mode: Mode) -> Simulator:
+        """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
+
+        Raises:
+            InputError: another signature.
+        """
+        parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        values, tolerances = {}, {}
+        for one in parameters:
+            pair = one.default
+            if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
+                raise InputError(f"parameter {one.name} of the simulator", expected="a default (value, tolerance)")
+            values[one.name], tolerances[one.name] = map(float, pair)
+        return Simulator(function, values, tolerances, mode)
 
     def beside(self, deviation: FloatArray) -> OfDrive:
         """Z less that of the mode at ln deviations (batch, parameters, 1) of the parameters."""
@@ -143,20 +166,30 @@ class Simulator:
         return part
 
     def _linear(self, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+        """Z less that of the mode, (n,), and dZ/d ln(parameter), (parameters, n)."""
         key = (drive.F.tobytes(), drive.omega.tobytes())
         if key not in self._known:
-            ones = dict.fromkeys(self.names, 0.0)
-            at = self.function(drive, ones)
+            A, Z = self._stiffness(drive, {})
             steps = [
-                (self.function(drive, ones | {name: step}) - at) / step
-                for name, step in zip(self.names, self.tolerance, strict=True)
+                (self._stiffness(drive, {name: value * np.exp(self.tolerances[name])})[1] - Z) / self.tolerances[name]
+                for name, value in self.values.items()
             ]
             mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
-            own = complex_stiffness(mode, np.ones(len(drive.F)), drive)[0][0]
-            self._known[key] = at - own, np.asarray(steps)
+            self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
         return self._known[key]
 
-    _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
+    def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
+        """Amplitude and Z of the simulation with some parameters changed.
+
+        Raises:
+            InputError: it does not return an amplitude and a phase for every row.
+        """
+        found = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        pair = [np.asarray(part, dtype=float) for part in found] if isinstance(found, tuple) else []
+        if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
+            raise InputError("the simulator's answer", expected="(amplitude, phase), a number each for every row")
+        A, phase = pair
+        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
 
 
 #: Least |d| that counts: noise of force and frequency hides a sharper fold.

@@ -23,8 +23,10 @@ from damping.gap.steady import steady
 
 #: Rows of a sweep.
 _POINTS = 40
-#: Mass added for the second state, as a share of the modal mass.
-ADDED_MASS = 0.2
+#: Masses added for a second state, as shares of the modal mass.
+ADDED_MASSES = (0.2, 0.5)
+#: Noise of a harmonic analyser over the largest amplitude.
+FLOOR = 3e-4
 #: Log odds below which a test is not worth its time: 20 to 1.
 WORTH = 3.0
 #: Explanations compared with the leading one, and the probability below which they are not alive.
@@ -72,12 +74,20 @@ def list_designs(problem: Problem) -> Iterator[ProposedTest]:
         _SWEEP,
         _over(top, at * near),
     )
-    yield ProposedTest(
-        f"a second state with a known mass of {ADDED_MASS:.0%} of the modal mass added",
-        "it fixes the modal mass, and with it every factor on force and amplitude",
-        (*_SWEEP, "added_mass"),
-        _over(top, at * band / sqrt(1.0 + ADDED_MASS), added=ADDED_MASS * scales.M),
-    )
+    for share in ADDED_MASSES:
+        heavier = _over(top, at * band / sqrt(1.0 + share), added=share * scales.M)
+        yield ProposedTest(
+            f"a second state with a known mass of {share:.0%} of the modal mass added",
+            "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
+            (*_SWEEP, "added_mass"),
+            heavier,
+        )
+        yield ProposedTest(
+            f"the same state, {share:.0%} heavier, with the third harmonic of the displacement",
+            "both what moves with frequency and what distorts show",
+            (*_SWEEP, "added_mass", "amplitude_3", "phase_3"),
+            _with_channel(heavier, "third"),
+        )
     yield ProposedTest(
         "the highest sweep again, each frequency held until the motion is steady",
         "what a moving frequency does is gone",
@@ -132,8 +142,9 @@ def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0
 
 
 def _with_channel(rows: Rows, channel: str) -> Rows:
-    """The rows with one more channel, whose noise is that of the smallest amplitudes."""
-    floor = np.full(len(rows), float(np.min(rows.sd_amplitude * rows.A)))
+    """The rows with one more channel, whose noise is that of the smallest amplitudes, or of `FLOOR`."""
+    noise = min(float(np.min(rows.sd_amplitude * rows.A)), FLOOR * float(np.max(rows.A)))
+    floor = np.full(len(rows), noise)
     return replace(rows, has_further=True, **{f"sd_{channel}": floor})
 
 

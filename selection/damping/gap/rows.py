@@ -186,6 +186,8 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         AnalysisError: states with damping forces that the first one does not simulate.
     """
     (first, base), *_ = states
+    if len(states) == 1:
+        return first
     rows = [first]
     for number, (own, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):

@@ -296,6 +296,7 @@ class Search:
         first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        prior += sum(np.log(self.effects[name].prior) for name in effects)
         others = _list_other_forms(plain[first], plain) if effects else ()
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
