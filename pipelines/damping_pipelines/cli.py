@@ -193,13 +193,33 @@ def gap(
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
     ] = None,
+    states: Annotated[
+        list[tuple[Path, Path]] | None,
+        typer.Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
+    ] = None,
+    simulator: Annotated[
+        str | None, typer.Option("--simulator", metavar="MODULE:FUNCTION", help="A simulation of your own.")
+    ] = None,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
     from damping_pipelines.gap import gap as run
 
-    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs, tuple(despite or ()))
+    run(
+        model,
+        record,
+        report,
+        model_out,
+        json_out,
+        posterior,
+        seed,
+        max_size,
+        jobs,
+        tuple(despite or ()),
+        tuple(states or ()),
+        simulator,
+    )
 
 
 @app.command()

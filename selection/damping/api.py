@@ -18,6 +18,8 @@ from damping.extrapolation import check_loads, extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
+from damping.gap.model import Simulate
+from damping.gap.problem import State
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
 from damping.predict.sweep_rate import as_steady
@@ -136,6 +138,8 @@ def diagnose(
     record: Record,
     mode: Mode,
     *,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
     posterior: bool = False,
     seed: int = SEED,
     despite: Collection[str] = (),
@@ -144,6 +148,10 @@ def diagnose(
     """Why a record departs from the simulation ``mode``, as ``damping gap`` diagnoses it.
 
     Args:
+        states: records of further states of the structure (masses added, fuel levels, ring-downs), each with its mode:
+            the effects are shared.
+        simulate: a simulation of your own: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
+            amplitude and phase lag, (n,) each; ``mode`` stands for it where an effect needs a mass or a frequency.
         posterior: whether the strengths of the leading explanation are sampled too.
 
     Raises:
@@ -152,7 +160,11 @@ def diagnose(
     """
     _check_kind(mode, Mode, "mode")
     findings = _admit(record, mode, despite)
-    found = diagnose_gap(record, mode)
+    for own, state in states:
+        _check_kind(own, Record, "record of a state")
+        _check_kind(state, Mode, "mode of a state")
+        _admit(own, state, despite)
+    found = diagnose_gap(record, mode, states=states, simulate=simulate)
     found = replace(found, cautions=(*map(str, findings.findings), *found.cautions))
     if not posterior:
         return DiagnosisResult(found, audit=findings)

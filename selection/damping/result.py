@@ -309,7 +309,6 @@ class DiagnosisResult(Result):
             text.describe_verdict(d),
             text.place(d),
             *text.list_doubts(d),
-            *text.list_outside(d),
             text.reach(d),
             text.describe_following(d),
         ]
