@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import pi
 
 from damping.errors import InputError
 from damping.formats.quantity import unit
@@ -17,8 +18,13 @@ _SCALING = re.compile(
     r"(?i)[\s_,]*(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|eff)|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
 )
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
-_FREQUENCIES = ("hz", "1/s", "s^-1")
-_TIMES = ("s", "sec", "ms", "seconds")
+#: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
+ABSCISSAS: dict[str, dict[str, float]] = {
+    "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
+                  "rad/s": 0.5 / pi},
+    "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
+    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+}  # fmt: skip
 
 #: Names of columns by role, in lower case, without unit; a response of a name is of that type.
 ROLE_NAMES: dict[str, tuple[str, ...]] = {
@@ -98,13 +104,13 @@ def _may_be(role: str, header: ColumnHeader) -> bool:
     if not header.unit or role == "sweep":
         return True
     text = header.unit.lower()
-    if role in ("frequency", "time"):
-        return text in (_FREQUENCIES if role == "frequency" else _TIMES)
-    if role == "omega":
-        return text.startswith("rad")
+    if role in ABSCISSAS:
+        return text in ABSCISSAS[role] and (role != "frequency" or not text.startswith("rad"))
     try:
         powers = unit(header.unit).powers
     except InputError:
-        return role != "force" and text not in _FREQUENCIES and text not in _ANGLES  # volts: a scale may be stated
+        return (
+            role != "force" and text not in ABSCISSAS["frequency"] and text not in _ANGLES
+        )  # volts: a scale may be stated
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(role, 0)
     return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import Array
+from damping.formats.headers import ABSCISSAS
 from damping.formats.series import Found, Samples, Series, Summary
 
 #: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
@@ -86,9 +87,11 @@ ROLES: dict[str, str] = {
     "force_sd": "standard uncertainty of the force",
 }
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
-_ABSCISSAS = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
+_TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
 _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 _MOST_SWEEPS = 1000
+#: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
+_TURN_IN_RADIANS = 1.5
 _UNIT_SAYS = {"response"}  # a unit says the type of a response better than a name
 #: Another sweep begins where the frequency goes back by more than this share of its range so far ...
 _RESTART = 0.5
@@ -133,8 +136,8 @@ def to_series(
     Raises:
         InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, said)
-    role, x = _abscissa(arrays, file)
+    arrays = _in_radians(arrays, said, file)
+    role, x = _abscissa(arrays, said.units, file)
     n = len(x)
     response, phased = _response(arrays, n, role == "time", file)
     force = _force(arrays, n, response.shape[1], file)
@@ -201,15 +204,29 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Array], said: Said) -> dict[str, Array]:
-    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad."""
+def _in_radians(arrays: Mapping[str, Array], said: Said, file: str | Path) -> dict[str, Array]:
+    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
+
+    Raises:
+        InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
+    """
     turned = dict(arrays)
-    for role in ("phase", "lead", "angle"):
+    for role in _PHASES:
         if role not in turned or np.iscomplexobj(turned[role]):
             continue
-        large = role == "angle" and np.nanmax(np.abs(turned[role]), initial=0.0) > 2.0 * pi
-        if role in said.degrees or large:
-            turned[role] = np.asarray(turned[role]) * (pi / 180.0)
+        values = np.asarray(turned[role], dtype=np.float64)
+        known = values[np.isfinite(values)]
+        large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
+        degrees = role in said.degrees or role.endswith("_deg")
+        if role in ("phase", "lead") and large and not degrees:
+            other = "lag_deg" if role == "phase" else "lead_deg"
+            message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
+            raise InputError(message, file=file, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
+        if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
+            message = f"{role} in degrees runs from {known.min():.3g} to {known.max():.3g}"
+            raise InputError(message, file=file, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
+        if not role.endswith("_deg") and (degrees or large):
+            turned[role] = values * (pi / 180.0)
     return turned
 
 
@@ -230,12 +247,17 @@ def _describe_one_of(
     return there[0] if there else None
 
 
-def _abscissa(arrays: Mapping[str, Array], file: str | Path) -> tuple[str, FloatArray]:
-    role = cast(str, _describe_one_of(arrays, tuple(_ABSCISSAS), "abscissa", file, needed=True))
+def _abscissa(arrays: Mapping[str, Array], units: Mapping[str, str], file: str | Path) -> tuple[str, FloatArray]:
+    """Its role, and its values in Hz or s."""
+    role = cast(str, _describe_one_of(arrays, tuple(_TO_ABSCISSA), "abscissa", file, needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
         raise InputError(f"array of {role} has the shape {values.shape}", file=file, expected="one real number a point")
-    return role, np.asarray(values, dtype=np.float64).reshape(-1) * _ABSCISSAS[role]
+    text = units.get(role, "").lower()
+    known = ABSCISSAS[role]
+    if text and text not in known:
+        raise InputError(f"{role} in {units[role]}", file=file, expected=f"--unit {role}=UNIT of {', '.join(known)}")
+    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
 
 
 def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
@@ -247,6 +269,9 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
         raise InputError("x and y need each other", file=file, expected="--column x=NAME and y=NAME")
     if phase and main != "amplitude":
         raise InputError(f"{phase} beside a {main}", file=file, expected="a phase only beside an amplitude")
+    if main == "x" and is_time:
+        message = "x and y against time are no parts of a complex response"
+        raise InputError(message, file=file, expected="--column response=NAME of the signal")
     if main == "x":
         y = _same(arrays["y"], n, values, "y", file)
         return cartesian(_real(values, "x", file), _real(y, "y", file)), True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from damping.errors import InputError
 from damping.formats.arrays import Array, Arrays, read_arrays
 from damping.formats.columns import read_columns
+from damping.formats.headers import ABSCISSAS, parse_header
 from damping.formats.layout import DECIMALS, DELIMITERS
 from damping.formats.named import COLUMNS as LOCKIN_COLUMNS
 from damping.formats.named import ROLES, Said, once, to_series
@@ -35,7 +36,7 @@ _OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
 _UNIT_OF = (
     dict.fromkeys(("force", "force_x", "force_y"), "force")
     | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
-    | {"energy": "energy", "mass": "mass"}
+    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
 )
 
 
@@ -67,8 +68,10 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in found.headers.items() if role in numbers}
+    if kind == "csv":
+        _require_response({role: header.text for role, header in headers.items()}, found.layout.names, stated, path)
     said = Said(
-        units=_units({role: header.unit for role, header in headers.items() if header.unit}),
+        units=_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=found.response,
         scaling=next(
             (h.scaling for role, h in headers.items() if _UNIT_OF.get(role) == "response" and h.scaling), None
@@ -79,9 +82,35 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     return to_series(numbers, found.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
 
 
-def _units(of_roles: Mapping[str, str]) -> dict[str, str]:
-    """The first unit of each quantity that the columns or arrays of some roles name."""
-    units: dict[str, str] = {}
+#: Names of a column beside x and y that make them readings of an amplifier.
+_MODULI = {"r", "mag", "magnitude", "theta"}
+_MOTIONS = ("response", "x", "y", "amplitude")
+
+
+def _require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, path: str | Path) -> None:
+    """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
+    own = {parse_header(name.strip()).name.lower() for name in names}
+    if not set(_MOTIONS) & set(of_role):
+        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
+        unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
+        raise InputError(
+            f"which column is the response? {describe_shortened(', '.join(free), 80)}",
+            file=path,
+            expected=f"--column response=NAME (of complex numbers x=NAME and y=NAME){unit_too}; damping campaign for all",
+        )
+    halves = {role: of_role.get(role, "") for role in ("x", "y")}
+    guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
+    if guessed and not own & _MODULI:
+        raise InputError(
+            "are x and y the parts of one complex response, or two motions?",
+            file=path,
+            expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
+        )
+
+
+def _units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
+    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
+    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
     for role, text in of_roles.items():
         if role in _UNIT_OF:
             units.setdefault(_UNIT_OF[role], text)
@@ -101,7 +130,7 @@ def check(stated: Stated) -> None:
         raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
     for option, known, given in (
         ("--column", tuple(ROLES), stated.columns),
-        ("--unit", ("force", "response", "energy", "mass"), stated.units),
+        ("--unit", ("force", "response", "energy", "mass", *ABSCISSAS), stated.units),
         ("--scale", ("force", "response"), stated.scale),
     ):
         for key in given:
@@ -219,15 +248,19 @@ def _list_arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, 
     else:
         names = {role: name for role, own in _OWN_NAMES.items() for name in own if name in arrays}
         if not names:
+            groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             raise InputError(
-                "no array has the name of a role", file=path, expected=f"--column ROLE=NAME; it has {_has(known)}"
+                "no array has the name of a role",
+                file=path,
+                expected=f"{groups}--column ROLE=NAME; it has {_has(known)}",
             )
+    _require_response(names, known, stated, path)
     for role, name in names.items():
         shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
-    said = Said(units=_units({role: found.units[name] for role, name in names.items() if name in found.units}))
+    said = Said(units=_units({role: found.units[name] for role, name in names.items() if name in found.units}, stated))
     return _list_each(names, arrays, said, path, summary)
 
 
