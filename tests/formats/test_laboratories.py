@@ -10,9 +10,8 @@ import scipy.io
 
 from damping.errors import InputError
 from damping.formats.conversion import time_histories
-from damping.formats.named import ROLES
 from damping.formats.reading import read_file
-from damping.formats.series import Stated
+from damping.formats.series import ROLES, Stated
 from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits

@@ -10,7 +10,7 @@ Named arrays and columns to series: which array plays which role, whatever file 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import cast
@@ -20,32 +20,8 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.arrays import Array
 from damping.formats.headers import ABSCISSAS
-from damping.formats.series import Found, Samples, Series, Summary
-
-#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
-    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
-    "y": ("y", "quadrature", "y1", "ch1 y"),
-    "amplitude": ("r", "mag", "magnitude", "r1"),
-    "lead_deg": ("theta", "phase", "theta1"),
-    "force_x": ("x2", "ch2 x", "reference x", "force x"),
-    "force_y": ("y2", "ch2 y", "reference y", "force y"),
-    "force": ("force", "r2", "force r"),
-    "force_lead_deg": ("theta2", "force theta"),
-}
-
-
-def once(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
-    twice = set()
-    if {"x", "y"} <= set(columns):
-        twice |= {"amplitude", "lead_deg"}
-    if {"force_x", "force_y"} <= set(columns):
-        twice |= {"force", "force_lead_deg"}
-    return {role: values for role, values in columns.items() if role not in twice}
+from damping.formats.series import Found, Said, Samples, Series, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -55,37 +31,6 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
     return phasor
 
 
-def polar(r: FloatArray, theta_degrees: FloatArray) -> npt.NDArray[np.complex128]:
-    """R exp(i theta), theta in degrees of lead."""
-    phasor: npt.NDArray[np.complex128] = r * np.exp(1j * pi / 180.0 * theta_degrees)
-    return phasor
-
-
-#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
-ROLES: dict[str, str] = {
-    "sweep": "label of the sweep of each row",
-    "frequency": "forcing frequency, Hz",
-    "omega": "forcing frequency, rad/s",
-    "time": "time of a time history, s",
-    "response": "complex response, or the signal of a time history",
-    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
-    "y": "imaginary part of the response, or quadrature reading",
-    "amplitude": "amplitude of the response",
-    "phase": "lag of the response behind the force, rad",
-    "lag_deg": "lag of the response behind the force, degrees",
-    "lead": "lead of the response before the force or the reference, rad",
-    "lead_deg": "the same in degrees",
-    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
-    "force": "amplitude of the force, or complex force",
-    "force_x": "real part or in-phase reading of the force",
-    "force_y": "imaginary part or quadrature reading of the force",
-    "force_lead_deg": "lead of the force before the reference, degrees",
-    "energy": "energy per cycle",
-    "mass": "generalized mass",
-    "amplitude_sd": "standard uncertainty of the amplitude",
-    "phase_sd": "standard uncertainty of the phase, rad",
-    "force_sd": "standard uncertainty of the force",
-}
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
 _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
@@ -99,22 +44,8 @@ _RESTART = 0.5
 _FEWEST_ROWS = 4
 
 
-@dataclass(frozen=True)
-class Said:
-    """What names and headers say beside the numbers: units as texts by quantity, the type of response, scalings.
-
-    ``degrees``: roles whose header says degrees.
-    """
-
-    units: Mapping[str, str] = field(default_factory=dict)
-    response: str | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    degrees: Sequence[str] = ()
-
-
 def to_series(
-    arrays: Mapping[str, Array],
+    arrays: Mapping[str, Samples],
     labels: Sequence[str] | None,
     said: Said,
     file: str | Path,
@@ -204,7 +135,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Array], said: Said, file: str | Path) -> dict[str, Array]:
+def _in_radians(arrays: Mapping[str, Samples], said: Said, file: str | Path) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
     Raises:
@@ -237,7 +168,7 @@ def _of(force: Samples | None, sweep: int) -> Samples | None:
 
 
 def _describe_one_of(
-    arrays: Mapping[str, Array], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
+    arrays: Mapping[str, Samples], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
 ) -> str | None:
     """The one of some roles that is there."""
     there = [role for role in roles if role in arrays]
@@ -247,7 +178,7 @@ def _describe_one_of(
     return there[0] if there else None
 
 
-def _abscissa(arrays: Mapping[str, Array], units: Mapping[str, str], file: str | Path) -> tuple[str, FloatArray]:
+def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str], file: str | Path) -> tuple[str, FloatArray]:
     """Its role, and its values in Hz or s."""
     role = cast(str, _describe_one_of(arrays, tuple(_TO_ABSCISSA), "abscissa", file, needed=True))
     values = arrays[role]
@@ -260,7 +191,7 @@ def _abscissa(arrays: Mapping[str, Array], units: Mapping[str, str], file: str |
     return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
 
 
-def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
+def _response(arrays: Mapping[str, Samples], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
     """The response (n, k) and whether its phase is known."""
     main = cast(str, _describe_one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
     phase = _describe_one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
@@ -293,7 +224,7 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
     return size * np.exp(1j * angle), True
 
 
-def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Samples | None:
+def _force(arrays: Mapping[str, Samples], n: int, k: int, file: str | Path) -> Samples | None:
     """The force (n, 1) or (n, k); None where there is none."""
     main = _describe_one_of(arrays, ("force", "force_x"), "force", file, needed=False)
     if main is None:
@@ -306,11 +237,11 @@ def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Sam
         return cartesian(_real(values, "force_x", file), other)
     if "force_lead_deg" in arrays:
         lead = _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
-        return polar(_magnitude(values, "force", file), lead)
+        return np.asarray(_magnitude(values, "force", file) * np.exp(1j * pi / 180.0 * lead))
     return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force", file)
 
 
-def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Samples:
+def _spread(values: Samples, n: int, k: int, role: str, file: str | Path) -> Samples:
     """A force for each point: of one number, of one for each sweep, or as it is."""
     if values.size == 1:
         return np.full((n, 1), values.reshape(-1)[0])
@@ -322,7 +253,7 @@ def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Sampl
     return found
 
 
-def _matrix(values: Array, n: int, role: str, file: str | Path) -> Samples:
+def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
     """An array as (n, k): points along the first axis, sweeps along the second."""
     squeezed = np.squeeze(values)
     if squeezed.ndim == 0:
@@ -342,7 +273,7 @@ def _matrix(values: Array, n: int, role: str, file: str | Path) -> Samples:
     )
 
 
-def _same(values: Array, n: int, like: Samples, role: str, file: str | Path) -> Samples:
+def _same(values: Samples, n: int, like: Samples, role: str, file: str | Path) -> Samples:
     found = _matrix(values, n, role, file)
     if found.shape != like.shape:
         raise InputError(f"array of {role} has the shape {found.shape}", file=file, expected=f"{like.shape}")
@@ -366,7 +297,7 @@ def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
     return found
 
 
-def _column(values: Array, n: int, role: str, file: str | Path) -> FloatArray:
+def _column(values: Samples, n: int, role: str, file: str | Path) -> FloatArray:
     found = _real(_matrix(values, n, role, file), role, file)
     if found.shape[1] != 1:
         raise InputError(f"array of {role} has {found.shape[1]} columns", file=file, expected="one")
