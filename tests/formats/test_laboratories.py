@@ -133,7 +133,7 @@ def test_positions_are_no_readings(tmp_path):
     t = np.arange(0.0, 20.0, 0.02)
     path = tmp_path / "roll.csv"
     pd.DataFrame({"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)}).to_csv(path, index=False)
-    with pytest.raises(InputError, match="which column is the response.*--column response=NAME.*--unit response"):
+    with pytest.raises(InputError, match=r"which column is the response.*--column response=NAME.*--unit response"):
         read_file(path, Stated())
     stated = Stated(columns={"response": "phi"}, units={"response": "rad"})
     series, summary = read_file(path, stated)

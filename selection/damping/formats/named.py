@@ -1,10 +1,7 @@
-"""Lock-in amplifiers: in-phase and quadrature readings, or magnitude and angle, to phasors.
+"""Named arrays and columns to series: which array plays which role, whatever file it is from.
 
-An amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference
-cos(omega t); X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. R is an rms value on most amplifiers
-and a peak value on some, which only the user can say.
-
-Named arrays and columns to series: which array plays which role, whatever file it is from.
+A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference;
+X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Whether R is rms only the user can say.
 """
 
 from __future__ import annotations

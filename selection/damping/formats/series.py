@@ -238,7 +238,7 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
         raise InputError(
             f"which column is the response? {describe_shortened(', '.join(free), 80)}",
             file=path,
-            expected=f"--column response=NAME (of complex numbers x=NAME and y=NAME){unit_too}; damping campaign for all",
+            expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
         )
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
