@@ -1,4 +1,4 @@
-"""Plausible corruption of right records: what a laboratory gets wrong is named and refused, what it does by right is not.
+"""Plausible corruption of right records: what is wrong is named and refused, what a laboratory does by right is not.
 
 Each right record is drawn over laws, sizes, noise and spans (``audit_cases``), each corruption with a strength of its
 own. The audit is judged over all draws; the commands are run on one record of each corruption that refuses.
@@ -151,7 +151,7 @@ REFUSED = [name for name, (_, refuse, _) in WRONG.items() if refuse]
 COMMANDS = ("rank", "extrapolate", "gap", "study", "fleet")
 
 
-@pytest.mark.parametrize(("place", "name"), enumerate(REFUSED))
+@pytest.mark.parametrize(("place", "name"), list(enumerate(REFUSED)))
 def test_every_command_refuses_what_is_refused(place, name, tmp_path, damping):
     """Before any work: nothing is written, and the check is named. ``check`` and the others in turn."""
     check, _, change = WRONG[name]
