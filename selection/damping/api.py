@@ -22,7 +22,7 @@ from damping.gap.model import Simulate
 from damping.gap.problem import State
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
-from damping.predict.sweep_rate import as_steady
+from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -98,10 +98,11 @@ def rank(
         AnalysisError: no candidate could be fitted.
     """
     findings = _admit(record, mode, despite)
-    data = observe(record)
+    measured = prepare(record, mode)
+    data = observe(measured.record)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
+        return RankingResult(rank_laws(data, seed, laws, done), measured.mode, findings, measured.said)
 
 
 @single_threaded
@@ -118,7 +119,8 @@ def extrapolate(
     """Resonant amplitude at each force, as ``damping extrapolate`` predicts it.
 
     Args:
-        forces: force amplitudes, in the unit of the record. level: content of the bands, between 0 and 1.
+        forces: force amplitudes, in the unit of the record (of a base-driven mode the base's acceleration).
+        level: content of the bands, between 0 and 1.
 
     Raises:
         InputError: a force or a level that is none, or an argument of another kind.
@@ -128,9 +130,10 @@ def extrapolate(
     _check_kind(mode, Mode, "mode")
     asked = check_loads(forces, level)
     findings = _admit(record, mode, despite)
-    steady, swept = as_steady(record, mode.mass, mode.frequency)
-    found = extrapolate_loads(near_resonance(steady), asked, level, seed, mode=mode, progress=progress)
-    return LoadsResult(found, mode, found.plan.data, findings, tuple(swept))
+    measured = prepare(record, mode)
+    of = measured.mode or mode
+    found = extrapolate_loads(near_resonance(measured.record), asked, level, seed, mode=of, progress=progress)
+    return LoadsResult(found, of, found.plan.data, findings, measured.said)
 
 
 @single_threaded
@@ -164,8 +167,9 @@ def diagnose(
         _check_kind(own, Record, "record of a state")
         _check_kind(state, Mode, "mode of a state")
         _admit(own, state, despite)
-    found = diagnose_gap(record, mode, states=states, simulate=simulate)
-    found = replace(found, cautions=(*map(str, findings.findings), *found.cautions))
+    forced, said = as_driven_by_force(record, mode)
+    found = diagnose_gap(record, forced, states=states, simulate=simulate)
+    found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
         return DiagnosisResult(found, audit=findings)
     with progress("posterior", 1) as done:

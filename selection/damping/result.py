@@ -137,11 +137,12 @@ class RankedLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first; ``mode`` where one was given."""
+    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before."""
 
     ranking: Ranking
     mode: Mode | None = None
     audit: Audit | None = None
+    said: tuple[str, ...] = ()
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
@@ -169,7 +170,7 @@ class RankingResult(Result):
         """Whether any law fits, where none does; and what is odd about the mode beside the record."""
         verdict = self.ranking.fit.sentence
         odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*([verdict] if verdict else ()), *odd)
+        return (*([verdict] if verdict else ()), *self.said, *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""

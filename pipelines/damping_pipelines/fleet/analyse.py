@@ -18,6 +18,7 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
 from damping.infer.observations import Observations, observe
+from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit, audit
@@ -58,6 +59,8 @@ def _analyse(task: FleetTask) -> FleetResult:
         record, mode = _read(task)
         found = audit(record, mode)
         found.require(task.settings.despite)
+        measured = prepare(record, mode)
+        record, mode = measured.record, measured.mode or mode
         data = observe(record)
     except DampingError as error:
         return failed(task, describe_printable(str(error)))
