@@ -143,17 +143,21 @@ def extrapolate_loads(
     return Extrapolation(plan, members, _predict(plan, members, asked, level, seed, mode), mode, seed)
 
 
-def check_loads(forces: Sequence[float] | np.ndarray, level: float) -> np.ndarray:
-    """The forces as an array (forces,).
+#: What is asked, as messages name it.
+_AMPLITUDES = {"force": "a force amplitude", "amplitude": "an amplitude"}
+
+
+def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = "force") -> np.ndarray:
+    """The forces (or amplitudes, as ``what`` says) as an array (forces,).
 
     Raises:
         InputError: no force, one that is no positive finite number, or a level not strictly between 0 and 1.
     """
     if np.ndim(forces) != 1 or len(forces) == 0:
-        raise InputError("no list of forces", expected="one force amplitude > 0 or more")
+        raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for force in forces:
         if not (_is_number(force) and math.isfinite(force) and force > 0.0):
-            raise InputError(f"force {force}", expected="a force amplitude > 0")
+            raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0")
     if not (_is_number(level) and 0.0 < level < 1.0):
         raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
     return np.array(forces, dtype=float)

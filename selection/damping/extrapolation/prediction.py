@@ -113,6 +113,7 @@ class Loads:
         overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
             interval's ends. ratio: force over the largest tested force. cautions: one tuple a force.
         limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
+        amplitude: where amplitudes were asked, these; ``force`` then holds medians, and the bands are of force.
     """
 
     force: FloatArray
@@ -127,6 +128,7 @@ class Loads:
     ratio: FloatArray
     cautions: tuple[tuple[str, ...], ...]
     limit: float = np.inf
+    amplitude: FloatArray | None = None
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:

@@ -14,9 +14,10 @@ from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.model import Simulate
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.problem import (
     Setting,
     State,
@@ -29,7 +30,6 @@ from damping.gap.problem import (
 )
 from damping.gap.rows import read_rows, spread
 from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
-from damping.gap.corrected import list_ends
 from damping.gap.size import (
     Gap,
     HeldOut,

@@ -71,9 +71,7 @@ class Setting:
 State = tuple[Record, Mode]
 
 
-def setting(
-    record: Record, mode: Mode, states: Sequence[State] = (), simulate: Simulate | None = None
-) -> Setting:
+def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: Simulate | None = None) -> Setting:
     """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
 
     Args:
