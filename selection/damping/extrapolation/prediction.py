@@ -185,14 +185,16 @@ def predict(
 
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
+    known = [np.isfinite(s.law).any(axis=0) for s in spreads]  # no draw at all: no prediction of that law
+    laws = [np.where(any_draw, s.law, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
+    strays = [np.where(any_draw, s.stray, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
     mean = np.array([np.nanmean(law, axis=0) for law in laws])
     within = np.array([np.nanvar(law, axis=0) for law in laws])
     variances = {
         "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "discrepancy": weights @ np.array([np.nanvar(s.stray, axis=0) for s in spreads]),
+        "discrepancy": weights @ np.array([np.nanvar(stray, axis=0) for stray in strays]),
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
