@@ -24,7 +24,7 @@ from damping.report.words import format_share, number
 from damping_reed1970.common import ReportPart, draw_block
 from damping_reed1970.records import PHI_T2, report_record
 from damping_reed1970.tables import load_table
-from damping_validation.blind_page import load_blind_table, tabulate_blind_rows
+from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
 
 @dataclass(frozen=True)
