@@ -19,7 +19,7 @@ Both are quadratic splines of ln A added to a fit to first order; with M and g o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -28,7 +28,7 @@ from scipy.stats import chi2, norm
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
 from damping.effects.terms import ComplexArray
-from damping.gap.fit import ModelFit
+from damping.gap.fit import ModelFit, decorrelate
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows
 
@@ -58,8 +58,14 @@ class Test:
 
 def directed_tests(one: ModelFit) -> list[Test]:
     """All tests of what a fit leaves, in no order."""
-    found = [_linear(one, name, columns(one)) for name, columns in FAMILIES.items()]
-    return [*found, _windows(one), _neighbours(one)]
+    rho = one.model.scatter.correlation
+
+    def white(columns: FloatArray) -> FloatArray:
+        return decorrelate(columns, one.model, rho)[0]
+
+    own = replace(one, r=white(one.r), J=white(one.J))
+    found = [_linear(own, name, white(columns(one).T).T) for name, columns in FAMILIES.items()]
+    return [*found, _windows(own), _neighbours(own)]
 
 
 def smallest_p(tests: Sequence[Test]) -> float:
@@ -123,12 +129,11 @@ def _transfer(one: ModelFit) -> FloatArray:
 def _drift(one: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
     rows, found = _at(one)
-    whole = rows.row / max(len(rows) - 1, 1) - 0.5
     within = np.zeros(len(rows))
     for number in range(len(rows.sweeps)):
         own = rows.sweep == number
-        within[own] = (rows.row[own] - rows.row[own].mean()) / max(np.ptp(rows.row[own]), 1)
-    time = np.stack([whole, within])
+        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
+    time = np.stack([rows.time, within])
     return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
 
 
@@ -193,8 +198,9 @@ def _windows(one: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = one.model.problem.rows
     squares, mean, sd = _clipped(one)
-    excess = ((squares - mean) / sd).reshape(-1, len(rows)).sum(axis=0)[np.argsort(rows.omega)]
-    quantities = len(one.r) // len(rows)
+    quantities = 1 + rows.has_phase
+    excess = ((squares - mean) / sd)[: quantities * len(rows)].reshape(-1, len(rows)).sum(axis=0)
+    excess = excess[np.argsort(rows.omega)]
     total = np.concatenate([[0.0], np.cumsum(excess)])
     best, tried = 0.0, 1
     for width in _WINDOWS:

@@ -131,6 +131,8 @@ def correct_rate(record: Record, mass: float) -> Record:
 def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     rows = rows.sort_values("frequency").reset_index(drop=True)
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
+    if not rows["sweep_rate"].any():
+        return rows
     if len(rows) < _FEWEST:
         raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
@@ -247,10 +249,10 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     if not record.has_phase:
         return record, ()
     if "sweep_rate" in record.table.columns:
-        rates = np.abs(record.table["sweep_rate"].to_numpy(dtype=float))
-        if not np.isfinite(rates).all() or not rates.any():
+        known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
+        if not known["sweep_rate"].any():
             return record, ()
-        return correct_rate(record, mass), (
+        return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",
         )
     counts = record.table.groupby("sweep")["force"].size()
