@@ -64,8 +64,13 @@ class Stratum:
 
 
 def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
-    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given."""
+    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given.
+
+    Fewer cases than kinds are of kinds spread evenly over them.
+    """
     if kinds is not None:
+        if cases < len(kinds):
+            kinds = tuple(kinds[n * len(kinds) // cases] for n in range(cases))
         places = [divmod(n, len(kinds)) for n in range(cases)]
         return [Stratum(kinds[kind], (turn + kind) % 2 == 1) for turn, kind in places]
     plan: list[Stratum] = []
