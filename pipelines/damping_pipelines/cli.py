@@ -157,7 +157,10 @@ def curve(
 @app.command()
 def gap(
     model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
-    record: Annotated[Path | None, typer.Argument(metavar="RECORD.csv", help="The measured record.")] = None,
+    records: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORD.csv]", help="The measured record; of each --with its own after it."),
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
     model_out: Annotated[
         Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
@@ -172,7 +175,7 @@ def gap(
         int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
     ] = None,
     states: Annotated[
-        list[tuple[Path, Path]] | None,
+        list[Path] | None,
         typer.Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
     ] = None,
     simulator: Annotated[
@@ -183,7 +186,9 @@ def gap(
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
     from damping_pipelines.gap import gap as run
+    from damping_pipelines.gap import pair_states
 
+    record, pairs = pair_states(records or [], states or [])
     run(
         model,
         record,
@@ -195,7 +200,7 @@ def gap(
         max_size,
         jobs,
         tuple(despite or ()),
-        tuple(states or ()),
+        pairs,
         simulator,
     )
 
