@@ -12,12 +12,12 @@ from damping.records.reading import read_record
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
-from damping_reed1970.chapter_4.coefficients import CoefficientLines, coefficient_lines
-from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses
-from damping_reed1970.chapter_4.power_laws import (
+from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
+from damping_reed1970.chapter_4.lines import (
+    CoefficientLines,
     ForceAmplitudeLines,
+    coefficient_lines,
     force_amplitude_lines,
-    tabulate_chance_of_exponent,
 )
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
