@@ -30,9 +30,8 @@ from damping_reed1970.chapter_5.regressions import tabulate_regression_deviation
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
-from damping_reed1970.gaps import diagnose_gaps, gaps_part
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
-from damping_reed1970.studies import ReportResults, Studies, compute_studies
+from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
 from damping_reed1970.tables import data_folder, load_errata
 
 

@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from damping_validation.generator.noise import (
+from damping_validation.generator.plan import (
+    Bench,
     columns,
     describe_data_text,
     describe_model_text,
     further_columns,
     measured,
+    scatter_rows,
 )
-from damping_validation.generator.plan import Bench, scatter_rows
 from damping_validation.generator.refit import (
     KINDS,
     LIBRARY,

@@ -19,11 +19,12 @@ from damping_validation.generator.balance import predicted
 from damping_validation.generator.forces import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
 from damping_validation.generator.foreign import FOREIGN_KINDS, FOREIGN_RIG
 from damping_validation.generator.laws import Array
-from damping_validation.generator.noise import Noise, draw_noise
 from damping_validation.generator.plan import (
     Bench,
     Generator,
+    Noise,
     draw_bench,
+    draw_noise,
     log_uniform,
     move_frequency,
     without_base,
