@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from damping.agreement import compare_with_diagnosis, compare_with_ranking
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
@@ -143,7 +144,8 @@ def extrapolate(
     if by_amplitude:
         predicted = replace(predicted, loads=predict_forces(predicted, asked))
     backbone = find_backbone(measured.record, mode, findings.implied)
-    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said)
+    against = compare_with_diagnosis(measured.record, mode, predicted.loads)
+    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said, against)
 
 
 @single_threaded
@@ -231,13 +233,14 @@ def diagnose(
         _admit(own, state, despite)
     forced, said = as_driven_by_force(record, mode)
     found = diagnose_gap(record, forced, states=states, simulate=simulate)
+    against = () if states or simulate else compare_with_ranking(record, found, seed)
     found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
-        return DiagnosisResult(found, audit=findings)
+        return DiagnosisResult(found, None, findings, against)
     with progress("posterior", 1) as done:
         sampled = sample_effects(found.leading.best, seed)
         done("done")
-    return DiagnosisResult(found, sampled, findings)
+    return DiagnosisResult(found, sampled, findings, against)
 
 
 @single_threaded
