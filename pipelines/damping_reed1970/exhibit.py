@@ -23,18 +23,15 @@ from damping_reed1970.chapter_2.page import chapter_2
 from damping_reed1970.chapter_3.page import chapter_3
 from damping_reed1970.chapter_3.planar_fits import Known
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.chapter_4.coefficients import tabulate_linear_coefficients
+from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
 from damping_reed1970.chapter_4.page import chapter_4
-from damping_reed1970.chapter_4.power_laws import section_4_3_example, tabulate_power_laws
 from damping_reed1970.chapter_5.page import chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
-from damping_reed1970.errata import errata_part
-from damping_reed1970.gaps import diagnose_gaps, gaps_part
-from damping_reed1970.reproduction import reproduce, reproduction_part
-from damping_reed1970.studies import ReportResults, Studies, compute_studies
+from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
+from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
 from damping_reed1970.tables import data_folder, load_errata
 
 

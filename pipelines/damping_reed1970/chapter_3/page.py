@@ -13,8 +13,7 @@ from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: Parameters of a fit as the page shows them, with the digits after the point.

@@ -26,8 +26,7 @@ from damping.plots.style import (
     styled,
 )
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, CaseCurve
-from damping_reed1970.chapter_4.coefficients import CoefficientLines
-from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines
+from damping_reed1970.chapter_4.lines import CoefficientLines, ForceAmplitudeLines
 
 _MODES = {1: "First mode", 2: "Second mode"}
 _CASE_FORCES = {

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
+from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -24,6 +25,8 @@ from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
+from damping_reed1970.chapter_4 import resonances
+from damping_reed1970.chapter_4.lines import fit_mode
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
 ONE_TERM = {
@@ -240,3 +243,18 @@ def _list_cautions(data: Observations) -> tuple[str, ...]:
     if len(data.sweeps) == 3:
         return ("three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",)
     return ()
+
+
+def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
+    """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
+
+    With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),
+    z standard normal, to first order. ``needed_percent``: scatter at which p as found or more has a chance of 1 in 20.
+    """
+    rows = []
+    for mode in (1, 2):
+        A, p = resonances(mode, "corrected")[1], fit_mode(mode, "velocity-power", "corrected").p
+        root = float(np.std(np.log(A)) * np.sqrt(A.size))
+        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
+        rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
+    return pd.DataFrame(rows)

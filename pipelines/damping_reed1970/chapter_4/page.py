@@ -13,11 +13,9 @@ from damping.report.page import Table
 from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
-from damping_reed1970.chapter_4.coefficients import IV, CoefficientLines, CoefficientModel, V
 from damping_reed1970.chapter_4.levels import LevelMethods
-from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines
-from damping_reed1970.common import ChapterFigure, ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
+from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]

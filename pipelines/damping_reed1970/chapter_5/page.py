@@ -12,8 +12,7 @@ from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
 from damping_reed1970.chapter_5.figures import chapter_5_figures
-from damping_reed1970.common import ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: A coefficient comes out where it is this close to the print, relative: half a unit of a second digit.

@@ -22,8 +22,7 @@ from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping_reed1970 import chapter_3, chapter_4
-from damping_reed1970.chapter_4.coefficients import IV, coefficients_against_amplitude, report_method
-from damping_reed1970.chapter_4.power_laws import fit_mode
+from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
 from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
 from damping_reed1970.tables import load_force_laws, load_table
 

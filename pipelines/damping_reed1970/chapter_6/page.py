@@ -12,8 +12,7 @@ from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_r
 from damping.report.page import Table
 from damping.report.words import format_between, format_joined, format_percent, number
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import ChapterFigure, ReportPart
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 
 

@@ -34,14 +34,13 @@ class TrueEffect:
 class Kind:
     """An effect: shapes drawn, change of the true structure or rig at a size, largest size.
 
-    ``trials`` are shapes from which a fit may start (for the label's nearest imitation), ``free`` those entries of a
-    shape that it may move. The bench gives the scales: A, xi and the simulation's nominal values.
+    ``free`` are the entries of a shape that a fit may move. The bench gives the scales: A, xi and the simulation's
+    nominal values.
     """
 
     shape: Callable[[Generator, Bench], Shape]
     apply: Callable[[Truth, float, Shape, Bench], Truth]
     most: Callable[[Bench], float]
-    trials: Callable[[Bench], tuple[Shape, ...]] = lambda bench: ((),)
     free: tuple[int, ...] = ()
 
 
@@ -58,11 +57,6 @@ def sign(rng: Generator) -> float:
 def either_sign(rng: Generator, bench: Bench) -> Shape:
     """A sign."""
     return (sign(rng),)
-
-
-def both_signs(bench: Bench) -> tuple[Shape, ...]:
-    """Both signs, for a fit."""
-    return ((1.0,), (-1.0,))
 
 
 def with_laws(truth: Truth, *laws: TrueLaw) -> Truth:
@@ -125,7 +119,7 @@ def _stiffness(way: float) -> Kind:
         offset = 10 / 9 * quadratic**2 / k  # the cubic spring to which the quadratic one softens
         return with_laws(truth, TrueLaw("cubic", unit * 4 / 3 / A**2 + offset), TrueLaw("quadratic", quadratic))
 
-    return Kind(shape, apply, lambda bench: 5.0, lambda bench: ((0.0, 0.0),))
+    return Kind(shape, apply, lambda bench: 5.0)
 
 
 def slip_shape(rng: Generator, bench: Bench) -> Shape:
@@ -196,10 +190,6 @@ def _planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, share=cosine, across=-sine, sides=(*structure.sides, side)), rows
 
 
-def _list_planar_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((way * far * bench.xi, 1.0) for way in (-1.0, 1.0) for far in (0.8, 2.5))
-
-
 def _residual_shape(rng: Generator, bench: Bench) -> Shape:
     """Sign; frequency ratio of a lower mode, a higher mode and a rigid-body motion; their weights (some 0)."""
     places = (rng.uniform(0.35, 0.75), rng.uniform(1.35, 2.6), rng.uniform(0.03, 0.12))
@@ -220,10 +210,6 @@ def _residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, sides=(*structure.sides, *sides)), rows
 
 
-def _list_residual_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((way, 0.55, 1.8, 0.05, low, 1 - low, 0.0) for way in (-1.0, 1.0) for low in (0.0, 1.0))
-
-
 def _second_shape(rng: Generator, bench: Bench) -> Shape:
     """Relative distance of its frequency, its damping ratio over the main one's, and the sign of its motion."""
     return (sign(rng) * bench.xi * log_uniform(rng, 1.0, 8.0), log_uniform(rng, 0.5, 2.0), sign(rng))
@@ -236,34 +222,30 @@ def second_mode(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, sides=(*structure.sides, side)), rows
 
 
-def _list_second_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((far * bench.xi, 1.0, way) for way in (-1.0, 1.0) for far in (-3.0, 3.0))
-
-
 def _rigid_shape(rng: Generator, bench: Bench) -> Shape:
     """As for other modes, all of it rigid-body motion or a fixture far below."""
     return (sign(rng), 0.5, 2.0, rng.uniform(0.02, 0.2), 0.0, 0.0, 1.0)
 
 
 FORCE_KINDS = {
-    "viscous-coefficient": Kind(either_sign, _viscous, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, both_signs),
+    "viscous-coefficient": Kind(either_sign, _viscous, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND),
     "displacement": _damping("displacement"),
     "velocity-squared": _damping("velocity-squared"),
     "displacement-velocity": _damping("displacement-velocity"),
     "quadratic-displacement": _damping("quadratic-displacement"),
     "coulomb-friction": _damping("coulomb"),
-    "slip": Kind(slip_shape, _slip, lambda bench: 20.0, lambda bench: ((0.1,), (0.25,), (0.6,)), (0,)),
+    "slip": Kind(slip_shape, _slip, lambda bench: 20.0, (0,)),
     "slip:iwan": Kind(_iwan_shape, _iwan, lambda bench: 20.0),
     "slip:smooth": Kind(slip_shape, _bouc_wen, lambda bench: 20.0),
     "stiffness-hardening": _stiffness(1.0),
     "stiffness-hardening:power": _power_spring(1.0),
     "stiffness-softening": _stiffness(-1.0),
     "stiffness-softening:power": _power_spring(-1.0),
-    "natural-frequency": Kind(either_sign, _frequency, lambda bench: 5 * bench.xi / bench.tolerance[0], both_signs),
+    "natural-frequency": Kind(either_sign, _frequency, lambda bench: 5 * bench.xi / bench.tolerance[0]),
 }
 PATH_KINDS = {
-    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, _list_planar_trials, (0,)),
-    "second-mode": Kind(_second_shape, second_mode, lambda bench: 1.0, _list_second_trials, (0,)),
-    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0, _list_residual_trials),
+    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, (0,)),
+    "second-mode": Kind(_second_shape, second_mode, lambda bench: 1.0, (0,)),
+    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0),
     "residual-modes:rigid": Kind(_rigid_shape, _residual, lambda bench: 1.0),
 }

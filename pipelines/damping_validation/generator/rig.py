@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from damping_validation.generator.forces import Kind, Shape, Truth, both_signs, either_sign, no_shape, sign
+from damping_validation.generator.forces import Kind, Shape, Truth, either_sign, no_shape, sign
 from damping_validation.generator.laws import Array
 from damping_validation.generator.plan import Bench, Generator
 from damping_validation.generator.structure import TrueRows
@@ -53,10 +53,6 @@ def _dropout(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     x = (rows.omega / structure.omega - 1 - shape[2]) / shape[0]
     dip = np.exp(-(x**2) / 2) if shape[1] else 1 / (1 + x**2)
     return structure, replace(rows, drive=rows.drive * (1 - size * dip))
-
-
-def _list_dropout_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((1.7 * bench.xi, form, 0.0) for form in (0.0, 1.0))
 
 
 def _admittance(structure_omega: float, rows: TrueRows, bench: Bench) -> Array:
@@ -105,10 +101,6 @@ def _level_shape(rng: Generator, bench: Bench) -> Shape:
     return (float(rng.integers(int(bench.rows.sweep.max()) + 1)), sign(rng), float(rng.integers(2)))
 
 
-def _list_level_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((float(n), way, 0.0) for n in range(int(bench.rows.sweep.max()) + 1) for way in (-1.0, 1.0))
-
-
 def _level_offset(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """Readings or force of one level are off by exp(+-size)."""
     structure, rows = truth
@@ -142,20 +134,20 @@ def _sweep_rate(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
 
 
 RIG_KINDS = {
-    "amplitude-scale": Kind(either_sign, _scale, lambda bench: 0.8, both_signs),
-    "phase-lag": Kind(either_sign, _lag, lambda bench: 1.0, both_signs),
-    "force-dropout": Kind(_dropout_shape, _dropout, lambda bench: 0.7, _list_dropout_trials, (0,)),
+    "amplitude-scale": Kind(either_sign, _scale, lambda bench: 0.8),
+    "phase-lag": Kind(either_sign, _lag, lambda bench: 1.0),
+    "force-dropout": Kind(_dropout_shape, _dropout, lambda bench: 0.7, (0,)),
     "force-dropout:receptance": Kind(no_shape, _receptance, lambda bench: 0.7),
     "force-dropout:notch": Kind(_notch_shape, _dropout, lambda bench: 0.7),
     "force-dropout:back-emf": Kind(no_shape, _back_emf, lambda bench: 2.0),
-    "level-offset": Kind(_level_shape, _level_offset, lambda bench: 0.6, _list_level_trials),
+    "level-offset": Kind(_level_shape, _level_offset, lambda bench: 0.6),
     "sensor-saturation": Kind(no_shape, _clip, lambda bench: 9.0),
     "sensor-saturation:compression": Kind(no_shape, _compress, lambda bench: 3.0),
-    "background": Kind(_phase_shape, _background, lambda bench: 0.5, lambda bench: ((0.0,), (2.1,), (4.2,))),
-    "time-delay": Kind(either_sign, _delay, lambda bench: 1.0, both_signs),
+    "background": Kind(_phase_shape, _background, lambda bench: 0.5),
+    "time-delay": Kind(either_sign, _delay, lambda bench: 1.0),
     "sweep-rate": Kind(no_shape, _sweep_rate, lambda bench: 1.5),
 }
 DRIFT_KINDS = {
-    "drift": Kind(either_sign, _drift, lambda bench: 8.0, both_signs),
+    "drift": Kind(either_sign, _drift, lambda bench: 8.0),
     "drift:levels": Kind(_seed_shape, _drift_levels, lambda bench: 3.0),
 }

@@ -1,17 +1,24 @@
-"""Section 4.3: both power laws for both modes, and what becomes of the example of 67 per cent."""
+"""Lines through the resonances of three sweeps: both power laws (section 4.3), linear coefficients (section 4.1).
+
+A linear coefficient C_1 = F_e/(omega A_m) (Eq. 4.1.7) that grows as C_01 + C_11 A is case I with C_01 beside case IV
+with 3 pi C_11/4 (Eqs. 4.1.11, 4.1.13); one that grows as C_01 + C_11 A^2 is case I beside q^2 q' with 4 C_11 (case V).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from math import pi
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtr, ndtri
+from scipy import stats
 
+from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member
 from damping.extrapolation.prediction import Loads, predict
 from damping.ranking import Ranking
+from damping.regression.design import design_of_arrays
+from damping.regression.fit import Fit, fit
 from damping.regression.power_law import Form, PowerLaw, fit_power_law
 from damping_reed1970.chapter_4 import (
     A_LINEAR_PRINTED,
@@ -22,16 +29,17 @@ from damping_reed1970.chapter_4 import (
     equation_4_3_19,
     resonances,
 )
-from damping_reed1970.tables import Version
+from damping_reed1970.tables import Version, columns, load_table
 
 #: Printed p and alpha (4.3.13 to 4.3.24) and the errata that change them, by form and mode.
-PRINTED: dict[tuple[Form, int], tuple[float, float, str, str]] = {
+PRINTED_EXPONENTS: dict[tuple[Form, int], tuple[float, float, str, str]] = {
     ("velocity-power", 1): (1.859, 0.1917, "4.3.14", "E43-1, E43-3"),
     ("velocity-power", 2): (1.342, 3.005, "4.3.16", "E43-2, E43-3, E4I-1"),
     ("displacement-velocity-power", 1): (0.865, 3.89, "4.3.23", "E43-1, E43-6"),
     ("displacement-velocity-power", 2): (0.342, 59.4, "4.3.24", "E43-4, E4I-1"),
 }
 VERSIONS: tuple[Version, ...] = ("printed", "corrected")
+#: Content of the t intervals of coefficients and exponents.
 LEVEL = 0.90
 
 
@@ -47,7 +55,7 @@ def tabulate_power_laws() -> pd.DataFrame:
     ``alpha_at_printed_p`` their mean with the printed p. alpha in lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
     """
     rows = []
-    for (form, mode), (p, alpha, equation, erratum) in PRINTED.items():
+    for (form, mode), (p, alpha, equation, erratum) in PRINTED_EXPONENTS.items():
         for version in VERSIONS:
             found, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
             rows.append(
@@ -102,7 +110,7 @@ def section_4_3_example(
     average = predicted if predicted and F_EXAMPLE in predicted.force else averaged(ranking, level, seed)
     at, band = int(np.flatnonzero(average.force == F_EXAMPLE)[0]), average.average
     excess = [100.0 * (linear[2] / value - 1.0) for value in (from_c, power, high, low)]
-    nan = np.nan
+    nan, over = np.nan, (average.overprediction, average.overprediction_low, average.overprediction_high)
     rows = [
         ("force over largest tested", "ratio", 3.0, F_EXAMPLE / F[2], nan, nan, "sweep C: 28.98 lb", ""),
         ("linear amplitude, from sweep A", "in", nan, linear[0], nan, nan, "A_m 90/F_e", ""),
@@ -113,12 +121,8 @@ def section_4_3_example(
         ("amplitude over all laws", "in", nan, *_at(at, band.median, band.low, band.high), "laws by weight", ""),
         ("error of linear, p = 1.859", "per cent", 67.0, excess[0], nan, nan, "both through sweep C", "E43-5"),
         ("error of linear, p refitted", "per cent", nan, excess[1], excess[2], excess[3], "from sweep C", "E43-5"),
-        (
-            "error of linear, over all laws", "per cent", nan,
-            *_at(at, average.overprediction, average.overprediction_low, average.overprediction_high),
-            "laws by weight", "",
-        ),
-    ]  # fmt: skip
+        ("error of linear, over all laws", "per cent", nan, *_at(at, *over), "laws by weight", ""),
+    ]
     names = ["quantity", "unit", "printed", "recomputed", "low", "high", "how", "erratum"]
     return pd.DataFrame(rows, columns=names)
 
@@ -155,7 +159,7 @@ class ForceAmplitudeLines:
 def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
     """Resonant force against amplitude of a mode with the lines through it, from the corrected tables."""
     F, A, _ = resonances(mode, "corrected")
-    law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED["velocity-power", mode][0]
+    law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED_EXPONENTS["velocity-power", mode][0]
     force = np.geomspace(0.85 * F.min(), 1.05 * max(F_EXAMPLE, 3.0 * F.max()), 80)
     interval = np.array([law.amplitude_interval(float(f)) for f in force])
     lines = {
@@ -170,16 +174,127 @@ def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
     return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
 
 
-def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
-    """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
+@dataclass(frozen=True)
+class CoefficientModel:
+    """C_1 = C_01 + C_11 A^power; ``factor`` C_11 is the coefficient of ``force`` beside viscous damping."""
 
-    With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),
-    z standard normal, to first order. ``needed_percent``: scatter at which p as found or more has a chance of 1 in 20.
+    name: str
+    cases: str
+    power: int
+    force: str
+    factor: float
+    units: tuple[str, str]
+
+
+IV = CoefficientModel("C_01 + C_11 A", "I + IV", 1, "displacement-velocity", 0.75 * pi, ("lb s/in", "lb s/in^2"))
+V = CoefficientModel("C_01 + C_11 A^2", "I + V", 2, "quadratic-displacement", 4.0, ("lb s/in", "lb s/in^3"))
+MODELS = (IV, V)
+
+#: Printed C_01 and C_11 by model and mode (4.1.10), printed force coefficients (4.1.14, 4.1.15, 4.2.11), erratum.
+PRINTED_LINES = {(IV.name, 1): (0.506, 0.800), (IV.name, 2): (3.715, 5.127)}
+PRINTED_FORCES = {(IV.name, 1): (0.506, 1.886), (IV.name, 2): (3.715, 12.08), (V.name, 1): (0.5486, 0.5486)}
+ERRATA = {(IV.name, 1): "E41-3", (IV.name, 2): "E41-3", (V.name, 1): "E4-1"}
+
+
+def tabulate_linear_coefficients() -> pd.DataFrame:
+    """A row a mode, inputs, model and coefficient, with statistics from 1 degree of freedom (three sweeps).
+
+    ``inputs``: ``printed`` takes C_1 of Table 4.II, ``corrected`` F_e/(omega A_m) of the corrected Table 4.I.
+    ``report_method``: mean slope of the two segments, line through the middle sweep. ``low``, ``high``: t interval.
     """
-    rows = []
-    for mode in (1, 2):
-        A, p = resonances(mode, "corrected")[1], fit_mode(mode, "velocity-power", "corrected").p
-        root = float(np.std(np.log(A)) * np.sqrt(A.size))
-        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
-        rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
-    return pd.DataFrame(rows)
+    parts = [
+        _tabulate_coefficients(mode, version, model, *coefficients_against_amplitude(mode, version))
+        for mode in (1, 2)
+        for model in MODELS
+        for version in VERSIONS
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def coefficients_against_amplitude(mode: int, version: Version) -> tuple[FloatArray, FloatArray]:
+    """A_m and C_1 of the three sweeps of a mode."""
+    F_e, A, omega_n = resonances(mode, version)
+    if version == "printed":
+        return A, columns(load_table("4_II").query("mode == @mode"), "C1_lb_s_per_in")[0]
+    return A, F_e / (omega_n * A)
+
+
+def fit_model(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fit:
+    """Least squares of C_1 on 1 and A^power."""
+    return fit(design_of_arrays(np.column_stack([np.ones_like(A), A**model.power]), C_1, ["C_01", "C_11"], "C_1"))
+
+
+def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> FloatArray:
+    """C_01 and C_11 as the report has them: mean of the slopes of the segments, line through the middle sweep."""
+    x = A**model.power
+    slope = float(np.mean(np.diff(C_1) / np.diff(x)))
+    middle = len(x) // 2
+    return np.array([C_1[middle] - slope * x[middle], slope])
+
+
+def _tabulate_coefficients(
+    mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray
+) -> pd.DataFrame:
+    found, key = fit_model(model, A, C_1), (model.name, mode)
+    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * found.std_errors
+    factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)
+    by_hand = report_method(model, A, C_1)
+    return pd.DataFrame(
+        {
+            "mode": mode,
+            "model": model.name,
+            "inputs": inputs,
+            "parameter": found.names,
+            "unit": model.units,
+            "coefficient": found.coefficients,
+            "std_error": found.std_errors,
+            "t_ratio": found.t_ratios,
+            "p_value": found.p_values,
+            "low": found.coefficients - half,
+            "high": found.coefficients + half,
+            "report_method": by_hand,
+            "printed": PRINTED_LINES.get(key, nothing),
+            "cases": model.cases,
+            "force": ["viscous", model.force],
+            "force_coefficient": factors * found.coefficients,
+            "force_std_error": factors * found.std_errors,
+            "force_report_method": factors * by_hand,
+            "printed_force": PRINTED_FORCES.get(key, nothing),
+            "rms_error_lb_s_per_in": found.rms_error,
+            "r_squared_centred": found.r_squared_centred,
+            "degrees_of_freedom": found.n - found.k,
+            "erratum": ERRATA.get(key, ""),
+        }
+    )
+
+
+@dataclass(frozen=True)
+class CoefficientLines:
+    """Fig. 4.1 or 4.2 with what the lines are worth.
+
+    ``points``: ``sweep, amplitude_in, C_1_lb_s_per_in``. ``lines``: ``amplitude_in`` and, for each model by its cases,
+    fitted C_1 with the t interval of the line (``low``, ``high``); ``printed`` is Eq. 4.1.10.
+    """
+
+    mode: int
+    points: pd.DataFrame
+    lines: pd.DataFrame
+
+
+def coefficient_lines(mode: int, version: Version = "corrected") -> CoefficientLines:
+    """Linear coefficient of a mode against resonant amplitude, from rest to half as far again as tested."""
+    A, C_1 = coefficients_against_amplitude(mode, version)
+    grid = np.linspace(0.0, 1.5 * A.max(), 100)
+    C_01, C_11 = PRINTED_LINES[IV.name, mode]
+    parts = []
+    for model in MODELS:
+        found = fit_model(model, A, C_1)
+        basis = np.column_stack([np.ones_like(grid), grid**model.power])
+        line = basis @ found.coefficients
+        error = np.sqrt(np.einsum("nk,kl,nl->n", basis, found.covariance, basis))
+        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * error
+        columns_ = {"cases": model.cases, "amplitude_in": grid, "C_1_lb_s_per_in": line}
+        parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
+    printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})
+    points = pd.DataFrame({"sweep": list("ABC"), "amplitude_in": A, "C_1_lb_s_per_in": C_1})
+    return CoefficientLines(mode, points, pd.concat([*parts, printed], ignore_index=True))
