@@ -65,7 +65,7 @@ def record(motions: dict[float, np.ndarray], frequency: np.ndarray, rng: np.rand
 
 
 def test_the_audit_names_the_rate(frequency, swept):
-    """By the phases, which turn late; no other check blames something else, and no second plane or offset is invented."""
+    """By the phases, which turn late; no other check blames something else, no second plane or offset is invented."""
     made = record(swept, frequency, np.random.default_rng(4))
     found = audit(made, Mode(name="made", frequency=F_N, mass=MASS))
     assert [finding.check for finding in found.findings] == ["sweep-rate"]
