@@ -21,11 +21,13 @@ LAYERS = (
     "ranking",
     "extrapolation",
     "gap",
+    "agreement",
     "formats",
     "campaign",
     "plots",
     "report",
     "result",
+    "answers",
     "api",
 )
 #: The houses and what each may import beside itself: nobody imports an exhibit but the exhibits and a hook.

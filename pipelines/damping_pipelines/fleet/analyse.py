@@ -16,7 +16,7 @@ from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.infer.evidence import Estimate, evidence, laplace, remembered
+from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
 from damping.infer.observations import Observations, observe
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
@@ -105,7 +105,7 @@ class _Analysis:
 
     def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations, found: Audit) -> None:
         self.task, self.record, self.mode, self.data, self.audit = task, record, mode, data, found
-        self.estimate: Estimate = remembered(laplace if task.settings.fast else evidence)
+        self.estimate: Estimate = remember(brief_evidence if task.settings.fast else evidence)
         self.reasons: list[str] = []
 
     def result(self) -> FleetResult:

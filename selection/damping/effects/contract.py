@@ -24,7 +24,7 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances.
+        frequency, damping: the simulation's tolerances. sweeps: of the record.
     """
 
     A_low: float
@@ -36,6 +36,7 @@ class Scales:
     reach: float
     frequency: float
     damping: float
+    sweeps: int = 1
 
     @property
     def stiffness(self) -> float:
@@ -84,6 +85,7 @@ class Form:
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
+        sizes: strengths from which fits are started too where the gap is large.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
@@ -95,6 +97,7 @@ class Form:
     largest: float = np.inf
     label: str = ""
     replaces: str = ""
+    sizes: tuple[float, ...] = ()
     twin: Form | None = None
 
 
@@ -115,7 +118,8 @@ class Effect:
         force: the force that such a table adds, where it adds one: it can then be integrated in time too.
         damping: name of the damping force that a corrected model has in its place; empty where it is none.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
-        need: what it cannot be told without. denies: effects that are not tried beside it.
+        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
+            often than others it is the cause.
     """
 
     name: str
@@ -129,6 +133,7 @@ class Effect:
     corrects: str = ""
     need: Need = ""
     denies: frozenset[str] = frozenset()
+    prior: float = 1.0
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

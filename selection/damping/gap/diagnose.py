@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
+from scipy.special import expit
 
+from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
-from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
-from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
-from damping.gap.rows import spread
-from damping.gap.search import Hypothesis, Search
-from damping.gap.size import Gap, HeldOut, hold_levels_out, measure_gap
-from damping.gap.unnamed import Group, UnnamedCause, fit_unnamed_causes, group_equivalent_effects
+from damping.gap.corrected import list_ends
+from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
+from damping.gap.model import Simulate
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
+from damping.gap.problem import (
+    Setting,
+    State,
+    exclude_effects,
+    guess_unit,
+    record_cautions,
+    refuse_other_mode,
+    rescaled,
+    setting,
+)
+from damping.gap.rows import read_rows, spread
+from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
+from damping.gap.size import (
+    Gap,
+    HeldOut,
+    LevelDeviation,
+    describe_repeatability,
+    hold_levels_out,
+    list_levels,
+    measure_gap,
+)
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
@@ -60,8 +81,8 @@ class Diagnosis:
         hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
-        strangers: causes that the library does not name, the most probable first.
-        unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
+        unexplained: more than noise is left. in_library: calibrated chance that the library holds the cause at all.
+        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint, held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
     """
@@ -73,8 +94,9 @@ class Diagnosis:
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     tests: tuple[Test, ...]
-    strangers: tuple[UnnamedCause, ...]
     unexplained: bool
+    in_library: float
+    levels: tuple[LevelDeviation, ...]
     gap: Gap
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
@@ -92,7 +114,8 @@ class Diagnosis:
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        return ranked_tests(self.leading.best, rivals(self.hypotheses))
+        files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
+        return rank_tests(self.leading.best, list_rivals(self.hypotheses), f"damping gap {files[0]} {files[1]}")
 
     @property
     def next_test(self) -> NextTest | None:
@@ -100,23 +123,33 @@ class Diagnosis:
         return self.next_tests[0] if self.next_tests else None
 
 
-def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
+def diagnose(
+    record: Record,
+    mode: Mode,
+    effects: Mapping[str, Effect] | None = None,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+) -> Diagnosis:
     """Diagnose the gap between a simulation and a record.
 
     Args:
         effects: the library, by name; all of `CATALOGUE` where not given.
+        states: records of further states of the structure with their modes; effects are shared.
+        simulate: the user's own simulation in the place of the mode, see `damping.gap.model.Simulator`.
 
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    if len(record) > MOST_ROWS:
+    count = len(record) + sum(len(own) for own, _ in states)
+    if count > MOST_ROWS:
         raise AnalysisError(
-            f"{record.source}: {len(record)} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+            f"{record.source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
         )
-    library = CATALOGUE if effects is None else effects
-    start = setting(record, mode)
+    for own, state in ((record, mode), *states):
+        refuse_other_mode(read_rows(own, state), state)
+    start = setting(record, mode, states, simulate)
     rows = start.problem.rows
-    refuse_other_mode(rows, mode)
+    library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     guess = guess_unit(rows, start.problem.simulation)
     if guess is not None:
@@ -126,8 +159,14 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     hypotheses = weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    others = fit_unnamed_causes(known.problem, known.unknowns, leading)
-    local = local_estimates(known.problem.rows, mode)
+    held_out = hold_levels_out(known, search, leading.best)
+    gap = measure_gap(leading.best)
+    levels = describe_repeatability(known, leading.best)
+    more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
+    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
+    hypotheses = blend_probabilities(hypotheses, in_library)
+    cautions += levels + list_ends(leading.best) + describe_held_out(gap, held_out)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
         record=record,
@@ -135,16 +174,15 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         setting=known,
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([one.hypothesis for one in hypotheses]),
+        groups=group_equivalent_effects([one.hypothesis for one in hypotheses], library),
         tests=tests,
-        strangers=tuple(others),
-        unexplained=known.dispersion > 1.0
-        or unexplained(leading.best, tests, library)
-        or any(one.log_odds > 0.0 for one in others),
-        gap=measure_gap(leading.best),
+        unexplained=more,
+        in_library=in_library,
+        levels=list_levels(leading.best),
+        gap=gap,
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
-        held_out=hold_levels_out(known, search, leading.best),
+        held_out=held_out,
         local=local,
         damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
         frequency_trend=trend(
@@ -154,9 +192,9 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     )
 
 
-def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
-    """The explanations beside the leading one that are alive; the most probable of the others where none is."""
-    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE] or list(hypotheses[1:2])
+def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
+    """The explanations beside the leading one that are alive."""
+    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE]
     return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 
@@ -208,6 +246,67 @@ def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
     weights /= weights.sum()
     found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
     return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+#: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
+#: are not quite the true ones), and where it is not and all of them imitate it.
+TEMPERATURE = 1.3
+TEMPERATURE_OUTSIDE = 8.0
+
+
+def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
+    """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
+    logarithms = np.array([one.hypothesis.log_posterior for one in hypotheses])
+
+    def tempered(temperature: float) -> FloatArray:
+        weights = np.exp((logarithms - logarithms.max()) / temperature)
+        return np.asarray(weights / weights.sum())
+
+    doubt = 1.0 - in_library / float(expit(IN_LIBRARY))  # beyond that of an explanation that leaves noise only
+    p = (1.0 - doubt) * tempered(TEMPERATURE) + doubt * tempered(TEMPERATURE_OUTSIDE)
+    return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
+
+
+#: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
+#: smallest p-value (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
+IN_LIBRARY = 2.2
+PER_DECADE = 0.6
+PER_DISPERSION = 3.0
+PER_EFFECT = 0.7
+PER_FAILURE = 1.5
+_MOST_DECADES = 6.0
+#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
+_CLOSED = 0.8
+_FAILED = 0.5
+
+
+def fails_held_out(gap: Gap, held_out: HeldOut | None) -> bool:
+    """Whether an explanation that closes the gap does not on levels that did not choose it."""
+    if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+        return False
+    return gap.shrinkage > _CLOSED and held_out.shrinkage < _FAILED
+
+
+def describe_held_out(gap: Gap, held_out: HeldOut | None) -> list[str]:
+    """The caution that goes with it."""
+    if not fails_held_out(gap, held_out) or held_out is None or held_out.shrinkage is None:
+        return []
+    return [
+        f"the explanation fails on levels that did not choose it: it closes {100.0 * held_out.shrinkage:.0f} % of their gap"
+    ]
+
+
+def estimate_in_library(
+    tests: Sequence[Test], dispersion: float, leading: Hypothesis, gap: Gap, held_out: HeldOut | None
+) -> float:
+    """The chance that the cause is in the library at all.
+
+    A logistic regression on answers to cases whose cause had been taken out of the library, one kind after another.
+    """
+    decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
+    log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
+    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(gap, held_out)
+    return float(expit(log_odds))
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:

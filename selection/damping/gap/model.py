@@ -16,14 +16,27 @@ Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from inspect import signature
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales
-from damping.effects.terms import ComplexArray, Prediction, Terms, predict
+from damping.effects.terms import (
+    ComplexArray,
+    Drive,
+    OfDrive,
+    Prediction,
+    Terms,
+    complex_stiffness,
+    cross_motion,
+    predict,
+    third_harmonic,
+)
+from damping.errors import InputError
 from damping.forces import list_parameter_names, make
 from damping.gap.rows import Rows, wrapped
 from damping.records.mode import Mode
@@ -33,46 +46,150 @@ MOST_TOLERANCES = 3.0
 _SHARPNESS = 8
 
 
+#: Stands for none, where one divides by it.
+NO_SCATTER = 1e-9
+
+
 def within_tolerance(x: FloatArray) -> FloatArray:
     """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
     return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
+
+
+#: Tolerances of a simulation whose values were taken from the record itself, at least: they are no knowledge.
+NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
 
 
 @dataclass(frozen=True)
 class Simulation:
     """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
 
-    The variables are those of ``names``: ``frequency``, ``mass`` and the damping forces of the mode by name (their
-    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping).
+    The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
+    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), the frequency of
+    each of the ``further`` states (numbers from 1) whose stiffness is its own, and the parameters of a simulator.
     """
 
     mode: Mode
+    further: tuple[int, ...] = ()
+    simulator: Simulator | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
-        return ("frequency", "mass", *self.mode.damping)
+        own = () if self.simulator is None else tuple(self.simulator.values)
+        states = (f"frequency of state {number + 1}" for number in self.further)
+        return ("frequency", "mass", *self.mode.damping, *states, *own)
 
     @property
     def tolerance(self) -> FloatArray:
         """Relative standard uncertainty of each variable."""
         stated = self.mode.tolerance
-        return np.array([stated.frequency, stated.mass] + [stated.viscous] * len(self.mode.damping))
+        frequency, mass, damping = stated.frequency, stated.mass, stated.viscous
+        if stated.from_record:
+            frequency, mass, damping = map(max, (frequency, mass, damping), NO_KNOWLEDGE.values())
+        own = [] if self.simulator is None else list(self.simulator.tolerances.values())
+        if own:  # what the simulator's own parameters leave open is theirs
+            frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
+        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *[frequency] * len(self.further), *own])
 
     def terms(self, x: FloatArray) -> Terms:
         """The terms at variables x (batch, k), as arrays (batch, 1)."""
-        factor = np.exp(within_tolerance(x) * self.tolerance)[..., np.newaxis]
+        deviation = (within_tolerance(x) * self.tolerance)[..., np.newaxis]
+        factor = np.exp(deviation)
         forces = []
         for number, (name, parameters) in enumerate(self.mode.damping.items()):
             leading, *others = list_parameter_names(name)
             values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
             forces.append(make(name, **values))
+        first = 2 + len(forces)
+        own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
+        first += len(self.further)
         return Terms(
             M=self.mode.mass * factor[:, 1],
             omega_n=self.mode.omega_n * factor[:, 0],
             forces=tuple(forces),
             simulated=len(forces),
+            detuned=tuple(_of_state(state, value) for state, value in own),
+            beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
         )
+
+
+def _of_state(state: int, deviation: FloatArray) -> OfDrive:
+    """The frequency of one state changed."""
+    return lambda drive: deviation * (drive.state == state)
+
+
+#: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
+Simulate = Callable[..., tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A user's own simulation, as what its complex stiffness has beside that of the mode that stands for it.
+
+    Z = F exp(i phase)/A of a simulation changes evenly with its parameters where its resonance does not: Z is taken at
+    their nominal values and, for differences, one tolerance away in each.
+
+    Attributes:
+        function: the simulation; values, tolerances: of its parameters by name, tolerances relative. mode: what
+            stands for it where an effect needs a mass, a frequency, a damping.
+    """
+
+    function: Simulate
+    values: Mapping[str, float]
+    tolerances: Mapping[str, float]
+    mode: Mode
+    _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
+
+    @staticmethod
+    def read(function: Simulate, mode: Mode) -> Simulator:
+        """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
+
+        Raises:
+            InputError: another signature.
+        """
+        parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        values, tolerances = {}, {}
+        for one in parameters:
+            pair = one.default
+            if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
+                raise InputError(f"parameter {one.name} of the simulator", expected="a default (value, tolerance)")
+            values[one.name], tolerances[one.name] = map(float, pair)
+        return Simulator(function, values, tolerances, mode)
+
+    def beside(self, deviation: FloatArray) -> OfDrive:
+        """Z less that of the mode at ln deviations (batch, parameters, 1) of the parameters."""
+
+        def part(drive: Drive) -> ComplexArray:
+            nominal, by_parameter = self._linear(drive)
+            return np.asarray(nominal + np.sum(deviation * by_parameter, axis=1))
+
+        return part
+
+    def _linear(self, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+        """Z less that of the mode, (n,), and dZ/d ln(parameter), (parameters, n)."""
+        key = (drive.F.tobytes(), drive.omega.tobytes())
+        if key not in self._known:
+            A, Z = self._stiffness(drive, {})
+            steps = [
+                (self._stiffness(drive, {name: value * np.exp(self.tolerances[name])})[1] - Z) / self.tolerances[name]
+                for name, value in self.values.items()
+            ]
+            mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
+            self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
+        return self._known[key]
+
+    def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
+        """Amplitude and Z of the simulation with some parameters changed.
+
+        Raises:
+            InputError: it does not return an amplitude and a phase for every row.
+        """
+        found = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        pair = [np.asarray(part, dtype=float) for part in found] if isinstance(found, tuple) else []
+        if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
+            raise InputError("the simulator's answer", expected="(amplitude, phase), a number each for every row")
+        A, phase = pair
+        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
 
 
 #: Least |d| that counts: noise of force and frequency hides a sharper fold.
@@ -86,22 +203,19 @@ TYPICAL_GAP = 3.0
 SPREAD = 1.5
 
 
-#: Stands for none, where one divides by it.
-NO_SCATTER = 1e-9
-
-
 @dataclass(frozen=True)
 class Scatter:
     """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
 
     ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
-    explanation misses by more than noise.
+    explanation misses by more than noise. ``correlation``: of the errors of neighbouring rows.
     """
 
     amplitude: float
     frequency: float
     noise: float = 1.0
     dispersion: float = 1.0
+    correlation: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -143,19 +257,21 @@ class Part:
 class Sensitivity:
     """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
 
-    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T.
+    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T;
+    ``further`` residuals of each row stay what they are: other channels say nothing of such a change.
     """
 
     per_sd: FloatArray
     follow: FloatArray
     sd_phase: FloatArray | None
+    further: int = 0
 
     def columns(self, T: ComplexArray) -> FloatArray:
         """Changes of the residuals, (.., m), by changes T (.., n) of ln(prediction)."""
-        amplitude = -T.real * self.per_sd
-        if self.sd_phase is None:
-            return amplitude
-        return np.concatenate([amplitude, (T.imag + self.follow * T.real) / self.sd_phase], axis=-1)
+        found = [-T.real * self.per_sd]
+        if self.sd_phase is not None:
+            found.append((T.imag + self.follow * T.real) / self.sd_phase)
+        return np.concatenate(found + [np.zeros_like(found[0])] * self.further, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -249,15 +365,39 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     sd_phase = rows.sd_phase * scatter.factor
     per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
     follow = found.by_u.imag * d / squared
-    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None)
+    further = 4 * rows.has_further
+    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
     by_frequency = answer.columns(found.by_frequency)
-    amplitude, by_gain = (misfit + (rows.u - u0) * d) * per_sd, -d * per_sd
-    if not rows.has_phase:
-        return Residuals(amplitude, by_gain, by_frequency, answer, found, motion)
-    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / sd_phase
-    both = np.concatenate([amplitude, phase], axis=1)
-    by_gain = np.concatenate([by_gain, np.zeros_like(phase)], axis=1)
-    return Residuals(both, by_gain, by_frequency, answer, found, motion)
+    parts = [(misfit + (rows.u - u0) * d) * per_sd]
+    phase = -found.P.imag + follow * misfit
+    if rows.has_phase:
+        parts.append(wrapped(rows.phase - phase) / sd_phase)
+    if rows.has_further:
+        parts += _further(terms, rows, motion, phase, scatter)
+    by_gain = np.concatenate([-d * per_sd] + [np.zeros_like(d)] * (len(parts) - 1), axis=1)
+    return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, answer, found, motion)
+
+
+#: Largest part of the motion that a channel across it picks up because it is not square to it.
+_SKEW = 0.1
+
+
+def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
+    """Residuals of the third harmonic and of the motion across, (batch, n) each: real parts, then imaginary ones.
+
+    Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
+    """
+    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
+    third = (third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third) / (rows.sd_third * scatter.factor)
+    seen = 1.0 / (rows.sd_cross * scatter.factor)
+    across = cross_motion(terms, A, rows.drive) * seen
+    along, measured = A * np.exp(-1j * phase) * seen, rows.cross * seen
+    way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    left = measured - way * across
+    size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
+    skew = np.clip(np.sum((left * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
+    left = left - skew * along
+    return [third.real, third.imag, left.real, left.imag]
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:

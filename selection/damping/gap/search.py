@@ -5,17 +5,18 @@ Fits of hypotheses: the simulation alone, with each effect, and with combination
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, Unknowns, fit_model, marginalise_scatter
+from damping.gap.fit import ModelFit, Unknowns, fit_model, fit_roughly, marginalise_scatter, polish_fits
 from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
+from damping.gap.rows import spread
 
 #: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
 _SMALL = 1e-3
@@ -23,6 +24,7 @@ _NONE = -60.0
 #: Range of start values of the gap an effect opens, in units of noise.
 _LOW = 0.3
 _HIGH = 60.0
+_FARTHEST = 3000.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]
 
 def at_gap(start: Start, gap: float) -> FloatArray:
     """Variables of a start with the strength that opens a gap of so many units of noise."""
-    return np.array([np.log(np.clip(gap, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
+    return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 
 def _grid(form: Form) -> FloatArray:
@@ -99,20 +101,29 @@ PRIOR_NULL = 25.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
 _GAIN = 2.5
+#: The same beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
+#: errors, 0.8/sqrt(m), of 1.
+_GAIN_BEYOND_NOISE = 4.5
+_FITTING = 1.6
 _NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
-_MOST_FITS = 14
+_MOST_FITS = 10
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
-_WORTH = 15.0
+_WORTH = 30.0
+#: Hypotheses, the most probable, that are fitted to another problem too.
+_AGAIN = 8
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
+#: Forms of one effect that are fitted: those of the largest linear gain, none of which is far behind the first.
+_MOST_FORMS = 8
+_FAR = 0.2
 _ROUGH = 1.5
 _SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
@@ -194,17 +205,19 @@ class Search:
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
                 self._extend(null, name, some)
 
-    def again(self, problem: Problem, unknown: Unknowns) -> Search:
-        """The same hypotheses fitted to another problem, from the modes found: no other is tried.
+    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
+        """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
 
-        Strengths keep their units, so that priors stay what they are.
+        Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
-            models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
-            fits = [
-                fit_model(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)
-            ]
+        worth = [one for one in self.ranked()[:_AGAIN] if one.effects]
+        for one in [self.found[frozenset()], *worth]:
+            fits = []
+            for near in one.near:
+                at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
+                model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
+                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size]))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -234,6 +247,7 @@ class Search:
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+            least = _GAIN if spread(base.plain.r) > 1.0 + _FITTING / np.sqrt(base.plain.r.size) else _GAIN_BEYOND_NOISE
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
@@ -241,7 +255,7 @@ class Search:
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + 2.0 * gain - price
-                if gain > _GAIN and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                if gain > least and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
             self._extend(base, name, tried)
@@ -249,23 +263,29 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
+        count = len(candidates)
+        candidates = [t for t in candidates[:_MOST_FORMS] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
         found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
         if found:
-            self._store((*base.effects, name), found, len(candidates))
+            top = max(one.log_evidence for one in found)
+            near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
+            self._store((*base.effects, name), polish_fits(near), count)
 
     def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
+            own += [at_gap(tried[0], size / tried[0].part.unit) for size in tried[0].part.form.sizes]
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
         models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
-        return list(chain.from_iterable(fit_model(model, x) for model in models))
+        return list(chain.from_iterable(fit_roughly(model, x) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
@@ -276,6 +296,7 @@ class Search:
         first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        prior += sum(np.log(self.effects[name].prior) for name in effects)
         others = _list_other_forms(plain[first], plain) if effects else ()
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
@@ -297,6 +318,53 @@ def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, .
         one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
     ]
     return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
+
+
+#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
+INDISTINCT = 2.45
+#: Odds below which an effect is no candidate for the place of another, however near its prediction.
+LEAST_ODDS = 0.02
+
+
+@dataclass(frozen=True)
+class Group:
+    """Effects that may take one another's place in the leading explanation, those of the rig first.
+
+    ``distance``: the largest to the leading one.
+    """
+
+    effects: tuple[str, ...]
+    distance: float
+
+
+def distance(one: ModelFit, other: ModelFit) -> float:
+    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
+    weights = np.sqrt(one.weights * other.weights)
+    return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
+
+
+def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
+    """For each effect of the leading explanation, those that could stand in its place without being told from it.
+
+    ``hypotheses`` are in order of probability; only those with as many effects as the first are compared with it.
+    """
+    leading = hypotheses[0]
+    found = []
+    for effect in leading.effects:
+        rest = leading.key - {effect}
+        members, farthest = [effect], 0.0
+        for other in hypotheses[1:]:
+            swapped = other.key - rest
+            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
+            if alive and len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
+                apart = distance(leading.best, other.best)
+                if apart < INDISTINCT:
+                    members.append(next(iter(swapped)))
+                    farthest = max(farthest, apart)
+        if len(members) > 1:
+            members.sort(key=lambda name: library[name].kind != "instrument")
+            found.append(Group(tuple(members), farthest))
+    return tuple(found)
 
 
 def _total(logarithms: Iterable[float]) -> float:

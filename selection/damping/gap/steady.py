@@ -88,7 +88,7 @@ def states(terms: Terms, F: float, omega: FloatArray) -> Branches:
 
     def found(points: FloatArray, rows: IntArray) -> Prediction:
         at = np.broadcast_to(omega[rows], np.broadcast_shapes(points.shape, rows.shape))
-        return predict(terms, np.broadcast_to(points, at.shape), Drive(np.full(at.shape, F), at, np.ones(at.shape)))
+        return predict(terms, np.broadcast_to(points, at.shape), Drive(np.full(at.shape, F), at))
 
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         shape = np.broadcast_shapes(points.shape, rows.shape)

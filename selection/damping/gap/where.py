@@ -101,8 +101,8 @@ def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
 
 def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
     """Values (m,) split into amplitude and, where there are any, phase."""
-    parts = values.reshape(-1, len(rows))
-    return dict(zip(("amplitude", "phase"), parts, strict=False))
+    names = ["amplitude", *(["phase"] if rows.has_phase else [])]
+    return dict(zip(names, values.reshape(-1, len(rows)), strict=False))
 
 
 def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float, str]:

@@ -18,8 +18,6 @@ from math import log, pi
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
@@ -149,6 +147,8 @@ def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
     size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
     logarithm = np.log(size) - 1j * np.unwrap(lag)
     a = np.exp(logarithm)
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as below
+
     return a, a * CubicSpline(w, logarithm)(w, 1)
 
 
@@ -188,6 +188,8 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
             rest = np.log(envelope(f, rate, force, mass, f_n, ratio, growth)[near] / a[near])
             parts += [rest.real, rest.imag]
         return np.concatenate(parts)
+
+    from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
     found = least_squares(
         left,
@@ -229,6 +231,8 @@ def _steady_misfit(
         return np.concatenate(parts)
 
     bounds = ([-0.05, log(1e-4), -0.5, -0.5], [0.05, log(0.3), 20.0, 0.5])
+    from scipy.optimize import least_squares  # noqa: PLC0415 - as above
+
     found = least_squares(left, [0.0, log(0.01), 0.5, 0.0], bounds=bounds, x_scale=[0.002, 0.2, 0.5, 0.01])
     return float(np.sqrt(np.mean(found.fun**2)))
 
