@@ -194,7 +194,7 @@ def gap(
         int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
     ] = None,
     states: Annotated[
-        list[tuple[Path, Path]] | None,
+        list[Path] | None,
         typer.Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
     ] = None,
     simulator: Annotated[
@@ -204,6 +204,7 @@ def gap(
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
+    from damping_pipelines.gap import batched_pairs
     from damping_pipelines.gap import gap as run
 
     run(
@@ -217,7 +218,7 @@ def gap(
         max_size,
         jobs,
         tuple(despite or ()),
-        tuple(states or ()),
+        tuple(batched_pairs(states or [])),
         simulator,
     )
 
@@ -308,13 +309,23 @@ def fleet(
     )
 
 
+def _spread_states(words: list[str]) -> list[str]:
+    """``--with MODEL RECORD`` as ``--with MODEL --with RECORD``: an option that repeats takes one value a time."""
+    spread: list[str] = []
+    for place, word in enumerate(words):
+        if place > 1 and words[place - 2] == "--with" and not word.startswith("-"):
+            spread.append("--with")
+        spread.append(word)
+    return spread
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     if arguments is None and sys.argv[1:2] == ["fleet"]:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+        words = _spread_states((sys.argv[1:] if arguments is None else arguments) or ["--help"])
         code = app(args=words, prog_name="damping", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be told
         if code == 130:  # typer turns an interrupt into this code, without a word

@@ -87,6 +87,17 @@ def gap(
             console().print(sentence, highlight=False, soft_wrap=True)
 
 
+def batched_pairs(states: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Models and records of further states, by two.
+
+    Raises:
+        InputError: a model without its record.
+    """
+    if len(states) % 2:
+        raise InputError("--with takes a model and its record", expected="--with MODEL.toml RECORD.csv")
+    return list(zip(states[::2], states[1::2], strict=True))
+
+
 def import_simulator(name: str) -> Simulate:
     """The function of ``MODULE:FUNCTION``, looked for in the working folder first.
 

@@ -116,8 +116,9 @@ _CLOSE_MODES = 10.0
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
 _WORTH = 30.0
-#: Hypotheses, the most probable, that are fitted to another problem too.
-_AGAIN = 8
+#: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
+_AGAIN = 6
+_AGAIN_SIMPLE = 3
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
@@ -211,8 +212,10 @@ class Search:
         Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        worth = [one for one in self.ranked()[:_AGAIN] if one.effects]
-        for one in [self.found[frozenset()], *worth]:
+        ranked = self.ranked()
+        simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
+        worth = {one.key: one for one in (self.found[frozenset()], *simple, *ranked[:_AGAIN])}
+        for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
             for near in one.near:
                 at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
