@@ -20,15 +20,18 @@ import damping_pipelines
 from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
 from damping_pipelines import cli_files as files
-from damping_pipelines import cli_files as results
 from damping_pipelines.cli_files import (
     DEFAULT_SEED,
     MAX_SIZE,
     MOST_PROCESSES,
+    Amplitudes,
     Despite,
+    Forces,
     Json,
+    Level,
     MaxSize,
     ModeOption,
+    Plot,
     RecordArgument,
     Seed,
 )
@@ -78,25 +81,6 @@ def study(
 
 
 @app.command()
-def regress(
-    data: Annotated[list[Path], typer.Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
-    response: Annotated[str, typer.Option("--response", metavar="COL", help="The dependent column.")],
-    terms: Annotated[list[str], typer.Option("--terms", metavar='"T1, T2"', help="Terms; repeat for several curves.")],
-    select: Annotated[str, typer.Option("--select", help="none, backward, forward, stepwise or best.")] = "none",
-    criterion: Annotated[str, typer.Option("--criterion", help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
-    nonnegative: Annotated[bool, typer.Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
-    t_stop: Annotated[float | None, typer.Option("--t-stop", help="Drop while the least |T| is below.")] = None,
-    plots: Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw the deviations here.")] = None,
-    json_out: Json = None,
-    max_size: MaxSize = MAX_SIZE,
-) -> None:
-    """The SHARE multivariate regression program on any table (report, section 5.2)."""
-    from damping_pipelines.regress import regress as run
-
-    run(data, response, terms, select, criterion, nonnegative, t_stop, json_out, plots, max_size)
-
-
-@app.command()
 def check(
     record: RecordArgument,
     mode: Annotated[
@@ -116,70 +100,67 @@ def rank(
     record: RecordArgument,
     mode: ModeOption,
     json_out: Json = None,
+    plot: Plot = None,
     seed: Seed = DEFAULT_SEED,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """List every candidate damping law, best first."""
+    from damping_pipelines.rank import Asked
     from damping_pipelines.rank import rank as run
 
-    run(record, mode, json_out, seed, max_size, tuple(despite or ()))
+    run(Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ())))
 
 
 @app.command()
 def extrapolate(
     record: RecordArgument,
     mode: ModeOption,
-    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Design force; repeat for several.")],
-    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    force: Forces = None,
+    amplitude: Amplitudes = None,
+    level: Level = 0.9,
     json_out: Json = None,
+    plot: Plot = None,
     seed: Seed = DEFAULT_SEED,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Resonant amplitude at forces beyond the test, with bands."""
+    """Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands."""
+    from damping_pipelines.rank import Asked
     from damping_pipelines.rank import extrapolate as run
 
-    run(record, mode, force, level, json_out, seed, max_size, tuple(despite or ()))
+    asked = Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ()))
+    run(asked, tuple(force or ()), tuple(amplitude or ()), level)
 
 
 @app.command()
-def sweep(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
-    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Force level; repeat for several.")],
-    frequency: Annotated[str, typer.Option("--frequency", metavar="LO:HI:N", help="Frequencies, Hz.")],
-    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
-    direction: Annotated[str, typer.Option("--direction", help="up or down.")] = "up",
-    method: Annotated[str, typer.Option("--method", help="ritz (averaged) or time (integrated).")] = "ritz",
-) -> None:
-    """Steady-state sweeps of a model, as a record."""
-    from damping_pipelines.sweep import sweep as run
-
-    run(model, force, frequency, out, direction, method)
-
-
-@app.command()
-def condition(
-    raw: Annotated[Path, typer.Argument(metavar="RAW.csv", help="Accelerometer table.")],
-    config: Annotated[
-        Path, typer.Option("--config", metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
-    steps: Annotated[
-        Path | None, typer.Option("--steps", metavar="DIR", help="One table a step, with what it took.")
-    ] = None,
+def curve(
+    record: RecordArgument,
+    mode: ModeOption,
+    amplitude: Amplitudes = None,
+    force: Forces = None,
+    level: Level = 0.9,
+    json_out: Json = None,
+    plot: Plot = None,
+    seed: Seed = DEFAULT_SEED,
+    despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Accelerometer table to modal record (report, chapter III)."""
-    from damping_pipelines.condition import condition as run
+    """Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked."""
+    from damping_pipelines.rank import Asked
+    from damping_pipelines.rank import curve as run
 
-    run(raw, config, out, steps, max_size)
+    asked = Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ()))
+    run(asked, tuple(amplitude or ()), tuple(force or ()), level)
 
 
 @app.command()
 def gap(
     model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
-    record: Annotated[Path | None, typer.Argument(metavar="RECORD.csv", help="The measured record.")] = None,
+    records: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORD.csv]", help="The measured record; of each --with its own after it."),
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
     model_out: Annotated[
         Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
@@ -204,9 +185,10 @@ def gap(
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
-    from damping_pipelines.gap import batched_pairs
     from damping_pipelines.gap import gap as run
+    from damping_pipelines.gap import pair_states
 
+    record, pairs = pair_states(records or [], states or [])
     run(
         model,
         record,
@@ -218,7 +200,7 @@ def gap(
         max_size,
         jobs,
         tuple(despite or ()),
-        tuple(batched_pairs(states or [])),
+        pairs,
         simulator,
     )
 
@@ -247,76 +229,39 @@ def campaign(
     run(sources, out, tuple(design or ()), modes, seed, max_size)
 
 
-app.command("import")(files.import_)
-app.command("export")(files.export)
-app.command("compare")(results.compare)
-app.command("verify")(results.verify)
-for _name, _command in exhibit_commands().items():
+#: Commands whose options stand elsewhere.
+_FURTHER = {
+    **{name.rstrip("_"): getattr(files, name) for name in ("import_", "export", "compare", "verify", "fleet")},
+    **{name: getattr(files, name) for name in ("regress", "sweep", "condition")},
+    **exhibit_commands(),
+}
+for _name, _command in _FURTHER.items():
     app.command(_name)(_command)
 
-
-@app.command()
-def fleet(
-    records: Annotated[
-        Path, typer.Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go; what is there is not redone.")],
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
-    ] = None,
-    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: none, one by one."
-        ),
-    ] = None,
-    force: Annotated[
-        list[float] | None,
-        typer.Option("--force", metavar="F", help="Design force; without it 1.5 and 2 times the largest tested."),
-    ] = None,
-    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
-    seed: Seed = DEFAULT_SEED,
-    dashboard: Annotated[
-        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
-    ] = "127.0.0.1:8787",
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
-    ] = False,
-    time_limit: Annotated[
-        float, typer.Option("--time-limit", metavar="SECONDS", help="Give a record up that takes longer.")
-    ] = 3600.0,
-    despite: Despite = None,
-    max_size: MaxSize = MAX_SIZE,
-) -> None:
-    """Rank, extrapolate and diagnose many records on Dask."""
-    from damping_pipelines.fleet.command import fleet as run
-
-    run(
-        records,
-        out,
-        scheduler=scheduler,
-        fast=fast,
-        workers=workers,
-        forces=tuple(force or ()),
-        level=level,
-        seed=seed,
-        dashboard=None if dashboard == "off" else dashboard,
-        replace=replace,
-        max_size=max_size,
-        despite=tuple(despite or ()),
-        time_limit=time_limit,
-    )
-
-
-def _spread_states(words: list[str]) -> list[str]:
-    """``--with MODEL RECORD`` as ``--with MODEL --with RECORD``: an option that repeats takes one value a time."""
-    spread: list[str] = []
-    for place, word in enumerate(words):
-        if place > 1 and words[place - 2] == "--with" and not word.startswith("-"):
-            spread.append("--with")
-        spread.append(word)
-    return spread
+#: The example that the help of each command ends with.
+EXAMPLES = {
+    "study": "damping study campaign/study.toml --out results/panel",
+    "regress": 'damping regress table.csv --response energy --terms "A^2*omega, A^3*omega^2" --select backward',
+    "check": "damping check record.csv --mode mode.toml",
+    "rank": "damping rank record.csv --mode mode.toml --plot ranking.svg",
+    "extrapolate": "damping extrapolate record.csv --mode mode.toml --force 60 --force 90 --plot loads.svg",
+    "curve": "damping curve record.csv --mode mode.toml --json curve.json --plot curve.svg",
+    "sweep": "damping sweep mode.toml --force 30 --frequency 1.6:1.8:41 --out sweep.csv",
+    "condition": "damping condition raw.csv --config condition.toml --out record.csv",
+    "gap": "damping gap mode.toml record.csv --report gap.html --model-out corrected.toml",
+    "campaign": "damping campaign level-1.unv level-2.unv --out results/panel --design 2.0",
+    "import": "damping import frf.unv --out record.csv --unit force=N",
+    "export": "damping export curve.json --to nastran --out damping.bdf",
+    "compare": "damping compare results/panel results/panel-2 --out compare.html",
+    "verify": "damping verify results/panel",
+    "fleet": "damping fleet records --out results/fleet --force 60",
+    "bands": "damping bands records --out results/bands",
+    "blind": "damping blind --out results/blind",
+    "calibrate": "damping calibrate --out results/calibration",
+}
+for _info in app.registered_commands:
+    _own = _info.name or getattr(_info.callback, "__name__", "")
+    _info.epilog = f"Example: {EXAMPLES[_own]}" if _own in EXAMPLES else None
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -325,7 +270,7 @@ def main(arguments: list[str] | None = None) -> None:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        words = _spread_states((sys.argv[1:] if arguments is None else arguments) or ["--help"])
+        words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
         code = app(args=words, prog_name="damping", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be told
         if code == 130:  # typer turns an interrupt into this code, without a word

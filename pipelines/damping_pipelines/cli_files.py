@@ -28,7 +28,12 @@ Despite = Annotated[
 ]
 RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
 ModeOption = Annotated[Path, typer.Option("--mode", metavar="MODE.toml", help="Mode: frequency, mass, units.")]
-
+Plot = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw it: a name in .svg or .png.")]
+Forces = Annotated[list[float] | None, typer.Option("--force", metavar="F", help="Force at resonance; repeat.")]
+Amplitudes = Annotated[
+    list[float] | None, typer.Option("--amplitude", metavar="A", help="Amplitude at resonance; repeat.")
+]
+Level = Annotated[float, typer.Option("--level", help="Probability content of the bands.")]
 
 _File = Annotated[
     Path, typer.Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in readings.")
@@ -59,7 +64,9 @@ def import_(
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy or mass; repeat."),
+        typer.Option(
+            "--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy, mass, frequency or time; repeat."
+        ),
     ] = None,
     consistent: Annotated[
         bool, typer.Option("--consistent", help="All values are of one system of units: take them as they are.")
@@ -97,7 +104,15 @@ def import_(
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """A laboratory's file to a record; shows what was understood."""
+    """A laboratory's file to a record; shows what was understood, asks for what neither file nor option says.
+
+    Roles of --column: sweep, frequency (Hz), omega (rad/s), time (s); response (complex, or a signal against time), x
+    and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its turn);
+    force, force_x and force_y, force_lead_deg; energy, mass, amplitude_sd, phase_sd, force_sd.
+
+    Units of --unit: force, response, energy, mass, such as N, lbf, m, mm, um, in, m/s, g, m/s^2, m/s^2/N, rad, kg;
+    frequency Hz, kHz, rpm, rad/s; time s, ms, us, min. A header such as Accel [g rms] says its own.
+    """
     from damping.formats.series import Stated
     from damping_pipelines.import_ import RingDown, import_file, pairs, scales, scalings
     from damping_pipelines.import_ import band as of_band
@@ -185,3 +200,105 @@ def verify(folders: _Folders) -> None:
     from damping_pipelines.compare import check
 
     check(folders)
+
+
+def regress(
+    data: Annotated[list[Path], typer.Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
+    response: Annotated[str, typer.Option("--response", metavar="COL", help="The dependent column.")],
+    terms: Annotated[list[str], typer.Option("--terms", metavar='"T1, T2"', help="Terms; repeat for several curves.")],
+    select: Annotated[str, typer.Option("--select", help="none, backward, forward, stepwise or best.")] = "none",
+    criterion: Annotated[str, typer.Option("--criterion", help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
+    nonnegative: Annotated[bool, typer.Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
+    t_stop: Annotated[float | None, typer.Option("--t-stop", help="Drop while the least |T| is below.")] = None,
+    plots: Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw the deviations here.")] = None,
+    json_out: Json = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """The SHARE multivariate regression program on any table (report, section 5.2)."""
+    from damping_pipelines.regress import regress as run
+
+    run(data, response, terms, select, criterion, nonnegative, t_stop, json_out, plots, max_size)
+
+
+def sweep(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
+    force: Annotated[list[float], typer.Option("--force", metavar="F", help="Force level; repeat for several.")],
+    frequency: Annotated[str, typer.Option("--frequency", metavar="LO:HI:N", help="Frequencies, Hz.")],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    direction: Annotated[str, typer.Option("--direction", help="up or down.")] = "up",
+    method: Annotated[str, typer.Option("--method", help="ritz (averaged) or time (integrated).")] = "ritz",
+) -> None:
+    """Steady-state sweeps of a model, as a record."""
+    from damping_pipelines.sweep import sweep as run
+
+    run(model, force, frequency, out, direction, method)
+
+
+def condition(
+    raw: Annotated[Path, typer.Argument(metavar="RAW.csv", help="Accelerometer table.")],
+    config: Annotated[
+        Path, typer.Option("--config", metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="The record written.")],
+    steps: Annotated[
+        Path | None, typer.Option("--steps", metavar="DIR", help="One table a step, with what it took.")
+    ] = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Accelerometer table to modal record (report, chapter III)."""
+    from damping_pipelines.condition import condition as run
+
+    run(raw, config, out, steps, max_size)
+
+
+def fleet(
+    records: Annotated[
+        Path, typer.Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go; what is there is not redone.")],
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
+    ] = None,
+    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: none, one by one."
+        ),
+    ] = None,
+    force: Annotated[
+        list[float] | None,
+        typer.Option("--force", metavar="F", help="Design force; without it 1.5 and 2 times the largest tested."),
+    ] = None,
+    level: Annotated[float, typer.Option("--level", help="Probability content of the bands.")] = 0.9,
+    seed: Seed = DEFAULT_SEED,
+    dashboard: Annotated[
+        str, typer.Option("--dashboard", metavar="HOST:PORT", help="Dashboard of the local cluster; or: off.")
+    ] = "127.0.0.1:8787",
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Drop what DIR holds of other records, settings or versions.")
+    ] = False,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", metavar="SECONDS", help="Give a record up that takes longer.")
+    ] = 3600.0,
+    despite: Despite = None,
+    max_size: MaxSize = MAX_SIZE,
+) -> None:
+    """Rank, extrapolate and diagnose many records on Dask."""
+    from damping_pipelines.fleet.command import fleet as run
+
+    run(
+        records,
+        out,
+        scheduler=scheduler,
+        fast=fast,
+        workers=workers,
+        forces=tuple(force or ()),
+        level=level,
+        seed=seed,
+        dashboard=None if dashboard == "off" else dashboard,
+        replace=replace,
+        max_size=max_size,
+        despite=tuple(despite or ()),
+        time_limit=time_limit,
+    )

@@ -127,7 +127,7 @@ def _list_levels(form: DampingForm) -> list[LoadLevel]:
     if form.modes:
         named = [(row.level, _as_point(mode.name, row)) for mode in form.modes for row in mode.at]
     else:
-        named = [(row.force, _as_point("mode", row)) for row in (*form.predictions, *form.rows)]
+        named = [(_find_force(row), _as_point("mode", row)) for row in (*form.predictions, *form.rows)]
     levels: dict[float, list[Point]] = {}
     for value, point in named:
         if value is not None and point is not None:
@@ -136,6 +136,11 @@ def _list_levels(form: DampingForm) -> list[LoadLevel]:
         LoadLevel(f"level {value:g}", tuple(sorted(points, key=lambda point: point.frequency)))
         for value, points in levels.items()
     ]
+
+
+def _find_force(row: _Row) -> float | None:
+    """The force of a row; a prediction of ``loads/1`` that was asked by amplitude holds it as its median."""
+    return row.median if row.force is None and row.amplitude is not None else row.force
 
 
 def _as_point(mode: str, row: _Row) -> Point | None:
@@ -147,7 +152,8 @@ def _as_point(mode: str, row: _Row) -> Point | None:
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
     said = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
-    force = np.nan if row.force is None else row.force
+    found = _find_force(row)
+    force = np.nan if found is None else found
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
     return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, said)
 

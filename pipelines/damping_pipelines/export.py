@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 from pydantic import Field, TypeAdapter, ValidationError
@@ -200,6 +201,28 @@ def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return buffer.getvalue()
+
+
+#: Endings of a picture's name.
+PICTURES = (".svg", ".png")
+
+
+def check_picture(path: Path) -> None:
+    """InputError where the name of a picture ends with none of ``PICTURES``; before any work."""
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"--plot {path.name!r} is of no known format", expected="a name ending in .svg or .png")
+
+
+def write_picture(path: Path, figure: Any, title: str) -> None:
+    """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
+    from damping.plots.style import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+
+    check_picture(path)
+    if path.suffix.lower() == ".png":
+        write_bytes(path, to_png(figure))
+    else:
+        write_text(path, to_svg(figure, path.stem, title, title))
+    print(f"{path} drawn", file=sys.stderr)
 
 
 _FORM: TypeAdapter[RankForm | LoadsForm] = TypeAdapter(Annotated[RankForm | LoadsForm, Field(discriminator="format")])

@@ -30,6 +30,20 @@ from damping_pipelines.terminal import console, end_with_parent, progress
 FORMAT = "gap/1"
 
 
+def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path | None, tuple[tuple[Path, Path], ...]]:
+    """The first record, if any, and each model of ``--with`` with the record that follows it.
+
+    Raises:
+        InputError: not one record a model.
+    """
+    first, *others = records or [None]
+    if len(others) != len(models):
+        raise InputError(
+            f"{len(records)} records for {1 + len(models)} models", expected="MODEL.toml RECORD.csv, also after --with"
+        )
+    return first, tuple((model, own) for model, own in zip(models, others, strict=True) if own is not None)
+
+
 def gap(
     model: Path,
     record: Path | None,
@@ -85,17 +99,6 @@ def gap(
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence, highlight=False, soft_wrap=True)
-
-
-def batched_pairs(states: Sequence[Path]) -> list[tuple[Path, Path]]:
-    """Models and records of further states, by two.
-
-    Raises:
-        InputError: a model without its record.
-    """
-    if len(states) % 2:
-        raise InputError("--with takes a model and its record", expected="--with MODEL.toml RECORD.csv")
-    return list(zip(states[::2], states[1::2], strict=True))
 
 
 def import_simulator(name: str) -> Simulate:

@@ -1,151 +1,241 @@
-"""``damping rank``: candidate damping laws of a record, best first (form ``rank/1``).
+"""What laws say of a record, on the terminal and as forms.
 
-``damping extrapolate``: resonant amplitude beyond the test, with bands (form ``loads/1``).
+``damping rank``: candidate laws, best first (``rank/1``). ``damping extrapolate``: resonances beyond the test
+(``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import damping
+from damping.answers import CurveResult, LoadsResult, RankingResult
+from damping.errors import InputError
 from damping.extrapolation import LEAST_WEIGHT, check_loads
-from damping.extrapolation.prediction import PARTS
-from damping.ranking import Candidate
-from damping.records.mode import Mode, read_mode
+from damping.extrapolation.draws import Member
+from damping.extrapolation.prediction import PARTS, Band
+from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.result import LoadsResult, RankingResult
+from damping.report.words import format_parameter_unit
+from damping.result import Result
 from damping_pipelines.check import report_findings
-from damping_pipelines.store import refuse_inputs, write_plain
-from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions
+from damping_pipelines.export import check_picture, write_picture
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain
+from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions, suggest
+
+#: Laws whose coefficients are shown.
+MOST_LAWS = 3
+#: Laws named with their weights.
+MOST_NAMED = 5
+#: Errors below so many per cent are rounding: a law with as many parameters as points passes through all.
+SMALL = 0.01
 
 
-def rank(
-    record: Path, mode: Path, json_out: str | None, seed: int, max_size: int, despite: Collection[str] = ()
-) -> None:
+@dataclass(frozen=True)
+class Asked:
+    """What every command on a record and its mode is asked with."""
+
+    record: Path
+    mode: Path
+    json_out: str | None
+    plot: Path | None
+    seed: int
+    max_size: int
+    despite: tuple[str, ...]
+
+    def read(self) -> tuple[Record, Mode]:
+        """Both files, read, checked and audited before any work; findings go to standard error."""
+        for option, target in (("--json", self.json_out), ("--plot", self.plot)):
+            refuse_inputs(option, target, self.record, self.mode)
+        refuse_twice({"--json": self.json_out, "--plot": self.plot})
+        if self.plot is not None:
+            check_picture(self.plot)
+        read = read_record(self.record, max_size=self.max_size)
+        described = read_mode(self.mode, max_size=self.max_size)
+        report_findings(read, described, self.despite)
+        return read, described
+
+    def write(self, result: Result) -> bool:
+        """Write form and drawing; whether the table is to be printed."""
+        if self.json_out is not None:
+            write_plain(self.json_out, result.to_json())
+        if self.plot is not None:
+            write_picture(self.plot, result.plot(), result.title)
+        return self.json_out != "-"
+
+    def name(self, command: str) -> str:
+        """Another command on the same files."""
+        return f"damping {command} {self.record} --mode {self.mode}"
+
+
+def rank(asked: Asked) -> None:
     """Rank the candidates of a record, print the table and write the form."""
-    refuse_inputs("--json", json_out, record, mode)
-    read, described = load(record, mode, max_size)
-    report_findings(read, described, despite)
-    ranking = damping.rank(read, described, seed=seed, despite=despite, progress=progress)
-    if json_out is not None:
-        write_plain(json_out, ranking.to_json())
-    if json_out != "-":
+    read, described = asked.read()
+    ranking = damping.rank(read, described, seed=asked.seed, despite=asked.despite, progress=progress)
+    if asked.write(ranking):
         print_ranking(ranking, described)
-
-
-def load(record: Path, mode: Path, max_size: int) -> tuple[Record, Mode]:
-    """Read and check both files before any work."""
-    return read_record(record, max_size=max_size), read_mode(mode, max_size=max_size)
+        suggest(f"{asked.name('curve')}   (damping ratio and Q)")
 
 
 def print_ranking(result: RankingResult, mode: Mode) -> None:
-    """The table for people."""
+    """The tables for people: laws, and the coefficients of the best."""
     out, notes = console(), Notes()
-    units = ", ".join(unit for unit in (mode.units.force, mode.units.length, mode.units.time) if unit)
-    headings = ("avg |%|", "held-out %", "score", "weight", "notes")
-    table = plain_table(f"{mode.name}: damping laws, best first", headings, ("", "law: coefficient (T-ratio)"))
-    numbers = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
-    shown = [(c, row) for c, row in zip(result.ranking.candidates, numbers, strict=True) if c.weight > LEAST_WEIGHT]
+    numbers = ("weight", "fitted error %", "held-out error %", "score", "equal laws", "notes")
+    table = plain_table(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
+    errors = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
+    shown = [(c, row) for c, row in zip(result.ranking.candidates, errors, strict=True) if c.weight > LEAST_WEIGHT]
     if result.ranking.fit.sentence:
         out.print(result.ranking.fit.sentence.capitalize(), style="bold red")
-    for c, errors in shown:
+    for c, row in shown:
+        rank_text = "-" if c.rank is None else str(c.rank)
+        fitted, held_out = ("< 0.01" if value < SMALL else number(value, 3) for value in row[:2])
+        equal = str(len(c.equivalents) or "")
         table.add_row(
-            "-" if c.rank is None else str(c.rank),
-            _describe_law(c),
-            *(number(x) for x in errors),
-            f"{c.weight:.3f}",
-            notes.numbers(c.cautions),
+            *(rank_text, c.name, f"{c.weight:.3f}", fitted, held_out, f"{row[2]:.2f}", equal, notes.numbers(c.cautions))
         )
     out.print(table)
-    criterion = result.ranking.criterion
-    out.print(f"Criterion: {criterion}. Units: {units or 'one consistent system'}.", highlight=False)
+    out.print(_tabulate_coefficients(result, mode.units))
     rest = len(result) - len(shown)
-    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them", highlight=False)
+    out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
+    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
     notes.show(out)
     show_cautions(out, result.cautions)
 
 
-def _describe_law(c: Candidate) -> str:
-    """Each parameter with its T-ratio on a line, and how many laws predict the same."""
-    if not c.coefficients:
-        return c.name
-    lines = [f"{x.force} {x.shape}".strip() + f": {number(x.value)} ({number(x.t_ratio)})" for x in c.coefficients]
-    if c.equivalents:
-        more = f" and {len(c.equivalents) - 1} more" if len(c.equivalents) > 1 else ""
-        lines.append(f"  same as {c.equivalents[0]}{more}")
-    return "\n".join(lines)
+def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
+    """Coefficients of the best laws with their units: medians and 90 % intervals."""
+    numbers, names = ("median", "low", "high", "T-ratio"), ("law", "coefficient", "unit")
+    table = plain_table("Coefficients, median and 90 % interval", numbers, names)
+    for c in result.ranking.candidates[:MOST_LAWS]:
+        for x in c.coefficients:
+            parameter = f"{x.force} {x.shape}".strip()
+            values = (number(value) for value in (x.value, x.low, x.high))
+            table.add_row(c.name, parameter, format_parameter_unit(parameter, units), *values, number(x.t_ratio, 3))
+    return table
 
 
-def extrapolate(
-    record: Path,
-    mode: Path,
-    forces: list[float],
-    level: float,
-    json_out: str | None,
-    seed: int,
-    max_size: int,
-    despite: Collection[str] = (),
-) -> None:
-    """Predict resonant amplitudes at design forces, print the table and write the form."""
-    refuse_inputs("--json", json_out, record, mode)
-    check_loads(forces, level)
-    read, described = load(record, mode, max_size)
-    report_findings(read, described, despite)
-    loads = damping.extrapolate(read, described, forces, level, seed=seed, despite=despite, progress=progress)
-    if json_out is not None:
-        write_plain(json_out, loads.to_json())
-    if json_out != "-":
+def extrapolate(asked: Asked, forces: Sequence[float], amplitudes: Sequence[float], level: float) -> None:
+    """Predict resonances at design forces or amplitudes, print the table and write the form."""
+    if bool(forces) == bool(amplitudes):
+        given = "both --force and --amplitude" if forces else "neither --force nor --amplitude"
+        raise InputError(given, expected="one of them, once or more")
+    check_loads(forces or amplitudes, level, "force" if forces else "amplitude")
+    read, described = asked.read()
+    how = {"amplitudes": amplitudes, "seed": asked.seed, "despite": asked.despite, "progress": progress}
+    loads = damping.extrapolate(read, described, forces, level, **how)
+    if asked.write(loads):
         print_loads(loads)
+        again = " ".join([*(f"--force {f:g}" for f in forces), *(f"--amplitude {a:g}" for a in amplitudes)])
+        suggest(
+            f"{asked.name('extrapolate')} {again} --json loads.json",
+            "damping export loads.json --to nastran --out damping.bdf   (a table a load level)",
+        )
 
 
 def print_loads(result: LoadsResult) -> None:
-    """The table for people, with the parts of the spread and what the weights rest on."""
+    """The tables for people, with the parts of the spread and what the weights rest on."""
     out, notes, mode = console(), Notes(), result.mode
-    loads, plan = result.extrapolation.loads, result.extrapolation.plan
-    length = f" [{mode.units.length}]" if mode.units.length else ""
-    headings = ("force", "times tested", "median", "low", "high", "linear", "linear over by %", "notes")
-    table = plain_table(f"{mode.name}: resonant amplitude{length}", headings)
-    shares = plain_table(
-        "Standard deviations in that, % of amplitude", ("force", *(p.replace("_", " ") for p in PARTS))
-    )
+    loads, plan, units = result.loads, result.extrapolation.plan, mode.units
+    by_force = loads.amplitude is None
+    asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
+    named = {"force": units.force, "amplitude": units.length}
+    first = f"{asked} {_bracket(named[asked])}".strip()
+    band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
+    table = plain_table(f"{mode.name}: {answer} at resonance {_bracket(named[answer])}".rstrip(), (first, *band))
+    damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
+    ratios = plain_table("Damping there; the low end is the one a load is sized with", (first, *damped))
+    shares = plain_table(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
-        over, low, high = (number(row[f"linear_overprediction_{end}"], 3) for end in ("percent", "low", "high"))
-        table.add_row(
-            f"{row['force']:g}",
-            f"{row['extrapolation_ratio']:.2f}",
-            *(number(row[name]) for name in ("median", "low", "high", "linear")),
-            f"{over} ({low} to {high})",
-            notes.numbers(cautions),
-        )
-        shares.add_row(f"{row['force']:g}", *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
-    out.print(table)
-    out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over models by weight.", highlight=False)
-    out.print(shares)
-    laws = ", ".join(f"{band.name} {band.weight:.2f}" for band in loads.by_model)
-    out.print(f"Laws by weight: {laws}.", highlight=False)
+        at = f"{row[asked]:g}"
+        ends = (row["median"], row["low"], row["high"], row["linear"])
+        over = number(row["linear_overprediction_percent"], 3)
+        table.add_row(at, number(row["extrapolation_ratio"], 3), *map(number, ends), over, notes.numbers(cautions))
+        zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
+        ratios.add_row(at, number(row["frequency"]), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
+        shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
+    for one in (table, ratios, shares):
+        out.print(one)
+    out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight.")
+    out.print(_name_laws(loads.by_model))
     if len(plan.trend.p):
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
-        out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.", highlight=False)
-    _print_what_if(result)
+        out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.")
+    if by_force:
+        _print_what_if(result)
     notes.show(out)
     show_cautions(out, result.cautions)
+
+
+def _name_laws(laws: Sequence[Band] | Sequence[Member]) -> str:
+    """The laws of largest weight in a line."""
+    ordered = sorted(laws, key=lambda law: -law.weight)
+    rest = len(ordered) - MOST_NAMED
+    more = f", and {rest} more" if rest > 0 else ""
+    return "Laws by weight: " + ", ".join(f"{law.name} {law.weight:.3f}" for law in ordered[:MOST_NAMED]) + more + "."
+
+
+def _bracket(unit: str) -> str:
+    return f"[{unit}]" if unit else ""
 
 
 def _print_what_if(result: LoadsResult) -> None:
     """Bands with other priors, and what to test next."""
-    out, further = console(), result.extrapolation.choose_next_level()
-    varied, forces = result.extrapolation.vary_priors(), result.extrapolation.loads.force
-    table = plain_table("The same with other priors", ("prior", "times", *(f"{force:g}" for force in forces)))
-    for (prior, factor), rows in varied.groupby(["prior", "factor"], sort=False):
-        ends = rows[["median", "low", "high"]].to_numpy(float)
-        bands = (f"{number(median)} ({number(low)} to {number(high)})" for median, low, high in ends)
-        table.add_row(str(prior), f"{factor:.2g}", *bands)
+    out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
+    varied = result.extrapolation.vary_priors()
+    headings = (f"force {_bracket(units.force)}".strip(), "prior times", "median", "low", "high")
+    table = plain_table(f"The same with other priors {_bracket(units.length)}".rstrip(), headings, ("prior",))
+    for row in varied.sort_values("force", kind="stable").to_dict("records"):
+        ends = (number(row[name]) for name in ("median", "low", "high"))
+        table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
     out.print(table)
     if further is not None:
         out.print(
-            f"One more level would shrink the band at {further.design:g} most at the force {further.force:.4g}: from "
-            f"high/low {further.width:.2f} to {further.expected:.2f} expected.",
-            highlight=False,
+            f"To test next: the force {further.force:.4g} {units.force}".rstrip()
+            + f". It would shrink the band at {further.design:g} {units.force}".rstrip()
+            + f" from high/low {further.width:.2f} to {further.expected:.2f} expected."
         )
+
+
+def curve(asked: Asked, amplitudes: Sequence[float], forces: Sequence[float], level: float) -> None:
+    """Damping ratio, Q and frequency against amplitude; print the table and write the form."""
+    for values, what in ((amplitudes, "amplitude"), (forces, "force")):
+        if values:
+            check_loads(values, level, what)
+    read, described = asked.read()
+    traced = damping.curve(
+        *(read, described, amplitudes, forces, level), seed=asked.seed, despite=asked.despite, progress=progress
+    )
+    if asked.write(traced):
+        print_curve(traced)
+        suggest(f"{asked.name('curve')} --json curve.json", "damping export curve.json --to nastran --out damping.bdf")
+
+
+def print_curve(result: CurveResult) -> None:
+    """The table for people."""
+    out, notes, units = console(), Notes(), result.mode.units
+    numbers = (
+        *(f"amplitude {_bracket(units.length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),
+        *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
+    )
+    table = plain_table(f"{result.mode.name}: damping of the resonance", numbers)
+    for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
+        zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
+        said = [caution for caution in cautions if not caution.startswith("beyond the test")]
+        table.add_row(
+            *(number(row[name]) for name in ("amplitude", "force", "frequency")),
+            *(number(z, 3) for z in zeta),
+            number(row["q"], 3),
+            "yes" if row["tested"] else "beyond",
+            notes.numbers(said),
+        )
+    out.print(table)
+    out.print(
+        f"low to high: {100 * result.curve.level:g} % predictive band, averaged over laws by weight. "
+        "The low end is the one a load is sized with. Loss factor = 1/Q."
+    )
+    out.print(_name_laws(result.extrapolation.members))
+    notes.show(out)
+    show_cautions(out, result.cautions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from damping.extrapolation.plan import Plan, load_candidates, plan_loads
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
+from damping.predict.measured import prepare
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit
@@ -97,7 +99,11 @@ def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] 
     inputs = []
     for one in settings.records:
         record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
-        inputs.append(Input(one, record, mode, observe(record), report_findings(record, mode, despite)))
+        findings = report_findings(record, mode, despite)
+        measured = prepare(record, mode)
+        for line in measured.said:
+            print(f"damping: {record.source}: {line}", file=sys.stderr)
+        inputs.append(Input(one, measured.record, measured.mode or mode, observe(measured.record), findings))
     return inputs
 
 

@@ -22,7 +22,7 @@ from damping_pipelines.store import plain, refuse_inputs, to_json
 
 
 def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False) -> None:
-    """Write ``report.html``, ``summary.json``, ``*.csv``, ``figures/*.svg``, ``posterior/*.nc`` and the manifest.
+    """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, ``figures/``, ``posterior/``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
     PNG too.
@@ -51,6 +51,7 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
             files[f"posterior/{name}.nc"] = to_netcdf(data)
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
     files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
+    files |= {f"{name}.html": page.encode() for name, page in rendered.pages.items()}
     files["summary.json"] = to_json(summary(study)).encode()
     files["report.html"] = rendered.html.encode()
     return files

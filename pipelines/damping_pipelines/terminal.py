@@ -12,12 +12,12 @@ import multiprocessing
 import os
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from textwrap import wrap
 
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table
+from rich.console import Console, ConsoleOptions
+from rich.text import Text
 
 from damping.progress import Advance
 from damping_pipelines import QUIET
@@ -78,7 +78,8 @@ class Notes:
     def show(self, console: Console) -> None:
         """Print the notes in order."""
         for caution, number in self._numbers.items():
-            console.print(f"{number:3d}  {caution}", highlight=False)
+            for line in wrap(caution, console.width, initial_indent=f"{number:3d}  ", subsequent_indent="     "):
+                console.print(line, soft_wrap=True)
 
 
 def show_cautions(console: Console, cautions: Iterable[str]) -> None:
@@ -87,14 +88,106 @@ def show_cautions(console: Console, cautions: Iterable[str]) -> None:
         console.print(f"Caution: {caution}.", highlight=False)
 
 
-def plain_table(title: str, right: Iterable[str], left: Iterable[str] = ()) -> Table:
-    """A table whose cells never wrap: ``left``-aligned headings first, then ``right``-aligned ones."""
-    table = Table(title=title, box=SIMPLE, title_justify="left")
-    for heading in left:
-        table.add_column(heading, no_wrap=True)
-    for heading in right:
-        table.add_column(heading, justify="right", no_wrap=True)
-    return table
+#: Characters between two columns of a table.
+_GAP = 2
+#: Characters that a name keeps at least.
+_LEAST_NAME = 14
+#: Width where standard output is no terminal and the environment names none: a log, a mail.
+WIDTH = 80
+
+
+class PlainTable:
+    """Rows of text under headings, never wider than the place they are shown in.
+
+    Where the width does not hold all, headings break at their spaces, then names are shortened, and last the columns of
+    numbers go on below under the names again. A number is whole or not there.
+
+    Attributes:
+        title: above the table. names, numbers: headings to the left, of text, and to the right. rows: cells; one of a
+            name may hold several lines.
+    """
+
+    def __init__(self, title: str, numbers: Sequence[str], names: Sequence[str] = ()) -> None:
+        self.title, self.names, self.numbers = title, tuple(names), tuple(numbers)
+        self.rows: list[tuple[str, ...]] = []
+
+    def add_row(self, *cells: str) -> None:
+        """A row: names, then numbers."""
+        self.rows.append(cells)
+
+    def __rich_console__(self, to: Console, options: ConsoleOptions) -> Iterator[Text]:
+        """Lines that fit the console."""
+        for line in self.fit(options.max_width):
+            yield Text(line, no_wrap=True, overflow="ignore")
+
+    def fit(self, width: int) -> list[str]:
+        """The lines of the table in ``width`` characters."""
+        count = len(self.names)
+        needed = [self._width(column) for column in range(count + len(self.numbers))]
+        least = [min(size, _LEAST_NAME) for size in needed[:count]]
+        blocks, room = [[]], width - sum(least) - _GAP * count
+        left = room
+        for column in range(count, len(needed)):
+            if blocks[-1] and left < needed[column] + _GAP:
+                blocks, left = [*blocks, []], room
+            blocks[-1].append(column)
+            left -= needed[column] + _GAP
+        lines = ["", *wrap(self.title, width)] if self.title else []
+        for number, block in enumerate(blocks):
+            free = width - sum(needed[column] + _GAP for column in block)
+            names = _share(needed[:count], least, free - _GAP * (count - 1))
+            widths = [*names, *(needed[column] for column in block)]
+            lines += [*([""] if number else []), *self._draw(block, widths)]
+        return lines
+
+    def _width(self, column: int) -> int:
+        """Of a name all of it; of a number its longest cell and the longest word of its heading."""
+        cells = [line for row in self.rows for line in row[column].split("\n")]
+        heading = [self.names[column]] if column < len(self.names) else self.numbers[column - len(self.names)].split()
+        return max((len(text) for text in (*cells, *heading)), default=0)
+
+    def _draw(self, block: Sequence[int], widths: Sequence[int]) -> list[str]:
+        count = len(self.names)
+        columns = [*range(count), *block]
+        headings = [*self.names, *(self.numbers[column - count] for column in block)]
+        wrapped = [wrap(text, size) if text else [""] for text, size in zip(headings, widths, strict=True)]
+        deep = max(map(len, wrapped), default=0)
+        cells = [[""] * (deep - len(lines)) + lines for lines in wrapped]
+        drawn = _set_lines(cells, widths, count)
+        drawn.append("  ".join("-" * size for size in widths))
+        for row in self.rows:
+            drawn += _set_lines([row[column].split("\n") for column in columns], widths, count)
+        return drawn
+
+
+def _set_lines(cells: Sequence[Sequence[str]], widths: Sequence[int], names: int) -> list[str]:
+    """The lines of a row of cells, names to the left and numbers to the right."""
+    lines = []
+    for number in range(max(map(len, cells), default=0)):
+        parts = []
+        for column, (lines_of, size) in enumerate(zip(cells, widths, strict=True)):
+            text = lines_of[number] if number < len(lines_of) else ""
+            parts.append(_shorten(text, size).ljust(size) if column < names else text.rjust(size))
+        lines.append((" " * _GAP).join(parts).rstrip())
+    return lines
+
+
+def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+    """Widths of names that ``room`` holds: the widest gives first, none gives more than to its least."""
+    widths = list(needed)
+    while sum(widths) > room and any(size > low for size, low in zip(widths, least, strict=True)):
+        widest = max(range(len(widths)), key=lambda i: widths[i] - least[i])
+        widths[widest] -= 1
+    return widths
+
+
+def _shorten(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: max(most - 1, 0)] + "…"
+
+
+def plain_table(title: str, right: Iterable[str], left: Iterable[str] = ()) -> PlainTable:
+    """A table of names, ``left`` their headings, and of numbers to the ``right`` of them."""
+    return PlainTable(title, tuple(right), tuple(left))
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -103,18 +196,27 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def console() -> Console:
-    """Standard output, wide enough for the tables where it is no terminal.
+    """Standard output; where it is no terminal as wide as ``COLUMNS`` says, else ``WIDTH``.
 
     Brackets are text: units stand in them, and names from files may.
     """
-    terminal = _Terminal(markup=False)
-    return terminal if terminal.is_terminal else _Terminal(width=140, markup=False)
+    terminal = _Terminal(markup=False, highlight=False)
+    if terminal.is_terminal or os.environ.get("COLUMNS", "").isdecimal():
+        return terminal
+    return _Terminal(width=WIDTH, markup=False, highlight=False)
 
 
 class _Terminal(Console):
     def on_broken_pipe(self) -> None:
         """Leave it to the command line to say it: here it would end without a word."""
         raise
+
+
+def suggest(*lines: str) -> None:
+    """Say which command is of use next; nothing with ``--quiet``."""
+    if not QUIET.get():
+        for number, line in enumerate(lines):
+            console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)
 
 
 def end_with_parent() -> None:

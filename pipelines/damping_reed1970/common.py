@@ -37,6 +37,8 @@ AGREEMENTS = {
     "2 per cent": "within 2 per cent",
     "no": "not within 2 per cent",
 }
+#: Those that count as right.
+CLOSE = ("printed digits", "last digit", "0.5 per cent")
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,8 @@ import pandas as pd
 from damping.extrapolation.prediction import Loads
 from damping.infer.diagnostics import load_arviz
 from damping.ranking import Ranking
-from damping.report.results import Exhibit
+from damping.report.page import Heading, Link, Links, Section, Text
+from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
 from damping_reed1970.chapter_2.page import chapter_2
 from damping_reed1970.chapter_3.page import chapter_3
@@ -29,7 +30,7 @@ from damping_reed1970.chapter_5.page import chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
 from damping_reed1970.chapter_6.page import chapter_6
-from damping_reed1970.common import ReportPart, chapter_of
+from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.errata import errata_part
 from damping_reed1970.gaps import diagnose_gaps, gaps_part
 from damping_reed1970.reproduction import reproduce, reproduction_part
@@ -69,12 +70,13 @@ def start(pool: Executor, seed: int) -> StartedReport:
 
 
 def exhibit(results: ReportResults) -> Exhibit:
-    """What the study gets: the page's sections, the summary's keys, the planar posteriors that were sampled."""
+    """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
     sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
     posteriors = {
         f"chapter-3--{_describe_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled
     }
     parts = report_parts(results)
+    pages = build_pages(parts)
     # in the list of files the picture of all printed numbers stands before those of the chapters
     figures = {
         name: one
@@ -82,7 +84,8 @@ def exhibit(results: ReportResults) -> Exhibit:
         for name, one in p.figures.items()
     }
     return Exhibit(
-        sections=[part.section for part in parts],
+        sections=[link_pages(pages, results.tables["reproduction"])],
+        pages=pages,
         figures={name: one.svg for name, one in figures.items()},
         drawings={name: one.draw for name, one in figures.items()},
         tables={**results.tables, **{name: table for part in parts for name, table in part.tables.items()}},
@@ -100,6 +103,34 @@ def report_parts(results: ReportResults) -> list[ReportPart]:
         reproduction_part(printed),
         errata_part(results.tables["errata"], printed),
     ]
+
+
+#: Folder of the pages of the reproduction, beside the report.
+FOLDER = "reproduction"
+
+
+def build_pages(parts: Sequence[ReportPart]) -> list[FurtherPage]:
+    """A page a part, with the way back to the report above its text and the other pages below."""
+    links = [Link(part.section.title, f"{part.section.id}.html") for part in parts]
+    back = Links([Link("Back to the report of the study", "../report.html")])
+    pages = []
+    for part, own in zip(parts, links, strict=True):
+        others = Links([link for link in links if link != own])
+        section = replace(part.section, blocks=[back, *part.section.blocks, Heading("Other pages"), others])
+        pages.append(FurtherPage(f"{FOLDER}/{section.id}", section.title, [section]))
+    return pages
+
+
+def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Section:
+    """The section of the report that leads to the pages, with how well the printed numbers come out."""
+    close = int(reproduction["agreement"].isin(CLOSE).sum())
+    said = (
+        f"{len(reproduction)} numbers that the report of 1970 prints as results were recomputed by its own recipes "
+        f"from its own tables; {close} agree to the print or within half a per cent. Chapter by chapter, with every "
+        "figure redrawn and every erratum proved:"
+    )
+    links = Links([Link(page.title, f"{page.file}.html") for page in pages])
+    return Section("source-report", "The report of 1970, recomputed", [Text(said), links])
 
 
 def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | None = None) -> dict[str, pd.DataFrame]:

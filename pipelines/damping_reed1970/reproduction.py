@@ -16,7 +16,7 @@ from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, s
 from damping.report.figures import Drawn
 from damping.report.page import Block, Fold, Section, Table, Text
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
-from damping_reed1970.common import AGREEMENTS, KNOWN, ReportPart, chapter_of, draw_block
+from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
@@ -83,7 +83,7 @@ def reproduce() -> list[Reproduction]:
 def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     """Every printed number: counts by chapter and agreement, the picture, and all rows."""
     known = KNOWN["reproduction"]
-    close = rows["agreement"].isin(["printed digits", "last digit", "0.5 per cent"])
+    close = rows["agreement"].isin(CLOSE)
     told = (rows["erratum"] != "") & ~close
     silent = int((~(close | told) & (rows["reason"] == "")).sum())
     blocks: list[Block] = [

@@ -20,6 +20,7 @@ _HOMES = {
     "Refused": "damping.errors",
     "check": "damping.api",
     "condition": "damping.api",
+    "curve": "damping.api",
     "diagnose": "damping.api",
     "extrapolate": "damping.api",
     "rank": "damping.api",

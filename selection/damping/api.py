@@ -12,9 +12,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.extrapolation import check_loads, extrapolate_loads
+from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation.curve import (
+    FARTHEST,
+    join_curves,
+    list_default_amplitudes,
+    predict_forces,
+    trace_loads,
+)
 from damping.extrapolation.near import near_resonance
 from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
@@ -22,7 +31,7 @@ from damping.gap.model import Simulate
 from damping.gap.problem import State
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
-from damping.predict.sweep_rate import as_steady
+from damping.predict.measured import Measured, as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -34,14 +43,7 @@ from damping.regression.design import list_required_columns, take_columns
 from damping.regression.program import regression
 from damping.regression.selecting import Choice
 from damping.regression.terms import list_columns_of, parse_terms
-from damping.result import (
-    ConditionResult,
-    DiagnosisResult,
-    LoadsResult,
-    RankingResult,
-    RegressionResult,
-    SweepResult,
-)
+from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 from damping.signals.description import Description
 from damping.signals.reading import check_raw, describe, read_description
 from damping.signals.uncertainty import condition_steps
@@ -98,39 +100,102 @@ def rank(
         AnalysisError: no candidate could be fitted.
     """
     findings = _admit(record, mode, despite)
-    data = observe(record)
+    measured = prepare(record, mode)
+    data = observe(measured.record)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
+        return RankingResult(rank_laws(data, seed, laws, done), measured.mode, findings, measured.said)
 
 
 @single_threaded
 def extrapolate(
     record: Record,
     mode: Mode,
-    forces: Sequence[float],
+    forces: Sequence[float] = (),
+    level: float = 0.9,
+    *,
+    amplitudes: Sequence[float] = (),
+    seed: int = SEED,
+    despite: Collection[str] = (),
+    progress: Progress = silent,
+) -> LoadsResult:
+    """Resonant amplitude at each force, or the force for each amplitude, as ``damping extrapolate`` predicts it.
+
+    Args:
+        forces: force amplitudes, in the unit of the record. amplitudes: asked the other way round, instead of forces.
+            level: content of the bands, between 0 and 1.
+
+    Raises:
+        InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
+        AnalysisError: the levels do not allow a prediction.
+    """
+    _check_modal(record, mode)
+    by_amplitude = len(_as_asked(amplitudes, "amplitude", level)) > 0
+    if by_amplitude and len(forces):
+        raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
+    asked = _as_asked(amplitudes if by_amplitude else forces, "amplitude" if by_amplitude else "force", level)
+    if not len(asked):
+        raise InputError("no list of forces", expected="one force amplitude > 0 or more")
+    findings, measured = _steady(record, mode, despite)
+    mode, data = measured.mode or mode, near_resonance(measured.record)
+    first = [float(data.tested_force.max())] if by_amplitude else asked
+    predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
+    if by_amplitude:
+        predicted = replace(predicted, loads=predict_forces(predicted, asked))
+    backbone = find_backbone(measured.record, mode, findings.implied)
+    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said)
+
+
+@single_threaded
+def curve(
+    record: Record,
+    mode: Mode,
+    amplitudes: Sequence[float] = (),
+    forces: Sequence[float] = (),
     level: float = 0.9,
     *,
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
-) -> LoadsResult:
-    """Resonant amplitude at each force, as ``damping extrapolate`` predicts it.
+) -> CurveResult:
+    """Damping ratio, Q and frequency at each amplitude and force, as ``damping curve`` tells them.
 
     Args:
-        forces: force amplitudes, in the unit of the record. level: content of the bands, between 0 and 1.
+        amplitudes, forces: where it is asked for; by default over the test and beyond it. level: content of the bands.
 
     Raises:
-        InputError: a force or a level that is none, or an argument of another kind.
+        InputError: an amplitude, a force or a level that is none, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
+    _check_modal(record, mode)
+    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
+    findings, measured = _steady(record, mode, despite)
+    mode, data = measured.mode or mode, near_resonance(measured.record)
+    first = under if len(under) else np.array(FARTHEST) * data.tested_force.max()
+    predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
+    if not len(at) and not len(under):
+        at = list_default_amplitudes(predicted)
+    asked = [predict_forces(predicted, at)] if len(at) else []
+    asked += [predicted.loads] if len(under) else []
+    backbone = find_backbone(measured.record, mode, findings.implied)
+    traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
+    return CurveResult(traced, predicted, mode, findings, measured.said)
+
+
+def _check_modal(record: object, mode: object) -> None:
     _check_kind(record, Record, "record")
     _check_kind(mode, Mode, "mode")
-    asked = check_loads(forces, level)
+
+
+def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:
+    """Forces or amplitudes that were asked as an array, which may be empty; InputError for one that is none."""
+    return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
+
+
+def _steady(record: Record, mode: Mode, despite: Collection[str]) -> tuple[Audit, Measured]:
+    """The audit of a record, and its steady states under a modal force."""
     findings = _admit(record, mode, despite)
-    steady, swept = as_steady(record, mode.mass, mode.frequency)
-    found = extrapolate_loads(near_resonance(steady), asked, level, seed, mode=mode, progress=progress)
-    return LoadsResult(found, mode, found.plan.data, findings, tuple(swept))
+    return findings, prepare(record, mode)
 
 
 @single_threaded
@@ -164,8 +229,9 @@ def diagnose(
         _check_kind(own, Record, "record of a state")
         _check_kind(state, Mode, "mode of a state")
         _admit(own, state, despite)
-    found = diagnose_gap(record, mode, states=states, simulate=simulate)
-    found = replace(found, cautions=(*map(str, findings.findings), *found.cautions))
+    forced, said = as_driven_by_force(record, mode)
+    found = diagnose_gap(record, forced, states=states, simulate=simulate)
+    found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
         return DiagnosisResult(found, audit=findings)
     with progress("posterior", 1) as done:

@@ -26,6 +26,7 @@ LAYERS = (
     "plots",
     "report",
     "result",
+    "answers",
     "api",
 )
 #: The houses and what each may import beside itself: nobody imports an exhibit but the exhibits and a hook.

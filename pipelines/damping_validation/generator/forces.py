@@ -1,6 +1,7 @@
 """What every effect declares: how it is drawn, what it does to the truth, and how a fit may look for it.
 
-Effects that are a force or a wrong parameter of the simulation.
+Effects of the structure: a force, a joint, a spring, a wrong parameter of the simulation, a further path from drive to
+sensor. A kind is named as the library of the diagnosis names its effect; what stands after a colon is a form of it.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy.special import gamma
 
+from damping_validation.generator.laws import TrueJoint, TrueLaw
 from damping_validation.generator.plan import Bench, Generator, force_unit, log_uniform
-from damping_validation.generator.structure import Structure, TrueJoint, TrueLaw, TrueRows
+from damping_validation.generator.structure import Side, Structure, TrueRows
 
 Shape: TypeAlias = tuple[float, ...]
 Truth: TypeAlias = tuple[Structure, TrueRows]
@@ -83,10 +86,10 @@ def _damping(law: str) -> Kind:
         unit = force_unit(law, bench.nominal.viscous, bench.nominal.omega, bench.A)
         return with_laws(truth, TrueLaw(law, size * unit))
 
-    return Kind(no_shape, apply, _friction_most if law == "coulomb" else lambda bench: 6.0)
+    return Kind(no_shape, apply, limit_friction if law == "coulomb" else lambda bench: 6.0)
 
 
-def _friction_most(bench: Bench) -> float:
+def limit_friction(bench: Bench) -> float:
     """Friction of half the lowest force, so that the mass keeps moving everywhere."""
     held = sum(coefficient for name, coefficient in bench.base if name == "coulomb")
     unit = force_unit("coulomb", bench.nominal.viscous, bench.nominal.omega, bench.A)
@@ -137,6 +140,111 @@ def _slip(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 
+_PARTS = 12
+
+
+def _iwan_shape(rng: Generator, bench: Bench) -> Shape:
+    """Power by which the parts' weights grow with their limits, and the largest limit over A."""
+    return (rng.uniform(-0.6, 0.3), log_uniform(rng, 0.3, 1.5))
+
+
+def _iwan(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    """A joint of 12 Jenkins elements in parallel with limits spread evenly (parallel-series Iwan joint)."""
+    structure, rows = truth
+    limits = (np.arange(_PARTS) + 0.5) / _PARTS
+    weights = limits ** shape[0] / np.sum(limits ** shape[0])
+    reach = limits * shape[1] * bench.A
+    joint = TrueJoint("jenkins", size * stiffness_unit(bench), tuple(reach.tolist()), tuple(weights.tolist()))
+    return replace(structure, joints=(*structure.joints, joint)), rows
+
+
+def _bouc_wen(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    structure, rows = truth
+    joint = TrueJoint("bouc-wen", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
+    return replace(structure, joints=(*structure.joints, joint)), rows
+
+
+def _power_shape(rng: Generator, bench: Bench) -> Shape:
+    """The exponent of the spring."""
+    return (float(rng.choice([1.5, 2.5, 4.0, 5.0])),)
+
+
+def _power_spring(way: float) -> Kind:
+    """A spring sign(q) |q|^p; size 1 shifts the resonance at A by xi: its average over A^p is 2 I(p + 1)/pi."""
+
+    def apply(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+        p = shape[0]
+        average = 2 / np.sqrt(np.pi) * gamma(p / 2 + 1) / gamma(p / 2 + 1.5)  # (2/pi) integral of sin^(p+1) over pi
+        unit = stiffness_unit(bench) / average / bench.A ** (p - 1)
+        return with_laws(truth, TrueLaw("power-spring", way * size * unit, p))
+
+    return Kind(_power_shape, apply, lambda bench: 4.0)
+
+
+def _planar_shape(rng: Generator, bench: Bench) -> Shape:
+    """Relative distance of the second plane's frequency, and its viscous damping over the first's."""
+    return (sign(rng) * bench.xi * log_uniform(rng, 0.6, 4.5), rng.uniform(0.8, 1.25))
+
+
+def _planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    """Two principal planes, the drive at an angle to the first whose squared sine is the size (report, 3.1.24-35)."""
+    structure, rows = truth
+    sine = float(np.sqrt(size))
+    zeta = shape[1] * structure.viscous / (2 * structure.mass * structure.omega)
+    cosine = float(np.sqrt(1 - size))
+    side = Side(structure.omega * (1 + shape[0]), zeta, sine, sine, across=cosine, loaded=True)
+    return replace(structure, share=cosine, across=-sine, sides=(*structure.sides, side)), rows
+
+
+def _list_planar_trials(bench: Bench) -> tuple[Shape, ...]:
+    return tuple((way * far * bench.xi, 1.0) for way in (-1.0, 1.0) for far in (0.8, 2.5))
+
+
+def _residual_shape(rng: Generator, bench: Bench) -> Shape:
+    """Sign; frequency ratio of a lower mode, a higher mode and a rigid-body motion; their weights (some 0)."""
+    places = (rng.uniform(0.35, 0.75), rng.uniform(1.35, 2.6), rng.uniform(0.03, 0.12))
+    weights = rng.dirichlet([1.0, 1.5, 0.7]) * rng.choice([0.0, 1.0], size=3, p=[0.3, 0.7])
+    if weights.sum() == 0.0:
+        weights = np.array([0.0, 1.0, 0.0])
+    return (sign(rng), *places, *(weights / weights.sum()).tolist())
+
+
+def _residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    """Other modes with .5 % damping; size 1 adds in phase at resonance as much as the resonance itself is high."""
+    structure, rows = truth
+    sides = []
+    for place, weight in zip(shape[1:4], shape[4:7], strict=True):
+        if weight:
+            seen = shape[0] * size * weight * abs(place**2 - 1) / (2 * bench.xi) * (1 if place > 1 else -1)
+            sides.append(Side(bench.nominal.omega * place, 0.005, 1.0, seen))
+    return replace(structure, sides=(*structure.sides, *sides)), rows
+
+
+def _list_residual_trials(bench: Bench) -> tuple[Shape, ...]:
+    return tuple((way, 0.55, 1.8, 0.05, low, 1 - low, 0.0) for way in (-1.0, 1.0) for low in (0.0, 1.0))
+
+
+def _second_shape(rng: Generator, bench: Bench) -> Shape:
+    """Relative distance of its frequency, its damping ratio over the main one's, and the sign of its motion."""
+    return (sign(rng) * bench.xi * log_uniform(rng, 1.0, 8.0), log_uniform(rng, 0.5, 2.0), sign(rng))
+
+
+def second_mode(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    """A close mode with its own mass: size is the main modal mass over its own, as seen between drive and sensor."""
+    structure, rows = truth
+    side = Side(bench.nominal.omega * (1 + shape[0]), bench.xi * shape[1], 1.0, shape[2] * size)
+    return replace(structure, sides=(*structure.sides, side)), rows
+
+
+def _list_second_trials(bench: Bench) -> tuple[Shape, ...]:
+    return tuple((far * bench.xi, 1.0, way) for way in (-1.0, 1.0) for far in (-3.0, 3.0))
+
+
+def _rigid_shape(rng: Generator, bench: Bench) -> Shape:
+    """As for other modes, all of it rigid-body motion or a fixture far below."""
+    return (sign(rng), 0.5, 2.0, rng.uniform(0.02, 0.2), 0.0, 0.0, 1.0)
+
+
 FORCE_KINDS = {
     "viscous-coefficient": Kind(either_sign, _viscous, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, both_signs),
     "displacement": _damping("displacement"),
@@ -145,7 +253,17 @@ FORCE_KINDS = {
     "quadratic-displacement": _damping("quadratic-displacement"),
     "coulomb-friction": _damping("coulomb"),
     "slip": Kind(slip_shape, _slip, lambda bench: 20.0, lambda bench: ((0.1,), (0.25,), (0.6,)), (0,)),
+    "slip:iwan": Kind(_iwan_shape, _iwan, lambda bench: 20.0),
+    "slip:smooth": Kind(slip_shape, _bouc_wen, lambda bench: 20.0),
     "stiffness-hardening": _stiffness(1.0),
+    "stiffness-hardening:power": _power_spring(1.0),
     "stiffness-softening": _stiffness(-1.0),
+    "stiffness-softening:power": _power_spring(-1.0),
     "natural-frequency": Kind(either_sign, _frequency, lambda bench: 5 * bench.xi / bench.tolerance[0], both_signs),
+}
+PATH_KINDS = {
+    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, _list_planar_trials, (0,)),
+    "second-mode": Kind(_second_shape, second_mode, lambda bench: 1.0, _list_second_trials, (0,)),
+    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0, _list_residual_trials),
+    "residual-modes:rigid": Kind(_rigid_shape, _residual, lambda bench: 1.0),
 }

@@ -6,13 +6,14 @@ Texts of the two files of a case.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from damping_validation.generator.laws import Array
 from damping_validation.generator.plan import Bench, Generator, log_uniform
-from damping_validation.generator.structure import Array, TrueRows
+from damping_validation.generator.structure import Complex, TrueRows, recorded
 
 _UNEVEN = 0.35  # standard deviation of the logarithm of a row's standard deviation, in the field
 _WILD = (5.0, 15.0)  # standard deviations
@@ -68,6 +69,35 @@ def columns(rows: TrueRows, noise: Noise, amplitude: Array, phase: Array) -> dic
         table["amplitude_sd"] = [f"{sd:.3g}" for sd in noise.share * amplitude]
     if noise.shown and noise.has_phase:
         table["phase_sd"] = [f"{sd:.3g}" for sd in noise.phase]
+    return table
+
+
+#: Noise of the third harmonic and of the motion across the axis, of the largest amplitude read.
+THIRD_FLOOR = 3e-4
+ACROSS_FLOOR = 3e-3
+
+
+def further_columns(
+    rng: Generator, columns: tuple[str, ...], rows: TrueRows, third: Complex, across: Complex, largest: float
+) -> dict[str, list[str]]:
+    """Texts of the further ``columns`` of a bench, of phasors without noise; ``largest`` amplitude of the test."""
+    table: dict[str, list[str]] = {}
+    plain = replace(rows, leak=0.0 * rows.leak, quantum=0.0)
+    for channel, axis, phasor, floor, order in (
+        ("third", "3", third, THIRD_FLOOR, 3),
+        ("across", "y", across, ACROSS_FLOOR, 1),
+    ):
+        if channel in columns:
+            noise = floor * largest * (rng.normal(size=phasor.size) + 1j * rng.normal(size=phasor.size)) / np.sqrt(2)
+            amplitude, phase = recorded(phasor + noise, plain, order)
+            table[f"amplitude_{axis}"] = [f"{a:.4g}" for a in amplitude]
+            table[f"phase_{axis}"] = [f"{p:.4f}" for p in phase]
+    if "added" in columns:
+        table["added_mass"] = [f"{mass:.6g}" for mass in rows.added]
+    if "rate" in columns:
+        table["sweep_rate"] = [f"{rate / (2 * np.pi):.6g}" for rate in rows.rate]
+    if "time" in columns:
+        table["time"] = [f"{time:.7g}" for time in rows.time]
     return table
 
 

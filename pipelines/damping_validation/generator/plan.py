@@ -10,7 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping_validation.generator.structure import Array, Structure, TrueLaw, TrueRows, plain_rows
+from damping_validation.generator.laws import Array, TrueLaw
+from damping_validation.generator.structure import Structure, TrueRows, chosen_rows, joined_rows, plain_rows
 
 Generator: TypeAlias = np.random.Generator
 
@@ -59,6 +60,12 @@ def _forces(rng: Generator, field: bool, top: float, at_least: int) -> Array:
 #: Damping forces that a simulation may hold beside viscous damping (a force's name is that of its law).
 BASE_LAWS = ("coulomb", "displacement", "displacement-velocity", "quadratic-displacement", "velocity-squared")
 
+#: Further channels and facts of a record, and how often it has them: third harmonic, motion across the measured axis,
+#: a second state with added mass, the rate of the sweep, the time of each row.
+FURTHER = {"third": 0.2, "across": 0.15, "added": 0.15, "rate": 0.15, "time": 0.4}
+#: Mass added for the second state, of the modal mass.
+ADDED = 0.2
+
 Deviation = tuple[float, float, float]
 
 
@@ -69,7 +76,8 @@ class Bench:
     Tolerances and deviations are those of frequency, mass and viscous coefficient. ``base`` is the simulated damping
     beside viscous, force name and coefficient. ``scatter`` is the standard uncertainty of gain and frequency from sweep
     to sweep, 0 without. ``A`` is the resonant amplitude at the highest force if all damping were viscous, ``xi`` the
-    nominal damping ratio.
+    nominal damping ratio. ``columns`` are what the record holds beside force, frequency, amplitude and phase, of
+    ``FURTHER``.
     """
 
     nominal: Structure
@@ -81,6 +89,7 @@ class Bench:
     scatter_declared: bool
     A: float
     xi: float
+    columns: tuple[str, ...] = ()
 
     def truth(self) -> Structure:
         """The structure with its true deviations from the simulation."""
@@ -103,9 +112,30 @@ def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels:
     spread = (log_uniform(rng, 0.006, 0.016), min(xi * rng.uniform(0.03, 0.12), 1e-3)) if scatter else (0.0, 0.0)
     declared = scatter and bool(rng.random() < 0.75)
     base = _base_laws(rng, viscous, omega, A, float(np.min(rows.force)))
+    columns = tuple(name for name, chance in FURTHER.items() if rng.random() < chance)
+    if "added" in columns:
+        rows = joined_rows(rows, _load(rows, ADDED * mass, mass))
     laws = tuple(TrueLaw(name, coefficient) for name, coefficient in base)
     nominal = Structure(mass, omega, viscous, laws)
-    return Bench(nominal, tolerance, (f, m, c), base, _scattered(rng, rows, spread), spread, declared, A, xi)
+    rows = scatter_rows(rng, rows, spread)
+    return Bench(nominal, tolerance, (f, m, c), base, rows, spread, declared, A, xi, columns)
+
+
+def _load(rows: TrueRows, added: float, mass: float) -> TrueRows:
+    """The sweep of the highest force once more, after all others, with mass added and its frequencies as much lower."""
+    top = chosen_rows(rows, rows.sweep == rows.sweep[np.argmax(rows.force)])
+    omega = top.omega / np.sqrt(1 + added / mass)
+    heavier = plain_rows(np.full(omega.size, rows.sweep.max() + 1), top.force, omega, rows.up)
+    return replace(heavier, added=np.full(omega.size, added), time=rows.time[-1] + heavier.time)
+
+
+def move_frequency(bench: Bench, share: float) -> Bench:
+    """The bench with a frequency that moves, at ``share`` of the half-power half-width squared, and says so."""
+    rows = bench.rows
+    rate = (1.0 if rows.up else -1.0) * share * (bench.xi * bench.nominal.omega) ** 2
+    steps = np.abs(np.diff(rows.omega, prepend=rows.omega[:1])) / abs(rate)
+    moving = replace(rows, rate=np.full(rows.omega.size, rate), time=np.cumsum(steps))
+    return replace(bench, rows=moving, columns=("rate", "time"))
 
 
 def without_base(bench: Bench) -> Bench:
@@ -134,7 +164,7 @@ def force_unit(kind: str, viscous: float, omega: float, A: float) -> float:
     return float(np.pi * viscous * A**2 * omega / loss)
 
 
-def _scattered(rng: Generator, rows: TrueRows, spread: tuple[float, float]) -> TrueRows:
+def scatter_rows(rng: Generator, rows: TrueRows, spread: tuple[float, float]) -> TrueRows:
     """Gain and natural frequency of each sweep drawn about their means."""
     count = int(rows.sweep.max()) + 1
     gain, tune = (1 + sd * rng.normal(size=count) for sd in spread)

@@ -16,8 +16,7 @@ from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
-from damping.formats.headers import parse_header
-from damping.formats.layout import find_layout
+from damping.formats.headers import find_layout, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions

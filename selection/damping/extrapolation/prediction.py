@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.extrapolation.draws import Member, Spread, draw_spread, pool
+from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
 from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
@@ -113,6 +113,7 @@ class Loads:
         overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
             interval's ends. ratio: force over the largest tested force. cautions: one tuple a force.
         limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
+        amplitude: where amplitudes were asked, these; ``force`` then holds medians, and the bands are of force.
     """
 
     force: FloatArray
@@ -127,6 +128,7 @@ class Loads:
     ratio: FloatArray
     cautions: tuple[tuple[str, ...], ...]
     limit: float = np.inf
+    amplitude: FloatArray | None = None
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
@@ -142,15 +144,18 @@ def predict(
     seed: int,
     plan: Plan | None = None,
     repeatability: float = 0.0,
+    spreads: Sequence[Spread] | None = None,
 ) -> Loads:
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
     Args:
         data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
+        spreads: draws at ``force``, where they were made before.
     """
+    if spreads is None:
+        spreads = draw_spreads(members, force, data, repeatability, seed)
     rng = np.random.default_rng(seed)
-    spreads = [draw_spread(member, force, data, repeatability, rng) for member in members]
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)

@@ -14,10 +14,12 @@ from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.model import Simulate
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.problem import (
+    NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
@@ -29,7 +31,6 @@ from damping.gap.problem import (
 )
 from damping.gap.rows import read_rows, spread
 from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
-from damping.gap.corrected import list_ends
 from damping.gap.size import (
     Gap,
     HeldOut,
@@ -316,10 +317,10 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
 
 
 def _much_the_same(one: Setting, other: Setting) -> bool:
-    """Whether two settings have the same noise within a tenth."""
+    """Whether two settings have the same noise within what is integrated over anyway."""
     a, b = one.problem.rows, other.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    return bool(np.sqrt(np.mean(changes**2)) < 0.1)
+    return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)
 
 
 def _describe_unit_caution(name: str, factor: float) -> str:

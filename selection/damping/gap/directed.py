@@ -22,8 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
@@ -83,6 +82,8 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, len(inner)) * span)
     knots = np.concatenate([[inner[0]] * 2, inner, [inner[-1]] * 2])
     place = np.clip(x if at is None else at, inner[0], inner[-1])
+    from scipy.interpolate import BSpline  # noqa: PLC0415 - slow to import
+
     return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
@@ -182,13 +183,13 @@ def _linear(one: ModelFit, name: str, D: FloatArray) -> Test:
     seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
     gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))
     freedom = int(seen.sum())
-    return Test(name, gain, freedom, float(chi2.sf(gain, freedom)) if freedom else 1.0)
+    return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
 def _clipped(one: ModelFit) -> tuple[FloatArray, float, float]:
     """Squares of clipped residuals with their mean and standard deviation under noise."""
     x = np.linspace(-8.0, 8.0, 4001)
-    p = norm.pdf(x) * (x[1] - x[0])
+    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
     square = np.minimum(x * x, CLIP**2)
     mean = float(p @ square)
     return np.minimum(one.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
@@ -208,7 +209,7 @@ def _windows(one: ModelFit) -> Test:
             z = (total[width:] - total[:-width]) / np.sqrt(width * quantities)
             best, tried = max(best, float(z.max())), tried + 2 * len(z) // width
     freedom = min(_WINDOWS) * quantities
-    p = chi2.sf(freedom + best * np.sqrt(2.0 * freedom), freedom)  # skew as a sum of so many squares
+    p = chdtrc(freedom, freedom + best * np.sqrt(2.0 * freedom))  # skew as a sum of so many squares
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 
@@ -219,7 +220,7 @@ def _neighbours(one: ModelFit) -> Test:
     same = rows.sweep[1:] == rows.sweep[:-1]
     product = (r[:, 1:] * r[:, :-1])[:, same]
     z = float(product.sum() / np.sqrt(max(product.size, 1)))
-    return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(norm.sf(z)))
+    return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(ndtr(-z)))
 
 
 def unexplained(one: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:

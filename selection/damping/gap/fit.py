@@ -279,9 +279,7 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
         pairs = [((scatter.amplitude, scatter.frequency), 1.0)]
         first = replace(scatter, dispersion=dispersion)
     else:
-        pairs = [
-            ((a, f * bandwidth), p_a * p_f) for (a, p_a), (f, p_f) in product(AMPLITUDE_GRID, FREQUENCY_GRID)
-        ]
+        pairs = [((a, f * bandwidth), p_a * p_f) for (a, p_a), (f, p_f) in product(AMPLITUDE_GRID, FREQUENCY_GRID)]
         first = Scatter(0.003, 0.03 * bandwidth, 1.0, dispersion)
     p_pair, p_correlation = (np.array([p for _, p in part]) for part in (pairs, correlations))
     log_prior = np.log(p_pair[:, np.newaxis, np.newaxis] * p_correlation[:, np.newaxis] * p_noise)

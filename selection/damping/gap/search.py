@@ -122,8 +122,11 @@ _AGAIN_SIMPLE = 3
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
-#: Forms of one effect that are fitted: those of the largest linear gain, none of which is far behind the first.
+#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
+_MOST_FORMS_BESIDE = 3
+#: Modes of a hypothesis that are gone on from.
+_MOST_BASES = 2
 _FAR = 0.2
 _ROUGH = 1.5
 _SLIGHT = 0.2
@@ -268,9 +271,11 @@ class Search:
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
         candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
         count = len(candidates)
-        candidates = [t for t in candidates[:_MOST_FORMS] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
+        most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
+        candidates = [t for t in candidates[:most] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
-        found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
+        near = base.near[:_MOST_BASES]
+        found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
             top = max(one.log_evidence for one in found)
             near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from damping.arrays import BoolArray, FloatArray
 from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
@@ -216,7 +216,7 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
         return None, None, None
     gained = before**2 - 1.0
     error = np.hypot(after**2, (1.0 - middle) * before**2) * np.sqrt(2.0 / values) / gained
-    reach = float(norm.ppf(0.5 + 0.5 * CONTENT) * error)
+    reach = float(ndtri(0.5 + 0.5 * CONTENT) * error)
     raw = 1.0 - (after**2 - 1.0) / gained
     return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
 

@@ -76,6 +76,7 @@ def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
     delta = np.diff(strays, axis=1) / step
-    slope = np.clip(q * np.exp(np.where(delta > 0.0, STEEPER, 1.0) * delta / q), *SLOPES)
+    grown = np.minimum(np.where(delta > 0.0, STEEPER, 1.0) * delta / q, 10.0)  # far beyond ``SLOPES``
+    slope = np.clip(q * np.exp(grown), *SLOPES)
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)

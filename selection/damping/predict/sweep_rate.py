@@ -18,8 +18,6 @@ from math import log, pi
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
@@ -131,6 +129,8 @@ def correct_rate(record: Record, mass: float) -> Record:
 def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     rows = rows.sort_values("frequency").reset_index(drop=True)
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
+    if not rows["sweep_rate"].any():
+        return rows
     if len(rows) < _FEWEST:
         raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
@@ -146,6 +146,8 @@ def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
     size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
     logarithm = np.log(size) - 1j * np.unwrap(lag)
     a = np.exp(logarithm)
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as below
+
     return a, a * CubicSpline(w, logarithm)(w, 1)
 
 
@@ -185,6 +187,8 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
             rest = np.log(envelope(f, rate, force, mass, f_n, ratio, growth)[near] / a[near])
             parts += [rest.real, rest.imag]
         return np.concatenate(parts)
+
+    from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
     found = least_squares(
         left,
@@ -226,6 +230,8 @@ def _steady_misfit(
         return np.concatenate(parts)
 
     bounds = ([-0.05, log(1e-4), -0.5, -0.5], [0.05, log(0.3), 20.0, 0.5])
+    from scipy.optimize import least_squares  # noqa: PLC0415 - as above
+
     found = least_squares(left, [0.0, log(0.01), 0.5, 0.0], bounds=bounds, x_scale=[0.002, 0.2, 0.5, 0.01])
     return float(np.sqrt(np.mean(found.fun**2)))
 
@@ -247,10 +253,10 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     if not record.has_phase:
         return record, ()
     if "sweep_rate" in record.table.columns:
-        rates = np.abs(record.table["sweep_rate"].to_numpy(dtype=float))
-        if not np.isfinite(rates).all() or not rates.any():
+        known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
+        if not known["sweep_rate"].any():
             return record, ()
-        return correct_rate(record, mass), (
+        return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",
         )
     counts = record.table.groupby("sweep")["force"].size()

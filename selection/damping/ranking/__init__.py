@@ -175,7 +175,7 @@ def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int
     """The row of a group of equivalent laws with its score; what cannot be done becomes a caution."""
     fit, names = group[0], tuple(other.law.name for other in group[1:])
     try:
-        weighed = estimate(fit.coordinates, data, seed)
+        weighed = estimate(fit.coordinates, data, seed, fit)
     except AnalysisError as error:
         return Candidate(fit.law, cautions=(str(error),), equivalents=names)
     return Candidate(

@@ -89,6 +89,9 @@ LARGEST_RATIO = 0.5
 OTHER_SYSTEM = 3.0
 #: Between 2 and that, where it is so near (in the logarithm) to a known factor.
 NEAR_FACTOR = 0.05
+#: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
+LARGEST_PARTICIPATION = 3.0
+SMALLEST_PARTICIPATION = 0.003
 #: The same where the resonance is bent and has no phases: its parabola is off by a factor of 2 to 3.
 OTHER_SYSTEM_BENT = 5.0
 
@@ -106,10 +109,15 @@ def check_units(view: View) -> Finding | None:
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     wrong = None if bent else guess_unit(ratio)
+    if view.mode.drive == "base" and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION:
+        wrong = None
     impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
     if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
-    parts = [] if np.isnan(ratio) else [f"the rows imply {ratio:.4g} times the mass of the mode file"]
+    implied = f"{ratio:.4g} times the mass of the mode file"
+    if view.mode.drive == "base":
+        implied = f"a participation of {1.0 / ratio:.4g}, shape included"
+    parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
     name = name_factor(ratio) if wrong else name_damping_factor(view, zeta)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
@@ -164,7 +172,7 @@ def check_beyond_model(view: View) -> Finding | None:
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
     far_mass = FAR_MASS if all(lag is not None for lag in view.lags) else FAR_MASS_WITHOUT_PHASE
-    base = getattr(view.mode, "drive", "force") == "base"
+    base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))

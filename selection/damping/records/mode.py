@@ -17,6 +17,9 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
+#: What shakes a structure: a force, or the motion of its base.
+DRIVES = ("force", "base")
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -70,8 +73,10 @@ class Mode:
     ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``source`` says where it is from, for messages. The tables may be given as in a mode file: mappings,
-    and a bare coefficient of a force that has no other parameter.
+    parameters. ``drive`` is ``force``, or ``base`` where the base's acceleration stands in the column ``force`` and the
+    motion relative to it in ``amplitude``; the mass then counts for nothing but its damping forces. ``source`` says
+    where it is from. The tables may be given as in a mode file: mappings, and a bare coefficient of a force that
+    has no other parameter.
 
     Raises:
         InputError: what :func:`read_mode` refuses.
@@ -80,6 +85,7 @@ class Mode:
     name: str
     frequency: float
     mass: float
+    drive: str = "force"
     tolerance: Tolerance = Tolerance()
     repeatability: Repeatability = Repeatability()
     units: Units = Units()
@@ -90,7 +96,7 @@ class Mode:
 
     def __post_init__(self) -> None:
         written = {
-            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "tolerance")},
+            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")},
             **{name: getattr(self, name) for name in ("repeatability", "units", "rig", "damping", "effects")},
         }
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
@@ -118,13 +124,17 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
     top.only("mode", "repeatability", "units", "rig", "damping", "effects")
     mode = top.table("mode", required=True)
-    mode.only("name", "frequency", "mass", "tolerance")
+    mode.only("name", "frequency", "mass", "drive", "tolerance")
+    drive = mode.text("drive", default="force")
+    if drive not in DRIVES:
+        raise mode.error("drive", f"is {drive!r}", '"force" or "base"')
     units = top.table("units")
     units.only("force", "length", "time")
     return {
         "name": mode.text("name", default=name),
         "frequency": mode.number("frequency", above=0.0),
-        "mass": mode.number("mass", above=0.0),
+        "mass": mode.number("mass", above=0.0, default=1.0 if drive == "base" else None),
+        "drive": drive,
         "tolerance": _tolerance(mode.table("tolerance")),
         "repeatability": _repeatability(top.table("repeatability")),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
@@ -201,7 +211,8 @@ def _number(table: TomlTable, key: str, shape: Shape) -> float:
 def describe_mode_to_toml(mode: Mode) -> str:
     """The TOML file of a mode; reading it gives the same mode (but for ``source``), to the last digit."""
     groups = {
-        "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass},
+        "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass}
+        | ({"drive": mode.drive} if mode.drive != "force" else {}),
         "mode.tolerance": {key: value for key, value in vars(mode.tolerance).items() if value is not False},
         "repeatability": {key: value for key, value in vars(mode.repeatability).items() if value is not None},
         "units": {key: unit for key, unit in vars(mode.units).items() if unit},

@@ -198,7 +198,7 @@ class View:
             mass.setdefault(run.sweep, []).append(value)
         implied = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
         implied["mass"] = [take_median(mass.get(sweep, [])) for sweep in table["sweep"]]
-        stated = self.mode.mass if self.mode else np.nan
+        stated = self.mode.mass if self.mode and self.mode.drive == "force" else np.nan
         used = self.right.masses(stated)[table["row"].to_numpy()] if len(table) else np.array([])
         used = np.where(np.isnan(used), implied["mass"], used)
         omega = RAD_S_PER_HZ * implied["frequency"]
@@ -212,7 +212,7 @@ class View:
             return float("nan")
         own = self.record.masses(self.mode.mass)
         stated = np.array([float(np.median(own[run.rows])) for run in self.runs])
-        if getattr(self.mode, "drive", "force") == "base":
+        if self.mode.drive == "base":
             stated = np.ones(len(self.runs))
         return take_median(self.masses / stated)
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.extrapolation.what_if import NextLevel
@@ -101,11 +102,15 @@ def _list_forces(candidate: Candidate) -> list[Form]:
 _PART = "sd_percent_"
 
 
-def tabulate_loads(loads: Loads) -> pd.DataFrame:
-    """A row a force with the keys of ``loads/1``: averaged over models, with the linear prediction beside it."""
+def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
+    """A row a force (or amplitude, where these were asked) with the keys of ``loads/1``: averaged over models.
+
+    The linear prediction stands beside; with ``curve`` the frequency and the damping ratio there.
+    """
+    asked = {"force": loads.force} if loads.amplitude is None else {"amplitude": loads.amplitude}
     return pd.DataFrame(
         {
-            "force": loads.force,
+            **asked,
             "extrapolation_ratio": loads.ratio,
             "median": loads.average.median,
             "low": loads.average.low,
@@ -117,9 +122,21 @@ def tabulate_loads(loads: Loads) -> pd.DataFrame:
             "linear_overprediction_low": loads.overprediction_low,
             "linear_overprediction_high": loads.overprediction_high,
             **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
+            **({name: curve.table[name] for name in _CURVE_COLUMNS} if curve else {}),
             "cautions": ["; ".join(said) for said in loads.cautions],
         }
     )
+
+
+#: Columns of a curve that predictions hold too.
+_CURVE_COLUMNS = (
+    "frequency",
+    "frequency_low",
+    "frequency_high",
+    "damping_ratio",
+    "damping_ratio_low",
+    "damping_ratio_high",
+)
 
 
 def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
@@ -135,7 +152,7 @@ def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
 
 
 #: Keys of a prediction of ``loads/1`` before and after the parts of its spread.
-_LOAD_KEYS = ("force", "median", "low", "high", "credible_low", "credible_high")
+_LOAD_KEYS = ("median", "low", "high", "credible_low", "credible_high")
 _LINEAR_KEYS = (
     "linear",
     "linear_overprediction_percent",
@@ -145,16 +162,20 @@ _LINEAR_KEYS = (
 )
 
 
-def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
+def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = None) -> Form:
     """The form ``loads/1``; credible bands and the parts of the predictive spread (per cent) are extra keys.
 
-    With ``plan`` what the weights rest on, the local exponents and the limit as well.
+    With ``plan`` what the weights rest on, the local exponents and the limit as well; with ``curve``, whose rows are
+    those of the loads, frequency and damping ratio.
     """
+    asked = "force" if loads.amplitude is None else "amplitude"
     predictions = [
         {
+            asked: row[asked],
             **{key: row[key] for key in _LOAD_KEYS},
             "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
             **{key: row[key] for key in _LINEAR_KEYS},
+            **(_list_ratio_keys(curve, i) if curve else {}),
             "cautions": list(loads.cautions[i]),
             "by_model": [
                 {"name": b.name, "weight": b.weight, "median": b.median[i], "low": b.low[i], "high": b.high[i]}
@@ -165,6 +186,29 @@ def loads_form(loads: Loads, plan: Plan | None = None) -> Form:
     ]
     form: Form = {"format": "loads/1", "level": loads.level, "predictions": predictions}
     return {**form, **_plan_keys(plan)} if plan else form
+
+
+def _list_ratio_keys(curve: Curve, row: int) -> Form:
+    """Frequency with its band, and damping ratio, of a row."""
+    f = curve.frequency.form(row)
+    ends = {"frequency": f["median"], "frequency_low": f["low"], "frequency_high": f["high"]}
+    return {**ends, "damping_ratio": curve.damping_ratio.form(row)}
+
+
+def curve_form(curve: Curve) -> Form:
+    """The form ``curve/1``; bands of amplitude, force and frequency, and cautions of a row, are extra keys."""
+    table = curve.table
+    rows = [
+        {
+            **{name: row[name] for end in ("", "_low", "_high") for name in (f"amplitude{end}", f"force{end}")},
+            **_list_ratio_keys(curve, i),
+            "q": curve.q.form(i),
+            "tested": bool(row["tested"]),
+            "cautions": list(curve.cautions[i]),
+        }
+        for i, row in enumerate(table.to_dict("records"))
+    ]
+    return {"format": "curve/1", "level": curve.level, "rows": rows}
 
 
 def _plan_keys(plan: Plan) -> Form:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.terms import Drive, Terms, complex_stiffness
@@ -237,7 +237,7 @@ def _tabulate_free_curves(leading: ModelFit, explained: pd.DataFrame) -> pd.Data
     """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
     free = free_form(leading)
     f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))
-    reach = float(norm.ppf(0.95))
+    reach = float(ndtri(0.95))
     return pd.DataFrame(
         {
             "model": "free",

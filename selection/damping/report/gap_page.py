@@ -104,7 +104,8 @@ def describe_following(diagnosis: Diagnosis) -> str:
     test = diagnosis.next_test
     runs = "; ".join(
         f"{row['points']:g} points from {number(row['frequency_low'], 4)} to {number(row['frequency_high'], 4)} Hz at "
-        f"force {number(row['force'], 3)}" + (f", added mass {number(row['added_mass'], 3)}" if row["added_mass"] else "")
+        f"force {number(row['force'], 3)}"
+        + (f", added mass {number(row['added_mass'], 3)}" if row["added_mass"] else "")
         for row in test.rows
     )
     return (

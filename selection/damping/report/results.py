@@ -66,13 +66,27 @@ class RecordResult:
 
 
 @dataclass(frozen=True)
+class FurtherPage:
+    """A page of its own beside the report, in the same frame.
+
+    Attributes:
+        file: its address from the folder of the report, without the ending (``reproduction/chapter-2``).
+    """
+
+    file: str
+    title: str
+    sections: Sequence[Section]
+
+
+@dataclass(frozen=True)
 class Exhibit:
     """What joins a study beside its records, such as the reproduction of a report.
 
     Files are named without their endings.
 
     Attributes:
-        sections: of the page.
+        sections: of the report's page.
+        pages: of its own, which one of the sections links.
         figures: SVG by file.
         drawings: how each of the figures is drawn, for other formats.
         tables: by file.
@@ -86,6 +100,7 @@ class Exhibit:
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
     posteriors: Mapping[str, Any] = field(default_factory=dict)
+    pages: Sequence[FurtherPage] = ()
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,12 @@ from damping.report.tables import record_tables
 
 @dataclass(frozen=True)
 class Rendered:
-    """``html``: the page. ``tables`` and ``figures`` (SVG) by the name of their file, without its ending."""
+    """``html``: the page. ``tables``, ``figures`` (SVG), ``pages`` (HTML): by the name of their file without ending."""
 
     html: str
     tables: dict[str, pd.DataFrame]
     figures: dict[str, str]
+    pages: dict[str, str]
 
 
 def render(study: StudyResult) -> Rendered:
@@ -40,7 +41,9 @@ def render(study: StudyResult) -> Rendered:
         figures |= exhibit.figures
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
     footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
-    return Rendered(describe_page(study.title, sections, footer), tables, figures)
+    further_pages = [page for exhibit in study.exhibits for page in exhibit.pages]
+    pages = {page.file: describe_page(page.title, page.sections, footer) for page in further_pages}
+    return Rendered(describe_page(study.title, sections, footer), tables, figures, pages)
 
 
 def _figures(study: StudyResult) -> dict[str, str]:

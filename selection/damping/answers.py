@@ -1,0 +1,283 @@
+"""What laws say of a record: the ranking of them, the loads they predict, and the curve of damping ratio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import FloatArray, plain
+from damping.errors import InputError
+from damping.extrapolation import Extrapolation, sample_candidate
+from damping.extrapolation.backbone import Backbone
+from damping.extrapolation.curve import Curve, trace_loads
+from damping.extrapolation.prediction import Loads
+from damping.infer.chains import Posterior
+from damping.infer.checks import inference_data
+from damping.infer.law import Law
+from damping.infer.observations import Observations
+from damping.progress import single_threaded
+from damping.ranking import Candidate, Ranking
+from damping.records.audit import Audit
+from damping.records.keys import describe_nearest
+from damping.records.mode import Mode
+from damping.report import forms
+from damping.result import MOST_SHOWN, Result, list_findings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Points of the curves of a drawing of loads.
+GRID = 60
+
+
+@dataclass(frozen=True, eq=False)
+class LawSample:
+    """Posterior draws of a law: ``posterior`` with its diagnoses, and the rows ``data`` it was given."""
+
+    posterior: Posterior
+    data: Observations
+
+    @property
+    def draws(self) -> dict[str, FloatArray]:
+        """Draws of each physical parameter, (ensembles, kept)."""
+        return self.posterior.parameters()
+
+    def to_arviz(self) -> Any:
+        """The draws as an arviz ``InferenceData``; chains are the independent ensembles."""
+        return inference_data(self.posterior, self.data)
+
+
+@dataclass(frozen=True, eq=False)
+class RankedLaw:
+    """A law of a ranking: its row ``candidate``, and the rows ``data`` it was fitted to."""
+
+    candidate: Candidate
+    data: Observations
+
+    @property
+    def law(self) -> Law:
+        """The law itself."""
+        return self.candidate.law
+
+    @single_threaded
+    def sample(self, seed: int = 1) -> LawSample:
+        """Chains of the law's posterior, run until every parameter is known.
+
+        Raises:
+            InputError: the law could not be fitted, so there is nothing to sample.
+        """
+        if self.candidate.evidence is None:
+            raise InputError(f"{self.law.name} could not be fitted", expected="a law with a rank")
+        return LawSample(sample_candidate(self.candidate, self.data, self.data.tested_force, seed), self.data)
+
+    def to_arviz(self, seed: int = 1) -> Any:
+        """Its sample as an arviz ``InferenceData``."""
+        return self.sample(seed).to_arviz()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RankingResult(Result):
+    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before."""
+
+    ranking: Ranking
+    mode: Mode | None = None
+    audit: Audit | None = None
+    said: tuple[str, ...] = ()
+
+    def __getitem__(self, law: str) -> RankedLaw:
+        """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
+        asked = set(str(law).split(" + "))
+        for candidate in self.ranking.candidates:
+            if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
+                return RankedLaw(candidate, self.ranking.data)
+        names = [candidate.name for candidate in self.ranking.candidates]
+        raise InputError(
+            f"no law {law!r}", expected=f"{describe_nearest(str(law), names)} or another of the column law"
+        )
+
+    def __len__(self) -> int:
+        return len(self.ranking.candidates)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a law, best first: ``rank, law, weight, score, held_out_error, ...``; errors in per cent."""
+        table = forms.tabulate_candidates(self.ranking)
+        first = ["rank", "law", "weight", "score", "held_out_error"]
+        return table[[*first, *(name for name in table.columns if name not in first)]]
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Whether any law fits, where none does; and what is odd about the mode beside the record."""
+        verdict = self.ranking.fit.sentence
+        odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
+        return (*([verdict] if verdict else ()), *self.said, *odd)
+
+    def to_json(self) -> dict[str, Any]:
+        """The form ``rank/1``."""
+        form: dict[str, Any] = plain(
+            {**forms.rank_form(self.ranking), "audit": list_findings(self.audit), "cautions": list(self.cautions)}
+        )
+        return form
+
+    def plot(self, ax: Axes | None = None) -> Axes | Figure:
+        """Weights as bars, beside the errors of each law where the figure is its own."""
+        from damping.plots.fits import draw_weights, ranking  # noqa: PLC0415 - only drawing needs matplotlib
+
+        if ax is None:
+            return ranking(self.table)
+        draw_weights(ax, self.table)
+        return ax
+
+    @property
+    def title(self) -> str:
+        """What this is, in a line."""
+        return f"Damping laws, best first: {self.ranking.criterion}"
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The best laws."""
+        columns = ["rank", "law", "weight", "score", "held_out_error", "average_absolute_percent"]
+        return self.table[columns].head(MOST_SHOWN)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Cautions about the whole."""
+        hidden = len(self) - MOST_SHOWN
+        return (*self.cautions, *([f"{hidden} further candidates in .table"] if hidden > 0 else []))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadsResult(Result):
+    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record."""
+
+    extrapolation: Extrapolation
+    mode: Mode
+    data: Observations
+    backbone: Backbone
+    audit: Audit | None = None
+    swept: tuple[str, ...] = ()
+
+    @property
+    def loads(self) -> Loads:
+        """The predictions: amplitudes at forces, or forces for amplitudes."""
+        return self.extrapolation.loads
+
+    @property
+    def curve(self) -> Curve:
+        """Frequency and damping ratio of each prediction."""
+        return trace_loads(self.loads, self.backbone, self.extrapolation.plan.data)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a prediction with the keys of the form; NaN where none is given, ``cautions`` say why."""
+        return forms.tabulate_loads(self.loads, self.curve)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is odd about the mode beside the record."""
+        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
+
+    def to_json(self) -> dict[str, Any]:
+        """The form ``loads/1``."""
+        form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
+        if self.loads.amplitude is None:
+            form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
+        values: dict[str, Any] = plain({**form, "audit": list_findings(self.audit), "cautions": list(self.cautions)})
+        return values
+
+    def plot(self, ax: Axes | None = None) -> Axes | Figure:
+        """Bands, medians of the laws, the linear prediction and the tested points, against force."""
+        from damping.plots.design_loads import design_loads, draw_design_loads  # noqa: PLC0415 - as above
+
+        force, units = self.loads.force[np.isfinite(self.loads.force)], self.mode.units
+        tested = pd.DataFrame(
+            {"sweep": self.data.sweeps, "force": self.data.tested_force, "amplitude": self.data.tested_amplitude}
+        )
+        low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), force.max(initial=0.0))
+        bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
+        design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
+        tables = (forms.tabulate_loads(bands), forms.tabulate_loads_by_model(bands), tested)
+        about = (self.loads.level, units.force, units.length, bands.limit)
+        if ax is None:
+            return design_loads(*tables, forms.tabulate_loads(design), *about)
+        draw_design_loads(ax, *tables, forms.tabulate_loads(design), *about)
+        return ax
+
+    @property
+    def title(self) -> str:
+        """What this is, in a line."""
+        by_force, units = self.loads.amplitude is None, self.mode.units
+        what, unit = ("resonant amplitude", units.length) if by_force else ("force at resonance", units.force)
+        content = f"{100.0 * self.loads.level:g} % predictive band"
+        return f"{self.mode.name}: {what}{f' ({unit})' if unit else ''}, low to high the {content}"
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The columns of most use."""
+        asked = "force" if self.loads.amplitude is None else "amplitude"
+        columns = [asked, "extrapolation_ratio", "median", "low", "high", "linear", "frequency"]
+        return self.table[[*columns, "damping_ratio", "damping_ratio_low"]]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Cautions, each once."""
+        return tuple(dict.fromkeys([*self.cautions, *(c for said in self.loads.cautions for c in said)]))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CurveResult(Result):
+    """Damping ratio, Q and frequency against amplitude and force; ``extrapolation``: what the curve rests on."""
+
+    curve: Curve
+    extrapolation: Extrapolation
+    mode: Mode
+    audit: Audit | None = None
+    swept: tuple[str, ...] = ()
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a resonance with the keys of the form; bands as ``NAME_low, NAME_high``."""
+        return self.curve.table
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is odd about the sweep rate, or the mode beside the record."""
+        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
+
+    def to_json(self) -> dict[str, Any]:
+        """The form ``curve/1``; ``laws`` with their weights is an extra key."""
+        laws = [{"name": member.name, "weight": member.weight} for member in self.extrapolation.members]
+        about = {"laws": laws, "audit": list_findings(self.audit), "cautions": list(self.cautions)}
+        values: dict[str, Any] = plain({**forms.curve_form(self.curve), **about})
+        return values
+
+    def plot(self, ax: Axes | None = None) -> Axes | Figure:
+        """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""
+        from damping.plots.damping_curve import damping_curve, draw_damping_curve  # noqa: PLC0415 - as above
+
+        about = (self.table, self.curve.level, self.mode.units.length)
+        if ax is None:
+            return damping_curve(*about)
+        draw_damping_curve(ax, *about)
+        return ax
+
+    @property
+    def title(self) -> str:
+        """What this is, in a line."""
+        return f"{self.mode.name}: damping of the resonance, low to high the {100.0 * self.curve.level:g} % band"
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The columns of most use."""
+        columns = ["amplitude", "force", "frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high", "q"]
+        return self.table[[*columns, "tested"]]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Cautions, each once; which rows are beyond the test their column says."""
+        of_rows = (c for said in self.curve.cautions for c in said if not c.startswith("beyond the test"))
+        return tuple(dict.fromkeys([*self.cautions, *of_rows]))

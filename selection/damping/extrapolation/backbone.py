@@ -1,0 +1,163 @@
+"""Resonance frequency and mass of a mode against amplitude: the backbone omega(A) as the sweeps show it.
+
+The restoring force beyond the linear spring moves the resonance, omega^2 = omega_n^2 + S/(M A)
+(:func:`damping.predict.steady.backbone`). Its law is not among the damping laws, so that it is learnt from the
+frequencies of the tested resonances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.special import logsumexp, ndtr, ndtri
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import InputError
+from damping.predict.steady import bisect
+from damping.records.mode import Mode
+from damping.records.record import Record
+from damping.records.resonance import tabulate_resonances
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Median and central interval, arrays (rows,); NaN where there is none."""
+
+    median: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @staticmethod
+    def known(values: FloatArray) -> Interval:
+        """Values without doubt."""
+        return Interval(values, values, values)
+
+    def form(self, row: int) -> dict[str, float]:
+        """One row as ``{"median", "low", "high"}``."""
+        return {name: float(getattr(self, name)[row]) for name in ("median", "low", "high")}
+
+
+#: Change of frequency with amplitude is tried in these powers of amplitude: of a joint that slips in full (S/A in
+#: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between.
+POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
+#: Prior standard deviations of the relative change of frequency from half the largest tested amplitude to it, alike
+#: probable: bolted structures lose a fraction of a per cent to some per cent (Kerschen et al. 2006, section 2).
+CHANGES = (3e-4, 3e-3, 3e-2)
+#: Prior probability that frequency does not change at all: hardly any structure that is driven harder.
+CONSTANT = 0.1
+#: Prior median of the relative scatter of a measured resonance frequency.
+SCATTER_MEDIAN = 3e-4
+#: Standard deviation of its logarithm: 5 % lie below 2.5e-5 and 5 % above 3.5e-3.
+SCATTER_LOG_SD = 1.5
+#: Quantiles of that prior which stand for it.
+_SCATTERS = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
+#: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
+_ANYWHERE = 1.0
+
+
+@dataclass(frozen=True)
+class Backbone:
+    """Resonance frequency and mass of a mode against amplitude.
+
+    ln omega is a straight line in a power of amplitude, or constant: Bayesian linear regression for each of ``POWERS``,
+    ``CHANGES`` and scatters, averaged by evidence.
+
+    Attributes:
+        amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
+        scatter: of a frequency from sweep to sweep, relative, that the mode states; 0 where it does not.
+    """
+
+    amplitude: FloatArray
+    omega: FloatArray
+    mass: FloatArray
+    mass_sd: float
+    scatter: float = 0.0
+
+    def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
+        """Frequency in Hz that the next test would read at each amplitude (rows,)."""
+        known = np.where(np.isfinite(amplitude), amplitude, self.amplitude.max())
+        weight, mean, sd = self._mix(known)
+        low, high = (mean - 8.0 * sd).min(axis=0), (mean + 8.0 * sd).max(axis=0)
+
+        def quantile(p: float) -> FloatArray:
+            return np.exp(bisect(lambda x: weight @ ndtr((x - mean) / sd) - p, low, high)) / RAD_S_PER_HZ
+
+        tail = 0.5 * (1.0 - level)
+        ends = [np.where(np.isfinite(amplitude), quantile(p), np.nan) for p in (0.5, tail, 1.0 - tail)]
+        return Interval(*ends)
+
+    def mass_at(self, amplitude: FloatArray) -> FloatArray:
+        """Mass at each amplitude: straight in the logarithms between tested ones, constant beyond."""
+        order = np.argsort(self.amplitude, kind="stable")
+        return np.exp(np.interp(np.log(amplitude), np.log(self.amplitude[order]), np.log(self.mass[order])))
+
+    def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
+        top = float(self.amplitude.max())
+        y = np.log(self.omega)
+        middle = float(np.mean(y))
+        shapes = [(None, 0.0), *((p, s) for p in POWERS for s in CHANGES)]
+        prior = [CONSTANT, *([(1.0 - CONSTANT) / (len(shapes) - 1)] * (len(shapes) - 1))]
+        log_z, means, sds = [], [], []
+        for (power, size), mass in zip(shapes, prior, strict=True):
+            X, at = _design(self.amplitude, power, top), _design(amplitude, power, top)
+            V = np.array([_ANYWHERE, size][: X.shape[1]]) ** 2
+            for own in _SCATTERS:
+                s = float(np.hypot(own, self.scatter))
+                z, mean, sd = _regress(X, y - middle, V, s, at)
+                log_z.append(np.log(mass) + z)
+                means.append(middle + mean)
+                sds.append(sd)
+        weight = np.exp(np.array(log_z) - logsumexp(log_z))
+        return weight, np.array(means), np.array(sds)
+
+
+def _design(amplitude: FloatArray, power: float | None, top: float) -> FloatArray:
+    """Columns 1 and the power of amplitude that grows by one from half of ``top`` to it, (rows, 1 or 2)."""
+    ones = np.ones((len(amplitude), 1))
+    if power is None:
+        return ones
+    grown = ((amplitude / top) ** power - 1.0) / (1.0 - 0.5**power)
+    return np.column_stack([ones, grown])
+
+
+def _regress(
+    X: FloatArray, y: FloatArray, V: FloatArray, s: float, at: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Log evidence of y = X b + noise of deviation s with b ~ N(0, V); mean and deviation of a further y at ``at``."""
+    precision = X.T @ X / s**2 + np.diag(1.0 / V)
+    b = np.linalg.solve(precision, X.T @ y / s**2)
+    left = y - X @ b
+    log_z = -0.5 * (left @ left / s**2 + b @ (b / V) + np.linalg.slogdet(precision)[1] + np.sum(np.log(V)))
+    variance = s**2 + np.einsum("ij,ij->i", at @ np.linalg.inv(precision), at)
+    return float(log_z - len(y) * np.log(s)), at @ b, np.sqrt(variance)
+
+
+def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = None) -> Backbone:
+    """Frequencies and masses at the phase resonances of a record.
+
+    The mass is that of the record's rows, else the mode's, known to its tolerance. Of a structure shaken at its base
+    neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
+
+    Args:
+        implied: what the audit says of each sweep (:attr:`damping.records.audit.Audit.implied`).
+
+    Raises:
+        InputError: the structure is shaken at its base and no sweep shows the participation.
+    """
+    found = tabulate_resonances(record)
+    mass, sd = record.masses(mode.mass)[found["row"].to_numpy()], mode.tolerance.mass
+    if getattr(mode, "drive", "force") == "base":
+        known = np.array([]) if implied is None else implied["mass"].dropna().to_numpy(float)
+        if len(known) == 0:
+            raise InputError("no sweep shows the participation", file=record.source, expected="sweeps with phases")
+        mass, sd = np.full(len(found), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
+    return Backbone(
+        amplitude=found["amplitude"].to_numpy(float),
+        omega=RAD_S_PER_HZ * found["frequency"].to_numpy(float),
+        mass=mass,
+        mass_sd=sd,
+        scatter=mode.repeatability.frequency or 0.0,
+    )

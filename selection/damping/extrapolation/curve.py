@@ -1,0 +1,228 @@
+"""Damping ratio, Q and frequency against amplitude and force, with predictive bands.
+
+At phase resonance the damping force carries the drive, C(A, omega) = F. Viscous damping c = C/(omega A) loses as much
+energy per cycle, pi C A (:mod:`damping.forces.contract`), and its ratio to the critical 2 M omega is
+
+    zeta = C/(2 M omega^2 A) = F/(2 M omega^2 A),    Q = 1/(2 zeta),    loss factor 2 zeta,
+
+with omega(A) on the backbone, M omega^2 A = K A + S (:mod:`damping.extrapolation.backbone`). For C = c omega A this
+is c/(2 M omega); for C = b A^m omega^n it is b A^(m-1) omega^(n-2)/(2 M). Amplitudes at forces are the predictions of
+:mod:`damping.extrapolation`. The force for an amplitude needs no further draws: amplitude grows with force, so that
+
+    P(force for A < F) = P(amplitude at F > A),
+
+and its quantiles are where those of amplitude cross A. Uncertainties of mass and frequency are independent of the
+amplitude's; their squares are added in ln zeta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtri
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.extrapolation import Extrapolation
+from damping.extrapolation.backbone import Backbone, Interval
+from damping.extrapolation.plan import NEAREST, ROUNDING, Plan
+from damping.extrapolation.prediction import Band, Loads, list_cautions
+from damping.infer.observations import Observations
+
+#: Steepest local exponent d ln F/d ln A that damping can have (:data:`damping.infer.doubt.SLOPES`): how far the grid of
+#: forces goes for an amplitude.
+STEEPEST = 3.0
+#: Forces of that grid; between two of them ln A is taken as straight in ln F.
+GRID = 20
+#: How far it goes beyond the force that the steepest law takes, for the ends of a band.
+_MARGIN = 2.5
+#: Amplitudes within the test of a curve that nobody asked for.
+WITHIN = 9
+#: Amplitudes beyond the test of such a curve.
+BEYOND = 7
+#: Times the largest tested force that such a curve ends at; the first where few levels do not allow the second.
+FARTHEST = (NEAREST, 2.0)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Resonances at rising amplitudes, or where they were asked for.
+
+    Attributes:
+        level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
+        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude lies within the
+            rows that the laws rest on. cautions: a tuple a row.
+    """
+
+    level: float
+    amplitude: Interval
+    force: Interval
+    frequency: Interval
+    damping_ratio: Interval
+    tested: BoolArray
+    cautions: tuple[tuple[str, ...], ...]
+
+    @property
+    def q(self) -> Interval:
+        """Quality factor 1/(2 zeta)."""
+        zeta = self.damping_ratio
+        return Interval(0.5 / zeta.median, 0.5 / zeta.high, 0.5 / zeta.low)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a resonance: each quantity's median under its own name, its band as ``NAME_low, NAME_high``."""
+        columns: dict[str, FloatArray | BoolArray | list[str]] = {}
+        for name in ("amplitude", "force", "frequency", "damping_ratio", "q"):
+            of = getattr(self, name)
+            columns |= {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
+        said = ["; ".join(caution) for caution in self.cautions]
+        return pd.DataFrame({**columns, "tested": self.tested, "cautions": said})
+
+
+def _trace(
+    backbone: Backbone, force: Interval, amplitude: Interval, level: float, tested: tuple[float, float]
+) -> Curve:
+    """The curve through resonances of which force or amplitude is known and the other has a band.
+
+    Args:
+        tested: amplitudes between which rows are within the test.
+    """
+    f = backbone.frequency_at(amplitude.median, level)
+    z = float(ndtri(0.5 * (1.0 + level)))
+    zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
+    spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
+    down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
+    up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
+    low, high = tested[0] * (1.0 - ROUNDING), tested[1] * (1.0 + ROUNDING)
+    return Curve(
+        level=level,
+        amplitude=amplitude,
+        force=force,
+        frequency=f,
+        damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
+        tested=(amplitude.median >= low) & (amplitude.median <= high),
+        cautions=((),) * len(zeta),
+    )
+
+
+def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
+    """Amplitudes of a curve that nobody asked for: over the test, and on to the largest predicted, ``FARTHEST``."""
+    data = predicted.plan.data
+    beyond = float(
+        np.max(predicted.loads.average.median, initial=0.0, where=np.isfinite(predicted.loads.average.median))
+    )
+    low, high = float(data.A.min()), float(data.A.max())
+    within = np.geomspace(low, high, WITHIN) if high > low * (1.0 + ROUNDING) else np.array([high])
+    if not beyond > high * (1.0 + ROUNDING):
+        return within
+    return np.concatenate([within, np.geomspace(high, beyond, BEYOND + 1)[1:]])
+
+
+def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray) -> Loads:
+    """The force for each amplitude: :class:`Loads` whose ``amplitude`` was asked, and whose bands are of force.
+
+    ``linear`` is the force of the viscous coefficient of the sweep with the largest tested force. A force beyond the
+    plan's limit is refused as in predictions of amplitude.
+    """
+    asked, plan, data = np.asarray(amplitudes, dtype=float), predicted.plan, predicted.plan.data
+    least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
+    most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
+    free = replace(predicted, plan=replace(plan, limit=np.inf))
+    grid = np.unique(np.concatenate([np.geomspace(least / _MARGIN, most * _MARGIN, GRID), data.tested_force]))
+    loads = free.predict_at(grid)
+    average = _invert_band(loads.average, grid, asked, plan.limit)
+    top = data.top
+    linear = data.tested_force[top] * asked / data.tested_amplitude[top]
+    predicted_there = np.isfinite(average.median)
+    linear = np.where(predicted_there, linear, np.nan)
+    weights = [member.weight for member in predicted.members]
+    of_draws = tuple(dict.fromkeys(caution for member in predicted.members for caution in member.cautions))
+    steep = np.gradient(np.log(grid)) / np.gradient(np.log(loads.average.median))
+    return Loads(
+        force=average.median,
+        level=loads.level,
+        average=average,
+        by_model=tuple(_invert_band(band, grid, asked, plan.limit) for band in loads.by_model),
+        parts={
+            name: np.interp(np.log(average.median), np.log(grid), part * steep) for name, part in loads.parts.items()
+        },
+        linear=linear,
+        overprediction=100.0 * (linear / average.median - 1.0),
+        overprediction_low=100.0 * (linear / average.high - 1.0),
+        overprediction_high=100.0 * (linear / average.low - 1.0),
+        ratio=average.median / data.tested_force[top],
+        cautions=tuple(
+            (list_cautions(f, True, data, weights, plan) if p else (_describe_refusal(plan),)) + of_draws
+            for f, p in zip(average.median, predicted_there, strict=True)
+        ),
+        limit=plan.limit,
+        amplitude=asked,
+    )
+
+
+def _describe_refusal(plan: Plan) -> str:
+    if np.isfinite(plan.limit):
+        return f"no prediction: few levels do not say how damping goes on beyond the force {plan.limit:.4g}"
+    return "no prediction: no force is known that reaches this amplitude"
+
+
+def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) -> Band:
+    """The band of the force for each amplitude from that of the amplitude over a grid of forces."""
+    median = find_crossing(grid, band.median, asked)
+    median = np.where(median <= limit * (1.0 + ROUNDING), median, np.nan)
+
+    def cross(curve: FloatArray) -> FloatArray:
+        return np.where(np.isfinite(median), find_crossing(grid, curve, asked), np.nan)
+
+    return Band(
+        name=band.name,
+        weight=band.weight,
+        median=median,
+        low=cross(band.high),
+        high=cross(band.low),
+        credible_low=cross(band.credible_high),
+        credible_high=cross(band.credible_low),
+    )
+
+
+def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -> FloatArray:
+    """Force at which a curve of amplitude first reaches each amplitude asked; NaN outside of the curve.
+
+    Arguments (grid,), (grid,) and (rows,), forces rising. The curve is straight in the logarithms from point to point.
+    """
+    known = np.isfinite(amplitude)
+    if known.sum() < 2:
+        return np.full(len(asked), np.nan)
+    grown = np.maximum.accumulate(np.log(amplitude[known])) + 1e-12 * np.arange(int(known.sum()))
+    return np.exp(np.interp(np.log(asked), grown, np.log(force[known]), left=np.nan, right=np.nan))
+
+
+def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
+    """The curve through predictions, of amplitudes or of forces; ``data``: the rows that they rest on."""
+    predicted = Interval(loads.average.median, loads.average.low, loads.average.high)
+    if loads.amplitude is None:
+        force, amplitude = Interval.known(np.where(np.isfinite(predicted.median), loads.force, np.nan)), predicted
+    else:
+        amplitude = Interval.known(np.where(np.isfinite(predicted.median), loads.amplitude, np.nan))
+        force = predicted
+    traced = _trace(backbone, force, amplitude, loads.level, (float(data.A.min()), float(data.A.max())))
+    if loads.amplitude is None:
+        return replace(traced, force=Interval.known(loads.force), cautions=loads.cautions)
+    return replace(traced, amplitude=Interval.known(loads.amplitude), cautions=loads.cautions)
+
+
+def join_curves(curves: Sequence[Curve]) -> Curve:
+    """Rows of several curves of one level, in order."""
+
+    def join(name: str) -> Interval:
+        parts = [getattr(curve, name) for curve in curves]
+        return Interval(*(np.concatenate([getattr(p, end) for p in parts]) for end in ("median", "low", "high")))
+
+    return Curve(
+        curves[0].level,
+        *(join(name) for name in ("amplitude", "force", "frequency", "damping_ratio")),
+        tested=np.concatenate([curve.tested for curve in curves]),
+        cautions=tuple(said for curve in curves for said in curve.cautions),
+    )

@@ -1,0 +1,207 @@
+"""Damping ratio and frequency against amplitude: closed forms, quantiles the other way round, cover on known truths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import damping as dp
+from damping import extrapolation
+from damping.extrapolation import extrapolate_loads
+from damping.extrapolation.backbone import Backbone, find_backbone
+from damping.extrapolation.curve import find_crossing, predict_forces, trace_loads
+from damping.extrapolation.prediction import PARTS, Band, Loads
+from damping.forces import CubicStiffness, Sum, VelocityPower, VelocitySquared, Viscous
+from damping.infer.evidence import laplace
+from damping.infer.law import Law
+from damping.predict.steady import phase_resonance, resonant_amplitude
+from damping.report.forms import loads_form
+
+M, OMEGA_N = 0.3, 10.0
+FORCE = np.array([1.0, 2.0, 4.0])
+
+
+def known(force, amplitude) -> Loads:
+    """Predictions without doubt."""
+    nothing = np.zeros(len(force))
+    band = Band("law", 1.0, *([amplitude] * 5))
+    parts = dict.fromkeys(PARTS, nothing)
+    return Loads(force, 0.9, band, (band,), parts, amplitude, nothing, nothing, nothing, force, ((),) * len(force))
+
+
+def backbone_of(amplitude, omega, mass_sd=0.0) -> Backbone:
+    return Backbone(amplitude, np.broadcast_to(omega, amplitude.shape) * 1.0, np.full(len(amplitude), M), mass_sd)
+
+
+@pytest.mark.parametrize(("viscous", "quadratic"), [(0.12, 0.0), (0.0, 0.05), (0.1, 0.05)])
+def test_ratio_is_the_closed_form(viscous, quadratic, peaks):
+    """C = c1 omega A + 8/(3 pi) c2 (omega A)^2 (Table 2.II, cases I and III), so zeta = c1/(2 M omega) + ... A."""
+    force = Sum((*([Viscous(viscous)] * (viscous > 0.0)), *([VelocitySquared(quadratic)] * (quadratic > 0.0))))
+
+    def ratio(A):
+        return (viscous / OMEGA_N + 8.0 / (3.0 * np.pi) * quadratic * A) / (2.0 * M)
+
+    amplitude = resonant_amplitude(force, FORCE, OMEGA_N)
+    traced = trace_loads(known(FORCE, amplitude), backbone_of(amplitude, OMEGA_N), peaks(amplitude, FORCE, OMEGA_N))
+    # the median of one known frequency is exact, to the 60 bisections of its quantile
+    np.testing.assert_allclose(traced.damping_ratio.median, ratio(amplitude), rtol=1e-9)
+    np.testing.assert_allclose(traced.q.median, 0.5 / ratio(amplitude), rtol=1e-9)
+    assert traced.tested.all()
+
+
+def test_a_power_law_has_a_ratio_of_one_power_less(peaks):
+    """C = b A^p omega^p, so that zeta grows as A^(p-1)."""
+    amplitude = resonant_amplitude(VelocityPower(0.2, 1.65), FORCE, OMEGA_N)
+    traced = trace_loads(known(FORCE, amplitude), backbone_of(amplitude, OMEGA_N), peaks(amplitude, FORCE, OMEGA_N))
+    slope = np.diff(np.log(traced.damping_ratio.median)) / np.diff(np.log(amplitude))
+    np.testing.assert_allclose(slope, 0.65, rtol=1e-9)
+
+
+def test_a_spring_that_hardens_lowers_the_ratio_by_its_frequency(peaks):
+    """zeta = C/(2 M omega(A)^2 A) with omega(A) on the backbone of a cubic spring."""
+    amplitude, omega = phase_resonance(Sum((Viscous(0.12), CubicStiffness(0.5))), FORCE, M, OMEGA_N)
+    bone = backbone_of(amplitude, omega)
+    traced = trace_loads(known(FORCE, amplitude), bone, peaks(amplitude, FORCE, omega))
+    # three levels on a curve in A^2: its evidence is largest, and other powers differ by less than 0.2 % there
+    np.testing.assert_allclose(traced.frequency.median, omega / (2.0 * np.pi), rtol=2e-3)
+    np.testing.assert_allclose(traced.damping_ratio.median, 0.12 / (2.0 * M * omega), rtol=4e-3)
+
+
+def test_mass_and_amplitude_widen_the_ratio(peaks):
+    amplitude = np.array([1.0, 2.0, 4.0])
+    data = peaks(amplitude, FORCE, OMEGA_N)
+    bare, heavy = (
+        trace_loads(known(FORCE, amplitude), backbone_of(amplitude, OMEGA_N, sd), data) for sd in (0.0, 0.02)
+    )
+    frequency = np.log(bare.damping_ratio.high / bare.damping_ratio.median)
+    # 90 % of a normal is 1.645 deviations; squares add
+    whole = np.hypot(1.6449 * 0.02, frequency)
+    np.testing.assert_allclose(np.log(heavy.damping_ratio.high / heavy.damping_ratio.median), whole, rtol=1e-3)
+
+
+def test_crossings_are_exact_on_straight_logarithms():
+    force = np.geomspace(1.0, 100.0, 7)
+    asked = np.array([1.5, 3.0, 9.0, 30.0])
+    found = find_crossing(force, force**0.6, asked)
+    np.testing.assert_allclose(found[:3], asked[:3] ** (1.0 / 0.6), rtol=1e-9)
+    assert np.isnan(found[3])  # 100^0.6 = 15.8
+
+
+def test_frequency_of_levels_in_no_trend_is_their_mean():
+    bone = backbone_of(np.array([1.0, 2.0, 3.0, 4.0]), OMEGA_N)
+    said = bone.frequency_at(np.array([4.0, 40.0]), 0.9)
+    np.testing.assert_allclose(said.median, OMEGA_N / (2.0 * np.pi), rtol=1e-9)
+    assert np.diff(said.high - said.low) > 0.0
+
+
+def test_bands_of_frequency_hold_the_next_reading():
+    """Joints that soften as a power of amplitude not among those tried, read with noise; twice the tested amplitude."""
+    rng, inside = np.random.default_rng(8), 0
+    A = np.geomspace(1.0, 3.0, 4)
+    trials = 40
+    for _ in range(trials):
+        power, loss, noise = rng.uniform(0.3, 1.6), np.exp(rng.uniform(np.log(5e-4), np.log(2e-2))), 4e-4
+        true = OMEGA_N * (1.0 - loss * (np.append(A, 6.0) / 3.0) ** power)
+        read = true * np.exp(noise * rng.standard_normal(5))
+        said = backbone_of(A, read[:4]).frequency_at(np.array([6.0]), 0.9)
+        inside += bool(said.low[0] < read[4] / (2.0 * np.pi) < said.high[0])
+    # 40 trials of 0.9: a standard deviation of 0.047; two of them below
+    assert inside / trials >= 0.81
+
+
+def record_of(force, amplitude, omega) -> dp.Record:
+    rows = {"sweep": [f"L{i}" for i in range(len(force))], "force": force, "amplitude": amplitude}
+    return dp.Record(pd.DataFrame({**rows, "frequency": omega / (2.0 * np.pi)}))
+
+
+def test_mass_is_that_of_the_rows(peaks):
+    amplitude = resonant_amplitude(Viscous(0.12), FORCE, OMEGA_N)
+    record = record_of(FORCE, amplitude, np.full(3, OMEGA_N))
+    mode = dp.Mode(name="m", frequency=OMEGA_N / (2.0 * np.pi), mass=M)
+    np.testing.assert_allclose(find_backbone(record, mode).mass, M, rtol=1e-12)
+    heavy = dp.Record(record.table.assign(mass=2.0 * M))
+    traced = trace_loads(known(FORCE, amplitude), find_backbone(heavy, mode), peaks(amplitude, FORCE, OMEGA_N))
+    np.testing.assert_allclose(traced.damping_ratio.median, 0.12 / (4.0 * M * OMEGA_N), rtol=1e-9)
+
+
+LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)))
+TRUE = Sum((Viscous(0.06), VelocitySquared(0.012)))
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    """Two laws in place of all, and draws of the normal approximation: the curve is tested here, not the laws."""
+    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS)
+    monkeypatch.setattr(extrapolation, "evidence", laplace)
+
+
+def test_force_for_an_amplitude_is_the_inverse(peaks):
+    force = np.geomspace(1.0, 4.0, 4)
+    data = peaks(resonant_amplitude(TRUE, force, OMEGA_N), force, OMEGA_N)
+    there = extrapolate_loads(data, [6.0], laws=LAWS, estimate=laplace)
+    A = there.loads.average
+    back = predict_forces(there, [float(A.median[0]), float(A.high[0])])
+    # the same draws on a grid of 24 forces instead of one: Monte Carlo of the ends, 3 % of the band
+    np.testing.assert_allclose(back.average.median[0], 6.0, rtol=0.01)
+    np.testing.assert_allclose(back.average.low[1], 6.0, rtol=0.03)
+    assert loads_form(back)["predictions"][0]["amplitude"] == A.median[0]
+    beyond = predict_forces(
+        extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=laplace), [50.0]
+    )
+    assert np.isnan(beyond.average.median[0])  # two levels go no farther than 1.5 times the force
+    assert "no prediction" in beyond.cautions[0][0]
+
+
+def test_ratio_and_frequency_hold_the_truth(peaks):
+    """A known structure read with 2 % of noise: the ratio that the next test would show, in and beyond the test."""
+    rng = np.random.default_rng(3)
+    force, asked = np.geomspace(1.0, 4.0, 5), np.array([4.0, 8.0])
+    inside, trials = np.zeros(2), 16
+    for _ in range(trials):
+        noise = np.exp(0.02 * rng.standard_normal(7))
+        A = resonant_amplitude(TRUE, np.append(force, asked), OMEGA_N) * noise
+        data = peaks(A[:5], force, OMEGA_N)
+        loads = extrapolate_loads(data, asked, laws=LAWS, estimate=laplace).loads
+        said = trace_loads(loads, backbone_of(A[:5], OMEGA_N * np.exp(2e-4 * rng.standard_normal(5))), data)
+        true = asked / (2.0 * M * OMEGA_N**2 * A[5:])
+        inside += (said.damping_ratio.low < true) & (true < said.damping_ratio.high)
+        assert np.all((said.frequency.low < OMEGA_N / 6.25) & (said.frequency.high > OMEGA_N / 6.32))
+    # 16 trials of 0.9 are 12 or more in 98 of a hundred
+    assert np.all(inside >= 12)
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_curve_goes_over_the_test_and_beyond():
+    force = np.geomspace(1.0, 4.0, 4)
+    amplitude = resonant_amplitude(TRUE, force, OMEGA_N)
+    mode = dp.Mode(name="m", frequency=OMEGA_N / (2.0 * np.pi), mass=M)
+    result = dp.curve(record_of(force, amplitude, np.full(4, OMEGA_N)), mode)
+    table = result.table
+    assert table["tested"].any()
+    assert not table["tested"].all()
+    np.testing.assert_allclose(table["amplitude"].iloc[0], amplitude[0], rtol=1e-12)
+    true = 0.5 * (0.06 / OMEGA_N + 8.0 / (3.0 * np.pi) * 0.012 * table["amplitude"]) / M
+    assert np.all((table["damping_ratio_low"] < true) & (true < table["damping_ratio_high"]))
+    row = result.to_json()["rows"][0]
+    assert set(row) >= {"amplitude", "force", "frequency", "damping_ratio", "q", "tested"}
+    assert set(row["damping_ratio"]) == {"median", "low", "high"}
+    asked = dp.curve(record_of(force, amplitude, np.full(4, OMEGA_N)), mode, amplitudes=[2.0], forces=[3.0])
+    assert asked.table["amplitude"].tolist()[0] == 2.0
+    assert asked.table["force"].tolist()[1] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"amplitudes": [-1.0]}, "amplitude -1.*expected an amplitude > 0"),
+        ({"forces": [0.0]}, "force 0.*expected a force amplitude > 0"),
+        ({"amplitudes": [1.0], "level": 2.0}, "level 2.*expected a probability"),
+    ],
+)
+def test_what_cannot_be_asked(asked, said):
+    mode = dp.Mode(name="m", frequency=1.0, mass=M)
+    with pytest.raises(dp.InputError, match=said):
+        dp.curve(record_of(FORCE, FORCE, np.full(3, 6.28)), mode, **asked)
+    with pytest.raises(dp.InputError, match="beside"):
+        dp.extrapolate(record_of(FORCE, FORCE, np.full(3, 6.28)), mode, [1.0], amplitudes=[1.0])

@@ -1,0 +1,89 @@
+"""What the terminal shows: whole numbers in 80 columns, pictures on request, an example under every help."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from damping import api, extrapolation
+from damping.infer.law import Law
+from damping_pipelines.cli import app
+from damping_pipelines.terminal import PlainTable
+
+LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
+#: A number that was cut: a digit beside what stands for the rest.
+CUT = re.compile(r"\d…|…\d")
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    """Three laws in place of all: tables are tested here."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(api, "candidate_laws", lambda *_: LAWS)
+    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS[:2])
+
+
+def test_a_table_fits_and_keeps_its_numbers():
+    table = PlainTable("weights", ("weight", "held-out error %", "score", "notes"), ("", "law"))
+    long = "displacement-velocity + quadratic-displacement + coulomb + slip"
+    table.add_row("1", long, "0.0971", "0.00123", "-10.25", "1 2 3")
+    table.add_row("2", "viscous", "0.9", "12", "1234567.8", "")
+    for width in (120, 80, 60, 40):
+        lines = table.fit(width)
+        assert all(len(line) <= width for line in lines)
+        text = "\n".join(lines)
+        assert all(number in text for number in ("0.0971", "0.00123", "-10.25", "1234567.8", "1 2 3"))
+        assert not CUT.search(text)
+    assert long in "\n".join(table.fit(120))
+
+
+def test_columns_that_do_not_fit_go_on_below_under_the_names():
+    numbers = tuple(f"column {i}" for i in range(12))
+    table = PlainTable("wide", numbers, ("sweep",))
+    table.add_row("A", *(f"{i}.12345" for i in range(12)))
+    lines = table.fit(60)
+    assert sum(line.startswith("A ") for line in lines) >= 2
+    assert all(f"{i}.12345" in "\n".join(lines) for i in range(12))
+
+
+@pytest.mark.usefixtures("few_laws")
+@pytest.mark.parametrize(
+    "words",
+    [("rank",), ("curve", "--amplitude", 1.4, "--force", 40), ("extrapolate", "--force", 45), ("check",)],
+    ids=lambda words: words[0],
+)
+def test_commands_keep_to_80_columns(words, damping, saturn_data):
+    record = saturn_data / "records" / "config-2-mode-1.csv"
+    run = damping(words[0], record, "--mode", saturn_data / "modes" / "config-2-mode-1.toml", *words[1:])
+    assert run.code == 0
+    shown = [line for line in run.out.splitlines() if "damping " not in line]  # a command is one line, to be copied
+    assert max(map(len, shown)) <= 80
+    assert not CUT.search("\n".join(shown))
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_the_other_way_round(damping, saturn_data, tmp_path):
+    """The force for an amplitude: its form, its picture, its deck, and what comes next."""
+    record, mode = saturn_data / "records" / "config-2-mode-1.csv", saturn_data / "modes" / "config-2-mode-1.toml"
+    form, picture, deck = tmp_path / "loads.json", tmp_path / "loads.svg", tmp_path / "deck.bdf"
+    options = ("--amplitude", 2.0, "--json", form, "--plot", picture)
+    run = damping("extrapolate", record, "--mode", mode, *options)
+    assert run.code == 0
+    assert "Next: damping extrapolate" in run.out
+    prediction = json.loads(form.read_text())["predictions"][0]
+    assert prediction["amplitude"] == 2.0
+    assert prediction["low"] < prediction["median"] < prediction["high"]
+    assert picture.read_text().startswith("<svg")
+    assert damping("export", form, "--to", "nastran", "--out", deck).code == 0
+    assert f"{prediction['damping_ratio']['low']:.9E}" in deck.read_text()
+    assert damping("extrapolate", record, "--mode", mode).code == 2
+    assert damping("extrapolate", record, "--mode", mode, "--force", 1, "--amplitude", 1).code == 2
+    assert "svg or .png" in damping("rank", record, "--mode", mode, "--plot", tmp_path / "a.gif").err
+
+
+@pytest.mark.parametrize("command", sorted(c.name or c.callback.__name__ for c in app.registered_commands))
+def test_every_help_ends_with_an_example(command, damping):
+    said = " ".join(damping(command, "--help").out.split())
+    assert f"Example: damping {command} " in said
