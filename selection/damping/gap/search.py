@@ -332,6 +332,7 @@ def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, .
 INDISTINCT = 2.45
 #: Odds below which an effect is no candidate for the place of another, however near its prediction.
 LEAST_ODDS = 0.02
+_MOST_SWAPPED = 2
 
 
 @dataclass(frozen=True)
@@ -354,7 +355,8 @@ def distance(one: ModelFit, other: ModelFit) -> float:
 def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
     """For each effect of the leading explanation, those that could stand in its place without being told from it.
 
-    ``hypotheses`` are in order of probability; only those with as many effects as the first are compared with it.
+    ``hypotheses`` are in order of probability. Two effects together may take the place of one: a second plane read with
+    a wrong gain is a second mode.
     """
     leading = hypotheses[0]
     found = []
@@ -364,10 +366,10 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
         for other in hypotheses[1:]:
             swapped = other.key - rest
             alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if alive and len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
+            if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
                 apart = distance(leading.best, other.best)
                 if apart < INDISTINCT:
-                    members.append(next(iter(swapped)))
+                    members += [name for name in other.effects if name in swapped and name not in members]
                     farthest = max(farthest, apart)
         if len(members) > 1:
             members.sort(key=lambda name: library[name].kind != "instrument")
