@@ -269,12 +269,13 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
 
 
 #: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
-#: smallest p-value (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
+#: smallest p-value beyond 1.5 (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
 IN_LIBRARY = 2.2
-PER_DECADE = 0.6
+PER_DECADE = 0.7
 PER_DISPERSION = 3.0
 PER_EFFECT = 0.7
 PER_FAILURE = 1.5
+_NO_DECADES = 1.5
 _MOST_DECADES = 6.0
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
 _CLOSED = 0.8
@@ -304,7 +305,7 @@ def estimate_in_library(
 
     A logistic regression on answers to cases whose cause had been taken out of the library, one kind after another.
     """
-    decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
+    decades = float(np.clip(-np.log10(max(smallest_p(tests), 1e-30)) - _NO_DECADES, 0.0, _MOST_DECADES))
     log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
     log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(gap, held_out)
     return float(expit(log_odds))

@@ -25,6 +25,8 @@ _NONE = -60.0
 _LOW = 0.3
 _HIGH = 60.0
 _FARTHEST = 3000.0
+#: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
+_UNSEEN_GAP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,9 @@ def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        unit = float(np.sqrt(base.r.size / squared[middle]))
+        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
+        # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
+        unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
     part = Part(form, unit)
     found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
