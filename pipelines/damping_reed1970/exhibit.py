@@ -19,16 +19,16 @@ from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
-from damping_reed1970.chapter_2.page import chapter_2
-from damping_reed1970.chapter_3.page import chapter_3
+from damping_reed1970.chapter_2.page import write_chapter_2
+from damping_reed1970.chapter_3.page import write_chapter_3
 from damping_reed1970.chapter_3.planar_fits import Known
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
-from damping_reed1970.chapter_4.page import chapter_4
-from damping_reed1970.chapter_5.page import chapter_5
+from damping_reed1970.chapter_4.page import write_chapter_4
+from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
-from damping_reed1970.chapter_6.page import chapter_6
+from damping_reed1970.chapter_6.page import write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
@@ -91,11 +91,15 @@ def exhibit(results: ReportResults) -> Exhibit:
     )
 
 
+#: How the section of each chapter is written.
+WRITERS = (write_chapter_2, write_chapter_3, write_chapter_4, write_chapter_5, write_chapter_6)
+
+
 def report_parts(results: ReportResults) -> list[ReportPart]:
     """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
     printed = results.tables["reproduction"]
     return [
-        *(chapter(results) for chapter in (chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)),
+        *(write(results) for write in WRITERS),
         gaps_part(results.gaps),
         reproduction_part(printed),
         errata_part(results.tables["errata"], printed),

@@ -14,7 +14,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.report.words import format_joined, number
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
-from damping_reed1970.chapter_2.figures import chapter_2_figures
+from damping_reed1970.chapter_2.figures import list_chapter_2_figures
 from damping_reed1970.common import Chapter, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
 
@@ -146,7 +146,7 @@ def tabulate_lumped_masses() -> pd.DataFrame:
 AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 
 
-def chapter_2(results: ReportResults) -> ReportPart:
+def write_chapter_2(results: ReportResults) -> ReportPart:
     """The page: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
     found = results.studies
     loops, energies, modes = found.loops.areas, found.slip.energies, tabulate_lumped_masses()
@@ -175,7 +175,7 @@ def chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = chapter_2_figures(found.loops, found.slip)
+    figures = list_chapter_2_figures(found.loops, found.slip)
     chapter = Chapter(2, "Chapter II: hysteresis and slip", values, figures, shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from damping.report.words import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
+from damping_reed1970.chapter_3.captions import change_by_conditioning, list_chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
@@ -47,7 +47,7 @@ ROOTS = {
 }
 
 
-def chapter_3(results: ReportResults) -> ReportPart:
+def write_chapter_3(results: ReportResults) -> ReportPart:
     """The page: accelerometers to modal motion, planar coupling fitted, and every damping factor that balances."""
     found = results.chapter_3
     tables, headings = found.tables, {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
@@ -62,13 +62,13 @@ def chapter_3(results: ReportResults) -> ReportPart:
         "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(ROOTS)], ROOTS),
         "branch_energies": chapter_table(3, "branches", branches[["point", "energy_printed", *of_planes]]),
     }
-    values = {**_conditioning_values(found), **_plane_values(found), **_root_values(found)}
+    values = {**_collect_conditioning_values(found), **_collect_plane_values(found), **_collect_root_values(found)}
     title = "Chapter III: one mode in two planes"
-    chapter = Chapter(3, title, values, chapter_3_figures(found), shown, tables, results.tables)
+    chapter = Chapter(3, title, values, list_chapter_3_figures(found), shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def _conditioning_values(found: Chapter3) -> dict[str, Any]:
+def _collect_conditioning_values(found: Chapter3) -> dict[str, Any]:
     """What the chain gives and takes away."""
     chain = found.tables["conditioned"]
     largest, at_peak = change_by_conditioning(found.effect)
@@ -82,7 +82,7 @@ def _conditioning_values(found: Chapter3) -> dict[str, Any]:
     }
 
 
-def _plane_values(found: Chapter3) -> dict[str, Any]:
+def _collect_plane_values(found: Chapter3) -> dict[str, Any]:
     """The report's planes and ours, and what the data say for and against each assumption."""
     fits, posteriors = found.tables["planar_fits"], found.tables["planar_posteriors"]
     free, held = (row(fits, data="A2", noise="constant", fit=fit) for fit in (FREE, HELD))
@@ -105,7 +105,7 @@ def _plane_values(found: Chapter3) -> dict[str, Any]:
     }
 
 
-def _root_values(found: Chapter3) -> dict[str, Any]:
+def _collect_root_values(found: Chapter3) -> dict[str, Any]:
     """How many roots there are, which were taken, what other planes give, and what the mean coefficient is worth."""
     branches, fitted, means = (found.tables[name] for name in ("branches", "branches_fitted", "branch_means"))
     return {
