@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from damping.campaign.answer import analyse
+from damping.campaign.analysis import analyse
+from damping.campaign.answer import DesignLevel
 from damping.campaign.decays import decay_modes
 from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.runs import read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping_pipelines.cli import main
@@ -176,3 +178,66 @@ def test_what_is_no_campaign_says_what_is_expected(tmp_path, content, expected):
     path.write_text(content)
     with pytest.raises(InputError, match=expected):
         analyse([path])
+
+
+def corrected(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_what_was_found_can_be_corrected(tmp_path):
+    """A level, a reversed and a dead sensor, a unit: the table shows the names by which they are stated."""
+    source = written(tmp_path / "c.h5", "hdf5")
+    plain, summary = read_runs([source], 10 * SIZE)
+    shown = [what for what, _, _ in summary.rows]
+    assert {"run 'run_0.2g'", f"channel 'accelerations[{REVERSED}]'"} <= set(shown)
+    text = (
+        f'[runs."run_0.2g"]\nlevel = 0.25\n[runs."run_0.4g"]\nout = true\n[channels."accelerations[{REVERSED}]"]\n'
+        f'reverse = true\n[channels."accelerations[{DEAD}]"]\nrole = "out"\n'
+        '[channels."accelerations[0]"]\nunit = "m/s^2"\n'
+    )
+    runs, _ = read_runs([source], 10 * SIZE, read_corrections(corrected(tmp_path / "c.toml", text)))
+    assert [run.level for run in runs] == [0.1, 0.25]
+    by_name = {one.name: one for one in runs[0].channels}
+    assert f"accelerations[{DEAD}]" not in by_name
+    assert by_name["accelerations[0]"].unit == "m/s^2"
+    np.testing.assert_array_equal(by_name[f"accelerations[{REVERSED}]"].values, -plain[0].channels[REVERSED].values)
+
+
+def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
+    path = tmp_path / "c.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("run_0.1g")
+        group["frequency"] = FREQUENCY
+        group["control"] = np.outer([0.09, -0.11], np.ones(len(FREQUENCY))).astype(complex)
+        group["accelerations"] = motion(0.1, FREQUENCY)
+        group["accelerations"].attrs["units"] = "g"
+    largest = read_corrections(corrected(tmp_path / "c.toml", '[drive]\ncontrol = "maximum"\n'))
+    np.testing.assert_allclose(np.abs(read_runs([path], SIZE)[0][0].drive), 0.01, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(read_runs([path], SIZE, largest)[0][0].drive), 0.11, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[channels."acc 9"]\nrole = "out"\n', r"no channel 'acc 9'; expected such as 'accelerations\[\d\]'"),
+        ("[runs.run_0]\nlevel = 1.0\n", "no run 'run_0'; expected such as 'run_0.*g'"),
+        ('[channels.control]\nrole = "boss"\n', "line 2, column role: is 'boss'; expected sensor or drive or out"),
+        ('[drive]\ncontrol = "mean"\n', "is 'mean'; expected average or maximum"),
+        ('[channels.control]\nunits = "g"\n', "unknown key"),
+    ],
+)
+def test_corrections_of_what_is_not_there(tmp_path, text, message):
+    source = written(tmp_path / "c.h5", "hdf5")
+    with pytest.raises(InputError, match=message):
+        read_runs([source], 10 * SIZE, read_corrections(corrected(tmp_path / "c.toml", text)))
+
+
+def test_a_design_input_over_frequency():
+    curve = DesignLevel(np.array([20.0, 40.0, 80.0]), np.array([1.0, 4.0, 1.0]))
+    np.testing.assert_allclose(
+        [curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], [1.0, 4.0, 2.0, 1.0], rtol=1e-12
+    )
+    assert DesignLevel.flat(0.8).at(55.0) == pytest.approx(0.8, rel=1e-12)
+    with pytest.raises(InputError, match="no level"):
+        DesignLevel(np.array([2.0, 1.0]), np.array([1.0, 1.0]))

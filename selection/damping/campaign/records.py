@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.campaign.modes import LEAST_T, Complex, ModalFit, find_peaks_of, fit_level
-from damping.campaign.sources import ORDERS, CampaignRun, list_common_sensors, values_of
+from damping.campaign.modal_fit import Complex, ModalFit
+from damping.campaign.modes import LEAST_T, find_peaks_of, fit_level
+from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units

@@ -257,6 +257,9 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
+#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+_OWN_MASS = 0.25
+
 SECOND_MODE = Effect(
     name="second-mode",
     kind="structure",
@@ -266,6 +269,7 @@ SECOND_MODE = Effect(
     shapes=PATH,
     need="sweep",
     denies=frozenset({"planar-coupling"}),
+    prior=_OWN_MASS,
 )
 
 #: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.

@@ -19,6 +19,7 @@ from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
 from damping.gap.model import Simulate
 from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.problem import (
+    NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
@@ -268,12 +269,13 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
 
 
 #: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
-#: smallest p-value (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
+#: smallest p-value beyond 1.5 (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
 IN_LIBRARY = 2.2
-PER_DECADE = 0.6
+PER_DECADE = 0.7
 PER_DISPERSION = 3.0
 PER_EFFECT = 0.7
 PER_FAILURE = 1.5
+_NO_DECADES = 1.5
 _MOST_DECADES = 6.0
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
 _CLOSED = 0.8
@@ -303,7 +305,7 @@ def estimate_in_library(
 
     A logistic regression on answers to cases whose cause had been taken out of the library, one kind after another.
     """
-    decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
+    decades = float(np.clip(-np.log10(max(smallest_p(tests), 1e-30)) - _NO_DECADES, 0.0, _MOST_DECADES))
     log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
     log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(gap, held_out)
     return float(expit(log_odds))
@@ -316,10 +318,10 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
 
 
 def _much_the_same(one: Setting, other: Setting) -> bool:
-    """Whether two settings have the same noise within a tenth."""
+    """Whether two settings have the same noise within what is integrated over anyway."""
     a, b = one.problem.rows, other.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    return bool(np.sqrt(np.mean(changes**2)) < 0.1)
+    return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)
 
 
 def _describe_unit_caution(name: str, factor: float) -> str:

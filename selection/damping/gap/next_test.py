@@ -18,7 +18,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.terms import Terms, cross_motion, third_harmonic
 from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals
-from damping.gap.rows import BY_ROW, FURTHER_ERROR, UNSEEN, Rows
+from damping.gap.rows import FURTHER_ERROR, UNSEEN, Rows
 from damping.gap.steady import steady
 
 #: Rows of a sweep.
@@ -115,7 +115,7 @@ def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0
     A phase that the record does not hold is measured as well as the amplitude.
     """
     nearest = np.argmin(np.abs(rows.omega[:, np.newaxis] - omega), axis=0)
-    chosen = replace(rows, **{name: getattr(rows, name)[nearest] for name in BY_ROW})
+    chosen = rows.taken(nearest)
     n = len(omega)
     return replace(
         chosen,

@@ -23,8 +23,8 @@ from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Standard deviation of the ln of a noise that is no more than a guess.
-GUESS_ERROR = 0.2
+#: Standard deviation of the ln of a noise that was estimated from roughness, at least.
+NOISE_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Setting:
 
     @property
     def unknowns(self) -> Unknowns:
-        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n)."""
+        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
-        error = 0.0 if self.noise_known else GUESS_ERROR if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))
+        error = 0.0 if self.noise_known else max(NOISE_ERROR, float(np.sqrt(2.0 / len(rows))))
         return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
 
     @property

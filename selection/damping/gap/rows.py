@@ -104,8 +104,13 @@ class Rows:
     def where(self, keep: BoolArray) -> Rows:
         """The rows marked in ``keep``, sweeps without any row dropped and numbered anew."""
         kept, sweep = np.unique(self.sweep[keep], return_inverse=True)
-        chosen = {name: getattr(self, name)[keep] for name in BY_ROW}
-        return replace(self, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept], **chosen)
+        rows = self.taken(np.flatnonzero(keep))
+        return replace(rows, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept])
+
+    def taken(self, index: IntArray, **changed: FloatArray) -> Rows:
+        """Rows by their places (k,), which may repeat, some of their fields ``changed``."""
+        chosen = {name: getattr(self, name)[index] for name in (*BY_ROW, "sweep")}
+        return replace(self, **(chosen | changed))
 
 
 #: Fields of `Rows` with one entry a row, but for its sweep.

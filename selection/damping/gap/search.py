@@ -25,6 +25,8 @@ _NONE = -60.0
 _LOW = 0.3
 _HIGH = 60.0
 _FARTHEST = 3000.0
+#: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
+_UNSEEN_GAP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,9 @@ def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        unit = float(np.sqrt(base.r.size / squared[middle]))
+        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
+        # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
+        unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
     part = Part(form, unit)
     found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
@@ -116,13 +120,17 @@ _CLOSE_MODES = 10.0
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
 _WORTH = 30.0
-#: Hypotheses, the most probable, that are fitted to another problem too.
-_AGAIN = 8
+#: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
+_AGAIN = 6
+_AGAIN_SIMPLE = 3
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
-#: Forms of one effect that are fitted: those of the largest linear gain, none of which is far behind the first.
+#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
+_MOST_FORMS_BESIDE = 3
+#: Modes of a hypothesis that are gone on from.
+_MOST_BASES = 2
 _FAR = 0.2
 _ROUGH = 1.5
 _SLIGHT = 0.2
@@ -211,8 +219,10 @@ class Search:
         Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        worth = [one for one in self.ranked()[:_AGAIN] if one.effects]
-        for one in [self.found[frozenset()], *worth]:
+        ranked = self.ranked()
+        simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
+        worth = {one.key: one for one in (self.found[frozenset()], *simple, *ranked[:_AGAIN])}
+        for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
             for near in one.near:
                 at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
@@ -265,9 +275,11 @@ class Search:
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
         candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
         count = len(candidates)
-        candidates = [t for t in candidates[:_MOST_FORMS] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
+        most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
+        candidates = [t for t in candidates[:most] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
         promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
-        found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
+        near = base.near[:_MOST_BASES]
+        found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
             top = max(one.log_evidence for one in found)
             near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
@@ -324,6 +336,7 @@ def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, .
 INDISTINCT = 2.45
 #: Odds below which an effect is no candidate for the place of another, however near its prediction.
 LEAST_ODDS = 0.02
+_MOST_SWAPPED = 2
 
 
 @dataclass(frozen=True)
@@ -346,7 +359,8 @@ def distance(one: ModelFit, other: ModelFit) -> float:
 def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
     """For each effect of the leading explanation, those that could stand in its place without being told from it.
 
-    ``hypotheses`` are in order of probability; only those with as many effects as the first are compared with it.
+    ``hypotheses`` are in order of probability. Two effects together may take the place of one: a second plane read with
+    a wrong gain is a second mode.
     """
     leading = hypotheses[0]
     found = []
@@ -356,10 +370,10 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
         for other in hypotheses[1:]:
             swapped = other.key - rest
             alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if alive and len(other.effects) == len(leading.effects) and rest <= other.key and len(swapped) == 1:
+            if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
                 apart = distance(leading.best, other.best)
                 if apart < INDISTINCT:
-                    members.append(next(iter(swapped)))
+                    members += [name for name in other.effects if name in swapped and name not in members]
                     farthest = max(farthest, apart)
         if len(members) > 1:
             members.sort(key=lambda name: library[name].kind != "instrument")
