@@ -49,11 +49,11 @@ class StartedReport:
             done("tables")
             gaps = diagnose_gaps()
             done("gaps between simulation and test")
-            found = self.studies.result()
+            studies = self.studies.result()
             done("chapters II, IV, V")
             chapter_3 = self.chapter_3.result()
             done("chapter III")
-        return exhibit(ReportResults(found, chapter_3, tables, gaps))
+        return exhibit(ReportResults(studies, chapter_3, tables, gaps))
 
 
 def settings_file() -> Path:
@@ -111,15 +111,27 @@ FOLDER = "reproduction"
 
 
 def build_pages(parts: Sequence[ReportPart]) -> list[FurtherPage]:
-    """A page a part, with the way back to the report above its text and the other pages below."""
+    """A page for each part, its headings as sections, with the way back to the report above and other pages below."""
     links = [Link(part.section.title, f"{part.section.id}.html") for part in parts]
     back = Links([Link("Back to the report of the study", "../report.html")])
     pages = []
     for part, own in zip(parts, links, strict=True):
-        others = Links([link for link in links if link != own])
-        section = replace(part.section, blocks=[back, *part.section.blocks, Heading("Other pages"), others])
-        pages.append(FurtherPage(f"{FOLDER}/{section.id}", section.title, [section]))
+        first, *rest = split_at_headings(part.section)
+        others = Section("others", "Other pages", [Links([link for link in links if link != own])])
+        sections = [replace(first, blocks=[back, *first.blocks]), *rest, others]
+        pages.append(FurtherPage(f"{FOLDER}/{part.section.id}", part.section.title, sections))
     return pages
+
+
+def split_at_headings(section: Section) -> list[Section]:
+    """The section as one for what stands before its first heading, and one for each heading, numbered."""
+    sections: list[Section] = [Section(section.id, "In short", [])]
+    for block in section.blocks:
+        if isinstance(block, Heading):
+            sections.append(Section(f"{section.id}-{len(sections)}", block.text, []))
+        else:
+            sections[-1] = replace(sections[-1], blocks=[*sections[-1].blocks, block])
+    return sections
 
 
 def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Section:

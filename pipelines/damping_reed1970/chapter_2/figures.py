@@ -128,14 +128,14 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
     return figure
 
 
-def list_chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[ChapterFigure]:
+def list_chapter_2_figures(loops: HysteresisLoops, slip: SlipEquivalent) -> list[ChapterFigure]:
     """Every figure of the chapter with its words."""
     return [
         ChapterFigure(
             "hysteresis-loops", "2.4", "Hysteresis loops of every damping force",
             "Force against displacement over one cycle, about a spring of unit stiffness; all but the slip joint lose "
             "the same energy per cycle.",
-            lambda: draw_hysteresis_loops(found.loops),
+            lambda: draw_hysteresis_loops(loops.loops),
         ),
         ChapterFigure(
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",

@@ -30,7 +30,7 @@ _TABLES = (
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
-    found, every, named = results.studies, results.studies.tables(), results.tables
+    studies, every, named = results.studies, results.studies.tables(), results.tables
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {name: chapter_table(4, name, every[name]) for name in _TABLES} | {
@@ -42,12 +42,12 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     values = {
         "lines": [_describe_line(lines, IV, mode) for mode in (1, 2)],
         "line_squared": _describe_line(lines, V, 1),
-        **_collect_response_values(every, found.curves),
-        **_collect_level_values(found, variations),
+        **_collect_response_values(every, studies.curves),
+        **_collect_level_values(studies, variations),
         **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
         **_collect_example_values(named["section_4_3_example"]),
     }
-    drawn = list_chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels)
+    drawn = list_chapter_4_figures(studies.lines, studies.curves, studies.force_lines, studies.levels)
     tables = {name: every[name] for name in _TABLES}
     chapter = Chapter(4, "Chapter IV: force from level to level", values, drawn, shown, tables, named)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
@@ -124,15 +124,15 @@ def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
         "refitted": "error of linear, p refitted",
         "whole": "error of linear, over all laws",
     }
-    found = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
+    rows = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
     laws = {"refitted": "the refitted power law", "whole": "all laws by weight"}
-    printed = found["own"]["printed"]
-    inside = [said for name, said in laws.items() if found[name]["low"] <= printed <= found[name]["high"]]
-    return {**found, "example_force": F_EXAMPLE, "inside": inside}
+    printed = rows["own"]["printed"]
+    inside = [said for name, said in laws.items() if rows[name]["low"] <= printed <= rows[name]["high"]]
+    return {**rows, "example_force": F_EXAMPLE, "inside": inside}
 
 
 def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
-    """Spread of each case by mode and what is kept, a row a case."""
+    """Spread of each case by mode and what is kept, one row per case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
     modes, kept = (wide.columns.get_level_values(level) for level in ("mode", "kept"))

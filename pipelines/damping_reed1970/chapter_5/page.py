@@ -30,39 +30,39 @@ _TABLES = (
 
 def write_chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
-    found, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
+    studies, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
     shown = {name: chapter_table(5, name, every[name]) for name in _TABLES} | {
         "coefficients": Table(
             tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
         ),
-        "measured": chapter_table(5, "circular_claims", _tabulate_measured(found.circular)),
+        "measured": chapter_table(5, "circular_claims", _tabulate_measured(studies.circular)),
     }
     values = {
-        "surface": found.surface,
-        "largest_energy": found.surface.points["energy_in_lb"].max(),
-        "nine": found.nine.summary,
+        "surface": studies.surface,
+        "largest_energy": studies.surface.points["energy_in_lb"].max(),
+        "nine": studies.nine.summary,
         "span": _describe_span,
         "subsets": SUBSETS,
         "noise": NOISE,
         **_collect_coefficient_values(regressions),
         **_collect_check_out_values(regressions),
-        **_collect_false_values(found.false),
-        **_collect_circle_values(found.circular),
+        **_collect_false_values(studies.false),
+        **_collect_circle_values(studies.circular),
     }
-    figures = list_chapter_5_figures(found.surface, found.nine, found.false, found.circular)
+    figures = list_chapter_5_figures(studies.surface, studies.nine, studies.false, studies.circular)
     tables = {name: every[name] for name in _TABLES}
     chapter = Chapter(5, "Chapter V: energy as a polynomial", values, figures, shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
 def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
-    """A row a fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
+    """One row per fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
 
     The check-out data have no recovered inputs but the law that made them.
     """
     rows = []
-    for (fit, equation, term), found in regressions.groupby(["fit", "equation", "term"], sort=False):
-        values, last = found.set_index("inputs")["coefficient"], found.iloc[-1]
+    for (fit, equation, term), rows_of_term in regressions.groupby(["fit", "equation", "term"], sort=False):
+        values, last = rows_of_term.set_index("inputs")["coefficient"], rows_of_term.iloc[-1]
         rows.append(
             {
                 "fit": fit,

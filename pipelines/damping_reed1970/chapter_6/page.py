@@ -26,7 +26,7 @@ def write_chapter_6(results: ReportResults) -> ReportPart:
 
 
 def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
-    """What the page shows of section 6.1: a row a law and parameter."""
+    """What the page shows of section 6.1: one row per law and parameter."""
     ours = [
         f"{number(value)} ({format_between(low, high)})"
         for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
