@@ -123,9 +123,9 @@ def tabulate_of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFram
 
 def chapter_of(identity: str) -> int:
     """Chapter of an id."""
-    found = re.search(r"\d", identity)
-    assert found, f"{identity} names no chapter"
-    return int(found[0])
+    digit = re.search(r"\d", identity)
+    assert digit, f"{identity} names no chapter"
+    return int(digit[0])
 
 
 def describe_agreement_text(reproduction: pd.DataFrame) -> str:
@@ -239,8 +239,8 @@ def _build_blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
             yield Heading(_describe_line(part.removeprefix("## ")))
         elif part.startswith("* "):
             yield List([_describe_line(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
-        elif found := _DIRECTIVE.fullmatch(part):
-            kind, name, rest = found[1], found[2], _describe_line(found[3])
+        elif directive := _DIRECTIVE.fullmatch(part):
+            kind, name, rest = directive[1], directive[2], _describe_line(directive[3])
             if kind == "end":
                 return
             if kind == "fold":

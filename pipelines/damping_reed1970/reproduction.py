@@ -247,15 +247,15 @@ def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
 
 def evidence(rows: pd.DataFrame) -> dict[str, str]:
     """By erratum: the numbers it changes, printed, computed and computed after correction."""
-    found: dict[str, list[str]] = {}
+    changes: dict[str, list[str]] = {}
     for one in rows[rows["erratum"] != ""].to_dict("records"):
         steps = [
             one["printed"],
             *(number(one[name], 4) for name in ("computed", "computed_after_correction") if pd.notna(one[name])),
         ]
         for identity in str(one["erratum"]).split(", "):
-            found.setdefault(identity, []).append(f"{one['id']}: {' → '.join(steps)}")
-    return {identity: "; ".join(_some(texts)) for identity, texts in found.items()}
+            changes.setdefault(identity, []).append(f"{one['id']}: {' → '.join(steps)}")
+    return {identity: "; ".join(_some(texts)) for identity, texts in changes.items()}
 
 
 def _some(texts: list[str]) -> Iterable[str]:
@@ -294,7 +294,7 @@ SYMBOLS = {
 
 def describe_in_symbols(text: str) -> str:
     """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
-    text = re.sub(r"\^(\d)(?![\d.])", lambda found: found[1].translate(_SUPERSCRIPT), text)
+    text = re.sub(r"\^(\d)(?![\d.])", lambda power: power[1].translate(_SUPERSCRIPT), text)
     for pattern, symbol in SYMBOLS.items():
         text = re.sub(pattern, symbol, text)
     return text

@@ -89,8 +89,8 @@ class Studies:
     def _levels(self, name: str) -> pd.DataFrame:
         """One table of the level methods over modes and what is held."""
         parts = [
-            getattr(found, name).assign(mode=mode, kept=held, picked=found.picked)
-            for (mode, held), found in self.levels.items()
+            getattr(methods, name).assign(mode=mode, kept=held, picked=methods.picked)
+            for (mode, held), methods in self.levels.items()
         ]
         result: pd.DataFrame = pd.concat(parts, ignore_index=True)
         return result
@@ -206,7 +206,7 @@ SHOWN = ("overlay", "local", "probabilities")
 _MOST = 8
 
 
-def gaps_part(found: Gaps) -> ReportPart:
+def gaps_part(gaps: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
     blocks: list[Block] = [
         Text(
@@ -216,7 +216,7 @@ def gaps_part(found: Gaps) -> ReportPart:
     ]
     tables: dict[str, pd.DataFrame] = {}
     for number_, (one, what) in enumerate(
-        ((found.configuration_1, _list_planes), (found.configuration_2, _list_damping)), 1
+        ((gaps.configuration_1, _list_planes), (gaps.configuration_2, _list_damping)), 1
     ):
         blocks += [Heading(one.mode.name), Text(describe_verdict(one), lead=True)]
         said = [place(one), *list_doubts(one), *list_trends(one), *what(one)]

@@ -126,10 +126,10 @@ def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: R
 def _find_rows(table: pd.DataFrame, key_columns: str, key: str) -> pd.Series:
     """True in the row whose key columns (``a|b``) hold the key (``1|A``)."""
     parts = zip(key_columns.split("|"), key.split("|"), strict=True)
-    found = pd.Series(True, index=table.index)
+    matching = pd.Series(True, index=table.index)
     for column, value in parts:
-        found &= table[column] == value
-    return found
+        matching &= table[column] == value
+    return matching
 
 
 def _choose(value: str, choices: tuple[str, ...], what: str) -> str:

@@ -85,7 +85,7 @@ def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str
 
 
 def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
-    """A row a kind: cases, and in how many the answer was good, right, flagged, confidently wrong, structure blamed."""
+    """One row per kind: cases, and how many answers were good, right, flagged, confidently wrong, put on the structure."""
     order = {kind: (FAMILIES[case.family], kind) for case in cases for kind in [case.kind]}
     rows = []
     for kind in sorted(order, key=order.__getitem__):

@@ -95,7 +95,9 @@ def test_every_part_is_a_page_that_the_report_links(rendered: Rendered, results:
     assert anchors[-3:] == ["source-report", "cautions", "method"]
     assert not set(anchors) & set(names)
     for name, page in zip(names, rendered.pages.values(), strict=True):
-        assert re.findall(r'<section id="([^"]+)"', page) == [name]
+        first, *headings, last = re.findall(r'<section id="([^"]+)"', page)
+        assert (first, last) == (name, "others")
+        assert headings == [f"{name}-{n}" for n in range(1, len(headings) + 1)]
         assert 'href="../report.html"' in page
         others = re.findall(r'<a href="([a-z0-9-]+)\.html"', page)
         assert others == [other for other in names if other != name]

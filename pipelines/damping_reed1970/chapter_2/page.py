@@ -14,7 +14,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.report.words import format_joined, number
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
-from damping_reed1970.chapter_2.figures import chapter_2_figures
+from damping_reed1970.chapter_2.figures import list_chapter_2_figures
 from damping_reed1970.common import Chapter, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
 
@@ -113,7 +113,7 @@ JOINTS = {"joint 1-2": 0.01, "joint 2-3": 0.02, "joint 3-4": 0.01}
 
 
 def tabulate_lumped_masses() -> pd.DataFrame:
-    """A row a mode, with m = k = 1 and the displacement of mass 1 as modal coordinate.
+    """One row per mode, with m = k = 1 and the displacement of mass 1 as modal coordinate.
 
     ``omega`` computed and ``omega_closed_form``; ``mass`` generalized; ``force``: modal force of a unit load at mass 4
     (Eq. 2.2.3); a column a joint: what its damper adds to the modal coefficient ``C`` (section 2.5), and ``xi``.
@@ -146,10 +146,10 @@ def tabulate_lumped_masses() -> pd.DataFrame:
 AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 
 
-def chapter_2(results: ReportResults) -> ReportPart:
+def write_chapter_2(results: ReportResults) -> ReportPart:
     """The page: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
-    found = results.studies
-    loops, energies, modes = found.loops.areas, found.slip.energies, tabulate_lumped_masses()
+    studies = results.studies
+    loops, energies, modes = studies.loops.areas, studies.slip.energies, tabulate_lumped_masses()
     at, last = tabulate_energies_at(energies), modes.iloc[-1]
     most = max(JOINTS, key=lambda name: float(last[name]))
     values = {
@@ -175,7 +175,7 @@ def chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = chapter_2_figures(found.loops, found.slip)
+    figures = list_chapter_2_figures(studies.loops, studies.slip)
     chapter = Chapter(2, "Chapter II: hysteresis and slip", values, figures, shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
@@ -185,10 +185,10 @@ def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:
     A = np.array(AMPLITUDES)
     names = ("exact", "printed", "corrected_equivalent")
     columns = {name: np.interp(A, energies["amplitude"], energies[name]) for name in names}
-    found = pd.DataFrame({"amplitude": A, **columns})
-    return found.assign(
-        printed_over_exact=found["printed"] / found["exact"],
-        equivalent_percent=100.0 * (found["corrected_equivalent"] / found["exact"] - 1.0),
+    table = pd.DataFrame({"amplitude": A, **columns})
+    return table.assign(
+        printed_over_exact=table["printed"] / table["exact"],
+        equivalent_percent=100.0 * (table["corrected_equivalent"] / table["exact"] - 1.0),
     )[["amplitude", "exact", "printed", "printed_over_exact", "corrected_equivalent", "equivalent_percent"]]
 
 

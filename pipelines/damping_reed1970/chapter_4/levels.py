@@ -170,10 +170,10 @@ def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCa
     best = int(np.argmin([variance(u) for u in grid]))
     if best in (0, len(grid) - 1):
         return replace(case, alpha=0.0 if best == 0 else np.inf)
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         variance, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-10}
     )
-    return replace(case, alpha=float(np.exp(found.x)))
+    return replace(case, alpha=float(np.exp(minimum.x)))
 
 
 def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
@@ -182,7 +182,7 @@ def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArra
 
 
 def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """A row a base sweep."""
+    """One row per base sweep."""
     held = held_values(case, data, scale)
     percent = 100.0 * (held[None, :] / held[:, None] - 1.0)
     largest = percent[np.arange(len(held)), np.abs(percent).argmax(axis=1)]
@@ -191,7 +191,7 @@ def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray)
 
 
 def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """A row a base and sweep other than the base; then each sweep from all others."""
+    """One row per base and sweep other than the base; then each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
     predicted = _amplitude(case, held[base] * scale[sweep], data, sweep)

@@ -49,7 +49,7 @@ def fit_mode(mode: int, form: Form, version: Version, level: float = LEVEL) -> P
 
 
 def tabulate_power_laws() -> pd.DataFrame:
-    """A row a mode, form and inputs: exponent and coefficient, printed beside ours.
+    """One row per mode, form and inputs: exponent and coefficient, printed beside ours.
 
     ``p_low``, ``p_high``: t interval from 1 degree of freedom. ``alpha_A`` to ``alpha_C`` of each sweep with our p,
     ``alpha_at_printed_p`` their mean with the printed p. alpha in lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
@@ -57,7 +57,7 @@ def tabulate_power_laws() -> pd.DataFrame:
     rows = []
     for (form, mode), (p, alpha, equation, erratum) in PRINTED_EXPONENTS.items():
         for version in VERSIONS:
-            found, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
+            law, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
             rows.append(
                 {
                     "mode": mode,
@@ -65,19 +65,19 @@ def tabulate_power_laws() -> pd.DataFrame:
                     "equation": equation,
                     "inputs": version,
                     "p_printed": p,
-                    "p": found.p,
-                    "p_std_error": found.std_error,
-                    "degrees_of_freedom": found.degrees_of_freedom,
-                    "level": found.level,
-                    "p_low": found.p_low,
-                    "p_high": found.p_high,
-                    "factor": found.factor,
+                    "p": law.p,
+                    "p_std_error": law.std_error,
+                    "degrees_of_freedom": law.degrees_of_freedom,
+                    "level": law.level,
+                    "p_low": law.p_low,
+                    "p_high": law.p_high,
+                    "factor": law.factor,
                     "alpha_printed": alpha,
                     "alpha_at_printed_p": float(np.mean(alphas(form, p, F, A, float(omega.mean())))),
-                    "alpha": found.alpha,
-                    "alpha_std_error": found.std_error_alpha,
-                    **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", found.alphas, strict=True)},
-                    "r_squared_centred": found.r_squared_centred,
+                    "alpha": law.alpha,
+                    "alpha_std_error": law.std_error_alpha,
+                    **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", law.alphas, strict=True)},
+                    "r_squared_centred": law.r_squared_centred,
                     "erratum": erratum,
                 }
             )
@@ -197,7 +197,7 @@ ERRATA = {(IV.name, 1): "E41-3", (IV.name, 2): "E41-3", (V.name, 1): "E4-1"}
 
 
 def tabulate_linear_coefficients() -> pd.DataFrame:
-    """A row a mode, inputs, model and coefficient, with statistics from 1 degree of freedom (three sweeps).
+    """One row per mode, inputs, model and coefficient, with statistics from 1 degree of freedom (three sweeps).
 
     ``inputs``: ``printed`` takes C_1 of Table 4.II, ``corrected`` F_e/(omega A_m) of the corrected Table 4.I.
     ``report_method``: mean slope of the two segments, line through the middle sweep. ``low``, ``high``: t interval.
@@ -235,8 +235,8 @@ def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fl
 def _tabulate_coefficients(
     mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray
 ) -> pd.DataFrame:
-    found, key = fit_model(model, A, C_1), (model.name, mode)
-    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * found.std_errors
+    line, key = fit_model(model, A, C_1), (model.name, mode)
+    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, line.n - line.k)) * line.std_errors
     factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)
     by_hand = report_method(model, A, C_1)
     return pd.DataFrame(
@@ -244,25 +244,25 @@ def _tabulate_coefficients(
             "mode": mode,
             "model": model.name,
             "inputs": inputs,
-            "parameter": found.names,
+            "parameter": line.names,
             "unit": model.units,
-            "coefficient": found.coefficients,
-            "std_error": found.std_errors,
-            "t_ratio": found.t_ratios,
-            "p_value": found.p_values,
-            "low": found.coefficients - half,
-            "high": found.coefficients + half,
+            "coefficient": line.coefficients,
+            "std_error": line.std_errors,
+            "t_ratio": line.t_ratios,
+            "p_value": line.p_values,
+            "low": line.coefficients - half,
+            "high": line.coefficients + half,
             "report_method": by_hand,
             "printed": PRINTED_LINES.get(key, nothing),
             "cases": model.cases,
             "force": ["viscous", model.force],
-            "force_coefficient": factors * found.coefficients,
-            "force_std_error": factors * found.std_errors,
+            "force_coefficient": factors * line.coefficients,
+            "force_std_error": factors * line.std_errors,
             "force_report_method": factors * by_hand,
             "printed_force": PRINTED_FORCES.get(key, nothing),
-            "rms_error_lb_s_per_in": found.rms_error,
-            "r_squared_centred": found.r_squared_centred,
-            "degrees_of_freedom": found.n - found.k,
+            "rms_error_lb_s_per_in": line.rms_error,
+            "r_squared_centred": line.r_squared_centred,
+            "degrees_of_freedom": line.n - line.k,
             "erratum": ERRATA.get(key, ""),
         }
     )
@@ -288,11 +288,11 @@ def coefficient_lines(mode: int, version: Version = "corrected") -> CoefficientL
     C_01, C_11 = PRINTED_LINES[IV.name, mode]
     parts = []
     for model in MODELS:
-        found = fit_model(model, A, C_1)
+        fitted = fit_model(model, A, C_1)
         basis = np.column_stack([np.ones_like(grid), grid**model.power])
-        line = basis @ found.coefficients
-        error = np.sqrt(np.einsum("nk,kl,nl->n", basis, found.covariance, basis))
-        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, found.n - found.k)) * error
+        line = basis @ fitted.coefficients
+        error = np.sqrt(np.einsum("nk,kl,nl->n", basis, fitted.covariance, basis))
+        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, fitted.n - fitted.k)) * error
         columns_ = {"cases": model.cases, "amplitude_in": grid, "C_1_lb_s_per_in": line}
         parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
     printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})

@@ -16,7 +16,7 @@ from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, write_ch
 from damping_reed1970.studies import ReportResults
 
 
-def chapter_6(results: ReportResults) -> ReportPart:
+def write_chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
@@ -26,7 +26,7 @@ def chapter_6(results: ReportResults) -> ReportPart:
 
 
 def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
-    """What the page shows of section 6.1: a row a law and parameter."""
+    """What the page shows of section 6.1: one row per law and parameter."""
     ours = [
         f"{number(value)} ({format_between(low, high)})"
         for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
