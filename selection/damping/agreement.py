@@ -6,8 +6,10 @@ simulation, which has a resonant amplitude of its own. Where that lies outside t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects import CATALOGUE
+from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
@@ -72,6 +74,7 @@ def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]
 
 
 def simulate_resonance(mode: Mode, loads: Loads) -> FloatArray:
-    """Resonant amplitude of a model at the forces of loads (forces,), NaN where it has none."""
-    omega_n = RAD_S_PER_HZ * mode.frequency
+    """Resonant amplitude of a model without a rig at the forces of loads (forces,), NaN where it has none."""
+    forces = {name: table for name, table in mode.effects.items() if find_effect(name).force is not None}
+    mode, omega_n = replace(mode, effects=forces), RAD_S_PER_HZ * mode.frequency
     return phase_resonance(simulated_force(mode), loads.force, mode.mass, omega_n)[0]
