@@ -58,9 +58,7 @@ def test_a_frequency_that_moves_is_the_envelope_integrated():
 def test_a_slow_sweep_is_a_steady_state():
     omega = OMEGA * np.linspace(0.9, 1.1, 21)
     # of first order in the rate over the squared half-bandwidth, here 1e-6
-    np.testing.assert_allclose(
-        receptance(omega, rate=1e-6 * (XI * OMEGA) ** 2), receptance(omega), rtol=1e-5, atol=0.0
-    )
+    np.testing.assert_allclose(receptance(omega, rate=1e-6 * (XI * OMEGA) ** 2), receptance(omega), rtol=1e-5, atol=0.0)
 
 
 @pytest.mark.parametrize("over", [0.5, 1.0, 1.3, 2.0])
@@ -163,7 +161,9 @@ def test_states_share_what_is_wrong(lab):
     rows = lab.bench(levels=2, points=12).rows
     plain = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)
     state = heavier(lab, 2.0, 1.5 * lab.viscous)
-    column = pd.concat([plain.table.assign(added_mass=0.0), state.table.assign(added_mass=2.0, sweep="m" + state.table["sweep"])])
+    column = pd.concat(
+        [plain.table.assign(added_mass=0.0), state.table.assign(added_mass=2.0, sweep="m" + state.table["sweep"])]
+    )
     other = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))
     both = [diagnose(Record(column), lab.mode()), diagnose(plain, lab.mode(), states=[(state, other)])]
     for one in both:

@@ -293,6 +293,8 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
     return tuple(found)
 
 
+#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
+_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 #: Sweeps up to which the frequency of each may be its own.
 _MOST_JUMPS = 8
 
@@ -310,7 +312,8 @@ def _jumping_form(scales: Scales) -> Form:
     def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
         return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
 
-    return Form("drift", change, report, scales.bandwidth, shapes, largest=_MOST_DRIFT, label="level to level")
+    sizes = tuple(scales.bandwidth * share for share in _DRIFTS)
+    return Form("drift", change, report, scales.bandwidth, shapes, _MOST_DRIFT, "level to level", sizes=sizes)
 
 
 def _drift_form(
@@ -326,7 +329,8 @@ def _drift_form(
         return drifting(terms, quantity, sign * change, settling[0] if settling else 0.0, sweep)
 
     label = f"{kind}{f' of sweep {sweep}' if sweep else ''}, {sign:+.0f}"
-    return Form("drift", change, report, natural, shapes, largest=most, label=label)
+    sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
+    return Form("drift", change, report, natural, shapes, largest=most, label=label, sizes=sizes)
 
 
 def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:

@@ -166,7 +166,7 @@ def diagnose(
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
     in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
     hypotheses = blend_probabilities(hypotheses, in_library)
-    cautions += levels + list_ends(leading.best) + describe_held_out(gap, held_out)
+    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
@@ -282,16 +282,20 @@ _CLOSED = 0.8
 _FAILED = 0.5
 
 
-def fails_held_out(gap: Gap, held_out: HeldOut | None) -> bool:
+#: Effects that speak of single sweeps: those that are held out cannot be predicted.
+_OF_ONE_SWEEP = {"drift", "level-offset"}
+
+
+def fails_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> bool:
     """Whether an explanation that closes the gap does not on levels that did not choose it."""
-    if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+    if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
         return False
     return gap.shrinkage > _CLOSED and held_out.shrinkage < _FAILED
 
 
-def describe_held_out(gap: Gap, held_out: HeldOut | None) -> list[str]:
+def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
     """The caution that goes with it."""
-    if not fails_held_out(gap, held_out) or held_out is None or held_out.shrinkage is None:
+    if not fails_held_out(leading, gap, held_out) or held_out is None or held_out.shrinkage is None:
         return []
     return [
         f"the explanation fails on levels that did not choose it: it closes {100.0 * held_out.shrinkage:.0f} % of their gap"
@@ -307,7 +311,7 @@ def estimate_in_library(
     """
     decades = float(np.clip(-np.log10(max(smallest_p(tests), 1e-30)) - _NO_DECADES, 0.0, _MOST_DECADES))
     log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
-    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(gap, held_out)
+    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(leading, gap, held_out)
     return float(expit(log_odds))
 
 

@@ -133,6 +133,8 @@ _MOST_FORMS_BESIDE = 3
 _MOST_BASES = 2
 _FAR = 0.2
 _ROUGH = 1.5
+#: Deviation of a sweep, in units of repeatability, beyond which it hides something.
+_APART = 3.0
 _SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
 _HOPELESS = 0.01
@@ -273,11 +275,15 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
+            rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
         count = len(candidates)
         most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
-        candidates = [t for t in candidates[:most] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
-        promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        least = candidates[0][0].gain * _FAR - _SURE
+        jumps = [tried for tried in candidates[most:] if tried[0].part.form.sizes and rough > _ROUGH]
+        candidates = [tried for tried in candidates[:most] if tried[0].gain > least or tried[0].part.form.sizes]
+        promising = [tried for tried in candidates + jumps if rough > _ROUGH or tried[0].gain > _SLIGHT]
         near = base.near[:_MOST_BASES]
         found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
@@ -290,7 +296,7 @@ class Search:
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
-            own += [at_gap(tried[0], size / tried[0].part.unit) for size in tried[0].part.form.sizes]
+            own += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
