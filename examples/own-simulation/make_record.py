@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from two_beams import frame
 
-#: True stiffness of the joint, N m/rad, simulated as 2500 within 10 %; friction of the guide, N; forces of the levels, N.
+#: True stiffness of the joint, N m/rad, simulated as 2500 within 10 %; friction of the guide, N; forces, N.
 JOINT, FRICTION = 2150.0, 0.006
 FORCES = (0.04, 0.08, 0.16)
 NOISE = 0.01
@@ -27,7 +27,7 @@ def main() -> None:
     for label, level in zip("ABC", FORCES, strict=True):
         A, phase = frame(np.ones(25), hertz, bending=140.0, joint=JOINT, loss=0.02)
         for f, Z in zip(hertz, np.exp(1j * phase) / A, strict=True):
-            a = brentq(lambda a, Z=Z: abs(Z * a + 4j * FRICTION / np.pi) - level, 1e-9, 10.0 * level / abs(Z))
+            a = brentq(lambda a, Z=Z, F=level: abs(Z * a + 4j * FRICTION / np.pi) - F, 1e-9, 10.0 * level / abs(Z))
             lag = float(np.angle(Z * a + 4j * FRICTION / np.pi))
             rows.append(
                 (label, level, f, a * (1.0 + NOISE * rng.normal()), lag + NOISE * rng.normal(), NOISE * a, NOISE)

@@ -1,4 +1,4 @@
-"""A user's own simulation for ``damping gap --simulator two_beams:frame``: two beams joined by a spring, finite elements.
+"""A simulation of your own for ``damping gap --simulator two_beams:frame``: two beams joined by a spring.
 
 A clamped beam and the beam that continues it, joined by a bending spring: Euler-Bernoulli elements with two degrees of
 freedom a node (Bathe, Finite Element Procedures, 1996, section 5.4.1), structural damping, a force at the tip and the
