@@ -19,7 +19,7 @@ from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.corrected import EffectPosterior, corrected_mode
 from damping.gap.diagnose import Diagnosis
-from damping.gap.model import Simulate
+from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings

@@ -28,8 +28,8 @@ from damping.extrapolation.curve import (
 from damping.extrapolation.near import near_resonance
 from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
-from damping.gap.model import Simulate
 from damping.gap.problem import State
+from damping.gap.simulation import Simulate
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
 from damping.predict.measured import Measured, as_driven_by_force, prepare
