@@ -56,17 +56,11 @@ def import_(
     ] = None,
     scaling: Annotated[
         list[str] | None,
-        typer.Option(
-            "--scaling",
-            metavar="[force=]X",
-            help="Amplitudes are peak, rms or peak-to-peak; force=X those of the force.",
-        ),
+        typer.Option("--scaling", metavar="[force=]X", help="Amplitudes are peak, rms or peak-to-peak; of the force."),
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option(
-            "--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy, mass, frequency or time; repeat."
-        ),
+        typer.Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response or another (above); repeat."),
     ] = None,
     consistent: Annotated[
         bool, typer.Option("--consistent", help="All values are of one system of units: take them as they are.")

@@ -34,7 +34,6 @@ _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 
 _MOST_SWEEPS = 1000
 #: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
 _TURN_IN_RADIANS = 1.5
-_UNIT_SAYS = {"response"}  # a unit says the type of a response better than a name
 #: Another sweep begins where the frequency goes back by more than this share of its range so far ...
 _RESTART = 0.5
 #: ... after so many rows at least.
@@ -74,7 +73,7 @@ def to_series(
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     found = Found(
-        response=None if _UNIT_SAYS & set(said.units) else said.response,
+        response=None if "response" in said.units else said.response,
         scaling=said.scaling or ("peak" if of_role else None),
         force_scaling=said.force_scaling or ("peak" if own else None),
         units=dict(said.units),

@@ -37,9 +37,8 @@ _FUNCTIONS = {
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-#: Data type of an abscissa that is time (field 1 of record 8 of data set 58).
+#: Data types of an abscissa that is time, and frequency (field 1 of record 8 of data set 58).
 _TIME = 17
-#: Data type of an abscissa that is frequency.
 _FREQUENCY = 18
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
@@ -169,11 +168,8 @@ def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
         form = "bytes" if one.block.binary else "text"
         title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
-        summary.add(
-            f"data set {one.number}",
-            f"{what}, {of}, {head.points} points ({form}), {one.point}{title}",
-            "found in the file",
-        )
+        text = f"{what}, {of}, {head.points} points ({form}), {one.point}{title}"
+        summary.add(f"data set {one.number}", text, "found in the file")
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
     if others:
@@ -224,16 +220,13 @@ def _describe_unfit(one: _Set) -> str:
 
 def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Path) -> None:
     if len(responses) > _MOST_SWEEPS:
-        raise InputError(
-            f"{len(responses)} responses", file=file, expected=f"--dataset numbers of at most {_MOST_SWEEPS}"
-        )
+        expected = f"--dataset numbers of at most {_MOST_SWEEPS}"
+        raise InputError(f"{len(responses)} responses", file=file, expected=expected)
     points = list(dict.fromkeys(one.point for one in responses))
     if len(points) > 1 and not datasets:
-        raise InputError(
-            f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)",
-            file=file,
-            expected="--dataset numbers of the sweeps of one point, or damping campaign for all",
-        )
+        expected = "--dataset numbers of the sweeps of one point, or damping campaign for all"
+        message = f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)"
+        raise InputError(message, file=file, expected=expected)
 
 
 def _series(one: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:

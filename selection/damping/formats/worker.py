@@ -9,18 +9,16 @@ functions or text, nothing outside the file (external and virtual data), no pick
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from typing import Any
 
 import numpy as np
 
-#: Arrays of a file that are listed: a bound for files that hold thousands.
-_MOST_NAMES = 200
-#: Groups within groups that are looked into: a bound for files that nest without end.
-_DEEPEST = 6
-#: Arrays that one name may stand for.
-_MOST_PARTS = 1000
+_MOST_NAMES = 200  # arrays of a file that are listed: a bound for files that hold thousands
+_DEEPEST = 6  # groups within groups that are looked into: a bound for files that nest without end
+_MOST_PARTS = 1000  # arrays that one name may stand for
 #: First and behind the last sample of every array that are read; empty: all.
 _ROWS: list[int] = []
 _FILTERS = {"gzip", "lzf", None}
@@ -281,10 +279,7 @@ def _readable(h5py: Any, found: Any, name: str) -> None:
 
 
 def _bounded(shape: Any, item: int, most: int) -> None:
-    size = item
-    for n in shape:
-        size *= max(int(n), 1)
-    if size > most:
+    if item * math.prod(max(int(n), 1) for n in shape) > most:
         raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
 
 

@@ -284,16 +284,14 @@ class Description(_DescriptionTable):
         if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
             yield DescriptionProblem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")
         if self.correction is not None and (self.modes or rigid is not None):
-            yield DescriptionProblem(
-                ("correction",), "the total correction is given and computed", "it, or modes and rigid_body"
-            )
+            message = "the total correction is given and computed"
+            yield DescriptionProblem(("correction",), message, "it, or modes and rigid_body")
         removed = [key for key in ("modes", "rigid_body", "correction", "principal") if getattr(self, key)]
         if self.node.phase is None and self.node.phase_sd is not None:
             yield DescriptionProblem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
         if self.node.phase is None and removed:
-            yield DescriptionProblem(
-                (removed[0],), "nothing can be removed without the phase of the node", "phase in [node]"
-            )
+            message = "nothing can be removed without the phase of the node"
+            yield DescriptionProblem((removed[0],), message, "phase in [node]")
         if self.principal is not None and (self.principal.branch == "near") != (self.principal.xi is not None):
             yield DescriptionProblem(("principal",), 'xi goes with branch = "near"', "both or neither")
 

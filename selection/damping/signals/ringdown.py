@@ -24,11 +24,10 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import CubicSpline
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.signals.windows import Signal, Window, flat_window, noise_beside, thinned
+from damping.signals.windows import Signal, Window, even_times, find_step, flat_window, noise_beside, thinned
 
 #: Periods of the window: what is further than some 2/periods of the frequency away is rejected.
 PERIODS = 6.0
@@ -47,12 +46,6 @@ LARGEST_BEND = 0.15
 #: A loss of the start is said where the motion was so many times larger.
 LARGEST_LOSS = 1.1
 
-_FEWEST_SAMPLES = 8  # a period must have so many
-_PART = 1_000_000  # samples looked at together
-_LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
-_UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
-_PARTS = 10  # of a record whose mean steps are compared
-_STRETCHED = 5.0  # standard errors of a mean step by which it is another
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -138,8 +131,8 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
-    t, x, jitter = _evened(t, x, frequency)
-    t, x = thinned(t, x, _step(t, frequency), frequency)
+    t, x, jitter = even_times(t, x, frequency)
+    t, x = thinned(t, x, find_step(t, frequency), frequency)
     dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
@@ -177,42 +170,6 @@ def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) 
         has = f"{t[0]:g} to {t[-1]:g} s" if len(t) else "a time history"
         raise InputError("there are no two samples between start and end", expected=has)
     return (t, x) if keep.all() else (t[keep], x[keep])
-
-
-def _evened(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Times that jitter about an even spacing without a gap: a cubic spline through the samples, taken evenly.
-
-    With n samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or
-    shrink along the record by more than their scatter explains are no jitter but a stretch, which would pass for a
-    change of frequency: those times stay as they are.
-    """
-    step = np.diff(t)
-    dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
-    even = t[0] + dt * np.arange(len(t))
-    off = float(np.max(np.abs(t - even))) if np.isfinite(t).all() else np.inf
-    gap = min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_SAMPLES * frequency))
-    if off <= _UNEVEN * dt or not (np.all(step > 0.0) and np.max(step) <= gap and np.isfinite(off)):
-        return t, x, []
-    stretched = [abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in np.array_split(step, _PARTS) if len(part)]
-    if max(stretched) > _STRETCHED * np.std(step):
-        return t, x, []
-    said = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
-    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [said]
-
-
-def _step(t: FloatArray, frequency: float) -> float:
-    """Time step of an even spacing that resolves the mode."""
-    dt = float((t[-1] - t[0]) / (len(t) - 1))
-    for first in range(0, len(t), _PART):
-        part = t[first : first + _PART]
-        off = np.abs(part - (t[0] + dt * np.arange(first, first + len(part))))
-        if not (np.isfinite(dt) and dt > 0.0 and np.max(off) <= _UNEVEN * dt):
-            raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
-    if not frequency * dt <= 1.0 / _FEWEST_SAMPLES:
-        raise InputError(
-            f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz", expected=f"at least {_FEWEST_SAMPLES}"
-        )
-    return dt
 
 
 def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:

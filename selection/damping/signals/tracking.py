@@ -67,7 +67,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         InputError: samples that are no numbers. AnalysisError: no window of the drive is a sine that can be tracked.
     """
     kept = np.empty((0, 0))
-    start, rows = 0, _Rows()
+    start, rows = 0, _Windows()
     for block in blocks:
         if not np.isfinite(block).all():
             raise InputError("samples that are no numbers", expected="finite numbers in every channel")
@@ -146,7 +146,7 @@ def _fit_real(basis: Complex, samples: FloatArray) -> tuple[Complex, FloatArray]
     return np.asarray((found[:k] + 1j * found[k : 2 * k]).T), np.asarray(samples - (design @ found).T)
 
 
-class _Rows:
+class _Windows:
     """Windows as they come, those of one frequency as one."""
 
     def __init__(self) -> None:

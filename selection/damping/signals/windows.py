@@ -1,4 +1,4 @@
-"""A window of some periods: band pass, analytic signal and noise beside the band in one convolution each."""
+"""Even times, and a window of some periods: band pass, analytic signal and noise beside the band in one convolution."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 from scipy.signal import oaconvolve
 from scipy.signal.windows import blackmanharris, hann
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import InputError
 
 #: Samples a period that are enough: longer records are averaged in groups.
 ENOUGH = 32
@@ -84,3 +86,57 @@ def noise_beside(window: Window, x: FloatArray, z: Signal) -> float:
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
     return float(min(np.median(tail), np.median(floor)))
+
+
+def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Times that jitter about an even spacing without a gap: a cubic spline through the samples, taken evenly.
+
+    With n samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or
+    shrink along the record by more than their scatter explains are no jitter but a stretch, which would pass for a
+    change of frequency: those times stay as they are.
+    """
+    step = np.diff(t)
+    dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
+    even = t[0] + dt * np.arange(len(t))
+    off = float(np.max(np.abs(t - even))) if np.isfinite(t).all() else np.inf
+    gap = min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_SAMPLES * frequency))
+    if off <= _UNEVEN * dt or not (np.all(step > 0.0) and np.max(step) <= gap and np.isfinite(off)):
+        return t, x, []
+    stretched = [abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in np.array_split(step, _PARTS) if len(part)]
+    if max(stretched) > _STRETCHED * np.std(step):
+        return t, x, []
+    said = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
+    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [said]
+
+
+def find_step(t: FloatArray, frequency: float) -> float:
+    """Time step of an even spacing that resolves the mode."""
+    dt = float((t[-1] - t[0]) / (len(t) - 1))
+    for first in range(0, len(t), _PART):
+        part = t[first : first + _PART]
+        off = np.abs(part - (t[0] + dt * np.arange(first, first + len(part))))
+        if not (np.isfinite(dt) and dt > 0.0 and np.max(off) <= _UNEVEN * dt):
+            raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+    if not frequency * dt <= 1.0 / _FEWEST_SAMPLES:
+        raise InputError(
+            f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz", expected=f"at least {_FEWEST_SAMPLES}"
+        )
+    return dt
+
+
+_PART = 1_000_000  # samples looked at together
+
+
+_LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
+
+
+_UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
+
+
+_PARTS = 10  # of a record whose mean steps are compared
+
+
+_STRETCHED = 5.0  # standard errors of a mean step by which it is another
+
+
+_FEWEST_SAMPLES = 8  # a period must have so many
