@@ -6,8 +6,10 @@ simulation, which has a resonant amplitude of its own. Where that lies outside t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects import CATALOGUE
+from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
@@ -20,7 +22,7 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 
 #: Probability from which an explanation counts as alive.
-ALIVE = 0.05
+ALIVE = 0.1
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0
 
@@ -72,6 +74,10 @@ def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]
 
 
 def simulate_resonance(mode: Mode, loads: Loads) -> FloatArray:
-    """Resonant amplitude of a model at the forces of loads (forces,), NaN where it has none."""
-    omega_n = RAD_S_PER_HZ * mode.frequency
-    return phase_resonance(simulated_force(mode), loads.force, mode.mass, omega_n)[0]
+    """Resonant amplitude of a model at the forces of loads (forces,), NaN where it has none.
+
+    Effects that are no force, such as a gain of the sensor, change what is read and not the structure.
+    """
+    forces = {name: table for name, table in mode.effects.items() if find_effect(name).force is not None}
+    force = simulated_force(replace(mode, effects=forces))
+    return phase_resonance(force, loads.force, mode.mass, RAD_S_PER_HZ * mode.frequency)[0]

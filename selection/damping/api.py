@@ -28,8 +28,8 @@ from damping.extrapolation.curve import (
 from damping.extrapolation.near import near_resonance
 from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
-from damping.gap.model import Simulate
 from damping.gap.problem import State
+from damping.gap.simulation import Simulate
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
 from damping.predict.measured import Measured, as_driven_by_force, prepare
@@ -208,6 +208,7 @@ def diagnose(
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
     posterior: bool = False,
+    compare: bool = True,
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -219,7 +220,8 @@ def diagnose(
             the effects are shared.
         simulate: a simulation of your own: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
             amplitude and phase lag, (n,) each; ``mode`` stands for it where an effect needs a mass or a frequency.
-        posterior: whether the strengths of the leading explanation are sampled too.
+        posterior: whether the strengths of the leading explanation are sampled too. compare: whether the ranked laws
+            are asked for what they say against it.
 
     Raises:
         InputError: an argument of another kind.
@@ -233,7 +235,7 @@ def diagnose(
         _admit(own, state, despite)
     forced, said = as_driven_by_force(record, mode)
     found = diagnose_gap(record, forced, states=states, simulate=simulate)
-    against = () if states or simulate else compare_with_ranking(record, found, seed)
+    against = () if states or simulate or not compare else compare_with_ranking(record, found, seed)
     found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
         return DiagnosisResult(found, None, findings, against)

@@ -10,9 +10,10 @@ import pytest
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.terms import predict
 from damping.gap.corrected import effect_values
+from damping.gap.model import steady
 from damping.gap.problem import setting
 from damping.gap.search import Search
-from damping.gap.steady import fitted_terms, steady
+from damping.gap.size import fitted_terms
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.generator import draw

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damping.gap.diagnose import COVER
 from damping.gap.next_test import WORTH
-from damping.gap.search import INDISTINCT, distance
+from damping.gap.weighing import COVER, INDISTINCT, distance
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 

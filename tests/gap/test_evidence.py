@@ -10,19 +10,11 @@ from scipy.stats import multivariate_normal
 
 from damping.effects import CATALOGUE
 from damping.gap.corrected import sample_effects
-from damping.gap.fit import (
-    ModelFit,
-    Unknowns,
-    decorrelate,
-    fit_model,
-    list_evidences,
-    list_unknowns,
-    log_likelihood,
-    marginalise_scatter,
-)
+from damping.gap.fit import ModelFit, decorrelate, fit_model, log_likelihood
 from damping.gap.model import Scatter
 from damping.gap.problem import setting
 from damping.gap.search import Search
+from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
 
 
 @dataclass(frozen=True)

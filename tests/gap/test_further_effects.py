@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 
 from damping.effects import CATALOGUE, with_effects
+from damping.effects.contract import Drive, Terms
 from damping.effects.rig import clipping, compressing
-from damping.effects.terms import Drive, Terms, predict, third_harmonic
+from damping.effects.terms import predict, third_harmonic
 from damping.forces import make
 from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose

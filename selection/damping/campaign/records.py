@@ -44,6 +44,11 @@ class Level:
     drive: FloatArray
     fit: ModalFit
 
+    @property
+    def rate(self) -> FloatArray | None:
+        """Rate of the frequency (n,), Hz/s, where it is known."""
+        return None if self.run.rate is None else self.run.rate[self.run.x > 0.0]
+
 
 @dataclass(frozen=True)
 class ModeFound:
@@ -228,6 +233,8 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
                 "phase_sd": error,
             }
         )
+        if level.rate is not None:
+            table["sweep_rate"] = level.rate[rows]
         tables.append(table)
     return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
 

@@ -123,7 +123,10 @@ class Channel:
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors."""
+    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors.
+
+    ``rate`` (n,): Hz/s at which the frequency moved, where it is known.
+    """
 
     label: str
     level: float | None
@@ -132,6 +135,7 @@ class CampaignRun:
     drive: Samples | None
     channels: tuple[Channel, ...]
     is_time: bool = False
+    rate: FloatArray | None = None
 
     @property
     def is_base_driven(self) -> bool:

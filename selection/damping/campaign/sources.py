@@ -6,7 +6,7 @@ A universal file says it in ID lines, points and units; an HDF5 file in a group 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +14,10 @@ import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2
 from damping.campaign.runs import CampaignRun, Channel, Corrections, correct_run, describe_quantity
+from damping.campaign.tracked import LOOKED_AT, UNEVEN, find_table, track_arrays, track_table
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
-from damping.formats.headers import find_layout, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
@@ -69,12 +69,30 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
 
 
 def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
-    with_start = read_bytes(file, max_size)
-    if with_start.startswith(b"\x89HDF"):
+    start = _read_start(file, max_size)
+    if start.startswith(b"\x89HDF"):
         return _list_hdf(file, max_size, summary, stated)
-    if with_start.lstrip()[:2] == b"-1":
-        return _list_functions(read_functions(with_start, file, summary), file, summary, stated)
-    return [_table(with_start, file, summary)]
+    if start.lstrip()[:2] == b"-1":
+        return _list_functions(read_functions(read_bytes(file, max_size), file, summary), file, summary, stated)
+    table = find_table(start)
+    drive = next((h.name for h in table[1] if _is_drive(h.name, stated)), None) if table else None
+    if table and drive:
+        run = track_table(file, *table, drive, stated)
+        return [_levelled(run, _level(file.stem.replace("_", " ")), file, summary)]
+    return [_table(read_bytes(file, max_size), file, summary)]
+
+
+def _read_start(file: Path, max_size: int) -> bytes:
+    """The first bytes of a file that may be read."""
+    try:
+        if file.stat().st_size > max_size:
+            raise InputError(
+                f"larger than {max_size} bytes", file=file, expected="a smaller file or a larger --max-size"
+            )
+        with file.open("rb") as stream:
+            return stream.read(LOOKED_AT)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
 def _level(text: str) -> tuple[float, str] | None:
@@ -178,6 +196,9 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
     for group, leaves in groups.items():
         x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
         drive = next((leaf for leaf in leaves if _is_drive(leaf, stated)), None)
+        t = next((leaf for leaf in leaves if leaf.lower() in _TIMES), None)
+        if t and drive and not x:
+            runs.append(_time_run(file, group, t, drive, leaves, known, max_size, summary, stated))
         if x and drive and len(leaves) > 2:
             runs.append(_group_run(file, group, x, drive, leaves, max_size, summary, stated))
     if not runs:
@@ -185,6 +206,21 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
         expected = f"groups with frequency, control (or force) and responses; it has {listed}"
         raise InputError("no runs", file=file, expected=expected)
     return runs
+
+
+def _time_run(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
+              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
+    """The run of a group with times, a drive and responses of one length."""
+    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
+    like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
+    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
+    times = first.arrays[path[t]][0].real.reshape(-1)
+    step = np.diff(times)
+    if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
+        raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
+    units = {leaf: first.units.get(path[leaf], "") for leaf in leaves}
+    run = track_arrays(file, group, drive, like, float(np.mean(step)), units, max_size, stated)
+    return _levelled(run, _level((group or file.stem).replace("_", " ")), file, summary)
 
 
 def _group_run(
@@ -227,15 +263,14 @@ def _group_run(
 
 def _table(data: bytes, file: Path, summary: Summary) -> CampaignRun:
     """The run of a table of motions against time: a free decay."""
-    lines = data[:100_000].decode("utf-8-sig", errors="replace").splitlines()
-    layout = find_layout(lines, "auto", "auto")
-    names = layout.names if layout else ()
-    headers = [parse_header(name.strip()) for name in names]
+    table = find_table(data[:LOOKED_AT])
+    headers = table[1] if table else []
     time = next((h for h in headers if h.name.lower() in _TIMES), None)
     sensors = [h for h in headers if h is not time and h.text]
     if time is None or not sensors:
+        first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        raise InputError(f"columns {describe_shortened(', '.join(names), 80)}", file=file, expected=expected)
+        raise InputError(f"columns {describe_shortened(first, 80)}", file=file, expected=expected)
     mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
     found = read_columns(data, file, mapped, {})
     channels = []

@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Terms
+from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.polynomial import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
@@ -123,7 +122,8 @@ _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
     """The effect of a spring of ``sign`` times its (positive) coefficient.
 
-    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``, it would stand for a stiffness of another shape.
+    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``,
+    it would stand for a stiffness of another shape.
     """
 
     def forms(scales: Scales) -> tuple[Form, ...]:

@@ -10,9 +10,8 @@ from math import log
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Drive, Reading, Terms
+from damping.arrays import FloatArray, Floats
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms
 from damping.forces.shapes import LENGTH, TIME, Shape
 
 
@@ -99,7 +98,7 @@ def dropout_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: depth/(1 - depth). Shapes: width over omega_n, from half the bandwidth to the band measured; centre."""
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
-    return tuple(_dip_form(notch, (width,)) for notch in NOTCHES) + (_dip_form("gaussian", (width, centre)),)
+    return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
 
 
 def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
@@ -172,54 +171,6 @@ TIME_DELAY = Effect(
     prior=_DELAY,
 )
 
-
-def offset_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln(factor)| of the readings, or of the force, of one sweep."""
-    if scales.sweeps < 2:
-        return ()
-    return tuple(
-        _offset_form(sweep, sign, force)
-        for sweep in range(1, scales.sweeps + 1)
-        for sign in (1.0, -1.0)
-        for force in ((False,) if scales.sweeps > _MANY_SWEEPS else (False, True))
-    )
-
-
-#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
-_MANY_SWEEPS = 6
-
-
-def _offset_form(sweep: int, sign: float, force: bool) -> Form:
-    def change(terms: Terms, size: Floats) -> Terms:
-        return one_sweep(terms, sweep, sign * size, force)
-
-    def report(size: Floats) -> dict[str, Floats]:
-        values = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
-        return values | ({"force": np.ones_like(size)} if force else {})
-
-    label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"
-    return Form("level-offset", change, report, 0.1, largest=log(3.0), label=label)
-
-
-def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
-    """ln of the readings, or of the force, of one sweep changed by ``size``."""
-
-    def part(drive: Drive) -> Floats:
-        return size * (drive.sweep == sweep)
-
-    if force:
-        return replace(terms, received=(*terms.received, part))
-    return replace(terms, offset=(*terms.offset, part))
-
-
-LEVEL_OFFSET = Effect(
-    name="level-offset",
-    kind="instrument",
-    sentence="the readings or the force of one level are off by a factor",
-    forms=offset_forms,
-    simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
-    shapes=(Shape("factor", above=0.0), Shape("sweep", least=1.0), Shape("force", least=0.0, default=0.0)),
-)
 
 #: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
 _OVER = np.linspace(0.0, 5.0, 400)
@@ -338,32 +289,5 @@ BACKGROUND = Effect(
     forms=background_forms,
     simulate=lambda terms, table: with_background(terms, table["amplitude"], table["angle"]),
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
-    need="sweep",
-)
-
-
-def rate_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |d omega/dt| over the squared bandwidth, in the direction of the rows or against it."""
-    unit = (scales.bandwidth * scales.omega_n) ** 2
-
-    def side(sign: float) -> Form:
-        def change(terms: Terms, size: Floats) -> Terms:
-            return replace(terms, rate=terms.rate + sign * size * unit)
-
-        def report(size: Floats) -> dict[str, Floats]:
-            return {"rate": sign * size * unit / RAD_S_PER_HZ}
-
-        return Form("sweep-rate", change, report, 0.1, largest=30.0, label=f"{sign:+.0f}", sizes=(0.1, 0.4, 1.5))
-
-    return side(1.0), side(-1.0)
-
-
-SWEEP_RATE = Effect(
-    name="sweep-rate",
-    kind="instrument",
-    sentence="the frequency moved too fast for a steady state",
-    forms=rate_forms,
-    simulate=lambda terms, table: replace(terms, rate=terms.rate + RAD_S_PER_HZ * table["rate"]),
-    shapes=(Shape("rate", TIME**-2.0),),
     need="sweep",
 )

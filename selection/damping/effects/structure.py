@@ -14,8 +14,7 @@ from math import log1p, tan
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Drive, Plane, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
 from damping.forces.polynomial import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
@@ -270,106 +269,4 @@ SECOND_MODE = Effect(
     need="sweep",
     denies=frozenset({"planar-coupling"}),
     prior=_OWN_MASS,
-)
-
-#: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
-_SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
-#: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
-_MOST_DRIFT = 0.1
-_MOST_WARMING = 2.0
-
-
-def drift_forms(scales: Scales) -> tuple[Form, ...]:
-    """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
-    found = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
-    for sign in (1.0, -1.0):
-        found += [
-            _drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT),
-            _drift_form("damping", sign, 0.2, _MOST_WARMING),
-            _drift_form("settling", sign, scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
-        ]
-        sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
-        found += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
-    return tuple(found)
-
-
-#: Sweeps up to which the frequency of each may be its own.
-_MOST_JUMPS = 8
-
-
-def _jumping_form(scales: Scales) -> Form:
-    """The frequency of each sweep is its own; strength: their root mean square deviation, shapes: each over it."""
-    patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
-    shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
-
-    def change(terms: Terms, size: Floats, *jumps: Floats) -> Terms:
-        for sweep, jump in enumerate(jumps, 1):
-            terms = drifting(terms, "frequency", size * jump, 0.0, sweep)
-        return terms
-
-    def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
-        return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
-
-    return Form("drift", change, report, scales.bandwidth, shapes, largest=_MOST_DRIFT, label="level to level")
-
-
-def _drift_form(
-    kind: str, sign: float, natural: float, most: float, shapes: tuple[FormVariable, ...] = (), sweep: int = 0
-) -> Form:
-    quantity = "damping" if kind == "damping" else "frequency"
-
-    def report(change: Floats, *settling: Floats) -> dict[str, Floats]:
-        values = {quantity: sign * change} | ({"settling": settling[0]} if settling else {})
-        return values | ({"sweep": np.zeros_like(change) + sweep} if sweep else {})
-
-    def change(terms: Terms, change: Floats, *settling: Floats) -> Terms:
-        return drifting(terms, quantity, sign * change, settling[0] if settling else 0.0, sweep)
-
-    label = f"{kind}{f' of sweep {sweep}' if sweep else ''}, {sign:+.0f}"
-    return Form("drift", change, report, natural, shapes, largest=most, label=label)
-
-
-def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
-    """ln of the frequency or the damping changed by ``change`` from the first row to the last, or in one sweep only."""
-
-    def part(drive: Drive) -> Floats:
-        if sweep:
-            return change * (drive.sweep == sweep)
-        if np.any(settling):
-            return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
-        return change * drive.time
-
-    if quantity == "damping":
-        return replace(terms, damped=(*terms.damped, part))
-    return replace(terms, detuned=(*terms.detuned, part))
-
-
-def simulate_drift(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
-
-    ``frequency_1`` and so on: of each sweep.
-    """
-    for quantity in ("frequency", "damping"):
-        if table[quantity] != 0.0:
-            terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
-    for sweep in range(1, _MOST_JUMPS + 1):
-        if table[f"frequency_{sweep}"] != 0.0:
-            terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
-    return terms
-
-
-DRIFT = Effect(
-    name="drift",
-    kind="structure",
-    sentence="the structure changes in the course of the test",
-    forms=drift_forms,
-    simulate=simulate_drift,
-    shapes=(
-        Shape("frequency", default=0.0),
-        Shape("damping", default=0.0),
-        Shape("settling", least=0.0, default=0.0),
-        Shape("sweep", least=0.0, default=0.0),
-        *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
-    ),
-    need="sweep",
 )

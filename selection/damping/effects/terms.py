@@ -15,113 +15,17 @@ needs no solution of the steady state; with P'(u) its own steady amplitude is fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import wofz
 
-from damping.arrays import BoolArray, FloatArray, Floats
-from damping.forces.contract import Force
-
-ComplexArray = npt.NDArray[np.complex128]
+from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.effects.contract import Drive, OfDrive, Terms
 
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
-
-
-class Plane(NamedTuple):
-    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
-
-    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
-    """
-
-    weight: Floats
-    ratio: Floats
-    alike: bool
-    damping: Floats = 1.0
-
-
-class Drive(NamedTuple):
-    """What the rig does at each row, (n,) each: force, frequency in rad/s, and the factor of each row on M.
-
-    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``state``: of the
-    structure, from 0; ``ratio``, ``own``: its frequency, and its simulated damping, over those of the first. ``time``: when the
-    row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
-    rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
-    M; the stiffness stays.
-    """
-
-    F: FloatArray
-    omega: FloatArray
-    mass: Floats = 1.0
-    resonant: bool | BoolArray = False
-    time: Floats = 0.0
-    sweep: Floats = 1.0
-    up: Floats = 1.0
-    rate: Floats = 0.0
-    added: Floats = 0.0
-    state: Floats = 0.0
-    ratio: Floats = 1.0
-    own: Floats = 1.0
-
-
-#: A change of a row's prediction that follows from what the rig does there.
-OfDrive = Callable[[Drive], Any]
-
-
-class Reading(NamedTuple):
-    """What an instrument makes of amplitudes; ln in, ln and its slope out. ``unread`` is the inverse, kept finite."""
-
-    read: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    unread: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
-
-    Attributes:
-        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
-            ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
-        compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
-            phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
-            omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
-            are not linear. rate: d omega/dt beside the known one, rad/s^2, in the direction of the sweep.
-    """
-
-    M: Floats
-    omega_n: Floats
-    forces: tuple[Force, ...] = ()
-    simulated: int = 0
-    plane: Plane | None = None
-    compliance: tuple[OfDrive, ...] = ()
-    gain: Floats = 0.0
-    lag: Floats = 0.0
-    received: tuple[OfDrive, ...] = ()
-    detuned: tuple[OfDrive, ...] = ()
-    damped: tuple[OfDrive, ...] = ()
-    offset: tuple[OfDrive, ...] = ()
-    readings: tuple[Reading, ...] = ()
-    beside: tuple[OfDrive, ...] = ()
-    rate: Floats = 0.0
-
-    def with_force(self, force: Force) -> Terms:
-        """The same with one more force."""
-        return replace(self, forces=(*self.forces, force))
-
-    @property
-    def viscous(self) -> tuple[Force, ...]:
-        """The simulation's viscous damping; all its damping where none is viscous."""
-        own = self.forces[: self.simulated]
-        return tuple(force for force in own if force.viscous) or own
-
-    @property
-    def linear(self) -> bool:
-        """Whether Z does not depend on amplitude."""
-        return all(force.linear for force in self.forces)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from damping.arrays import FloatArray
 from damping.effects.contract import Effect
 from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
-from damping.gap.model import Part, within_tolerance
+from damping.gap.model import Part
+from damping.gap.simulation import within_tolerance
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import importance
 from damping.infer.law import by_blocks

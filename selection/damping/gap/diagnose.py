@@ -8,15 +8,12 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.special import expit
 
-from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.gap.corrected import list_ends
-from damping.gap.directed import Test, directed_tests, smallest_p, unexplained
-from damping.gap.model import Simulate
+from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
@@ -29,8 +26,9 @@ from damping.gap.problem import (
     rescaled,
     setting,
 )
-from damping.gap.rows import read_rows, spread
-from damping.gap.search import Group, Hypothesis, Search, group_equivalent_effects
+from damping.gap.rows import read_rows
+from damping.gap.search import Hypothesis, Search
+from damping.gap.simulation import Simulate
 from damping.gap.size import (
     Gap,
     HeldOut,
@@ -39,6 +37,17 @@ from damping.gap.size import (
     hold_levels_out,
     list_levels,
     measure_gap,
+)
+from damping.gap.unknowns import spread
+from damping.gap.weighing import (
+    Explanation,
+    Group,
+    blend_probabilities,
+    cover_probability,
+    describe_held_out,
+    estimate_in_library,
+    group_equivalent_effects,
+    weigh_hypotheses,
 )
 from damping.gap.where import (
     FootprintCell,
@@ -53,8 +62,6 @@ from damping.gap.where import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Probability that the list of explanations reaches.
-COVER = 0.95
 #: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
@@ -62,15 +69,6 @@ MOST_DISPERSIONS = 3
 FEW_ROWS = 40
 #: Rows that are diagnosed at most: it takes minutes, not hours.
 MOST_ROWS = 5_000
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """A hypothesis with its probability among all that were fitted."""
-
-    effects: tuple[str, ...]
-    probability: float
-    hypothesis: Hypothesis
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,8 @@ class Diagnosis:
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
         unexplained: more than noise is left. in_library: calibrated chance that the library holds the cause at all.
-        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint, held_out: see the modules of those names.
+        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint,
+        held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
     """
@@ -166,7 +165,7 @@ def diagnose(
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
     in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
     hypotheses = blend_probabilities(hypotheses, in_library)
-    cautions += levels + list_ends(leading.best) + describe_held_out(gap, held_out)
+    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
@@ -238,83 +237,6 @@ def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
     search = Search(known.problem, effects, known.unknowns)
     search.run()
     return search
-
-
-def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
-    """Probabilities among all hypotheses that were fitted, most probable first."""
-    logarithms = np.array([one.log_posterior for one in hypotheses])
-    weights = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
-    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
-    return tuple(sorted(found, key=lambda one: -one.probability))
-
-
-#: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
-#: are not quite the true ones), and where it is not and all of them imitate it.
-TEMPERATURE = 1.3
-TEMPERATURE_OUTSIDE = 8.0
-
-
-def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
-    """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
-    logarithms = np.array([one.hypothesis.log_posterior for one in hypotheses])
-
-    def tempered(temperature: float) -> FloatArray:
-        weights = np.exp((logarithms - logarithms.max()) / temperature)
-        return np.asarray(weights / weights.sum())
-
-    doubt = 1.0 - in_library / float(expit(IN_LIBRARY))  # beyond that of an explanation that leaves noise only
-    p = (1.0 - doubt) * tempered(TEMPERATURE) + doubt * tempered(TEMPERATURE_OUTSIDE)
-    return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
-
-
-#: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
-#: smallest p-value beyond 1.5 (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level that fails.
-IN_LIBRARY = 2.2
-PER_DECADE = 0.7
-PER_DISPERSION = 3.0
-PER_EFFECT = 0.7
-PER_FAILURE = 1.5
-_NO_DECADES = 1.5
-_MOST_DECADES = 6.0
-#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
-_CLOSED = 0.8
-_FAILED = 0.5
-
-
-def fails_held_out(gap: Gap, held_out: HeldOut | None) -> bool:
-    """Whether an explanation that closes the gap does not on levels that did not choose it."""
-    if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
-        return False
-    return gap.shrinkage > _CLOSED and held_out.shrinkage < _FAILED
-
-
-def describe_held_out(gap: Gap, held_out: HeldOut | None) -> list[str]:
-    """The caution that goes with it."""
-    if not fails_held_out(gap, held_out) or held_out is None or held_out.shrinkage is None:
-        return []
-    return [
-        f"the explanation fails on levels that did not choose it: it closes {100.0 * held_out.shrinkage:.0f} % of their gap"
-    ]
-
-
-def estimate_in_library(
-    tests: Sequence[Test], dispersion: float, leading: Hypothesis, gap: Gap, held_out: HeldOut | None
-) -> float:
-    """The chance that the cause is in the library at all.
-
-    A logistic regression on answers to cases whose cause had been taken out of the library, one kind after another.
-    """
-    decades = float(np.clip(-np.log10(max(smallest_p(tests), 1e-30)) - _NO_DECADES, 0.0, _MOST_DECADES))
-    log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
-    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(gap, held_out)
-    return float(expit(log_odds))
-
-
-def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
-    """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
-    reached = np.cumsum([one.probability for one in hypotheses])
-    return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
 
 
 def _much_the_same(one: Setting, other: Setting) -> bool:

@@ -24,9 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.effects.contract import Effect
-from damping.effects.terms import ComplexArray
 from damping.gap.fit import ModelFit, decorrelate
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows

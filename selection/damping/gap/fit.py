@@ -14,14 +14,12 @@ integral in closed form, with the fit's robust weights.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
-from damping.gap.model import Model, Scatter
+from damping.gap.model import Model
 
 #: Share of wild points and their standard deviation in units of noise.
 WILD = 0.02
@@ -225,96 +223,6 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
     )
 
 
-#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
-AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
-FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
-#: Nodes of ln noise, in units of its standard deviation.
-_NODES = np.linspace(-2.5, 2.5, 11)
-#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
-#: known of a test is as often a smooth error (a mode shape, a reference) as one that is new at every row.
-CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
-
-
-@dataclass(frozen=True)
-class Unknowns:
-    """Every scatter, correlation and noise considered with its prior probability; one of each where all are stated.
-
-    Attributes:
-        scatters: candidates (amplitude, frequency). correlations: of neighbours. noises: factors on the noise.
-        log_prior: logarithms of their probabilities, (scatters, correlations, noises). first: what a search begins
-            with.
-    """
-
-    scatters: tuple[tuple[float, float], ...]
-    correlations: tuple[float, ...]
-    noises: tuple[float, ...]
-    log_prior: FloatArray
-    first: Scatter
-
-    @property
-    def known(self) -> bool:
-        """Whether there is nothing to choose."""
-        return self.log_prior.size == 1
-
-    def scatter(self, index: int) -> Scatter:
-        """The candidate of a flat index."""
-        i, j, k = np.unravel_index(index, self.log_prior.shape)
-        return Scatter(*self.scatters[i], self.noises[k], self.first.dispersion, self.correlations[j])
-
-
-def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float, dispersion: float) -> Unknowns:
-    """The candidates.
-
-    Args:
-        scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
-        noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
-        dispersion: by how much every explanation misses the record by more than noise.
-    """
-    noises, p_noise, correlations = [1.0], np.ones(1), ((0.0, 1.0),)
-    if noise_error > 0.0:
-        noises = [float(factor) for factor in np.exp(noise_error * _NODES)]
-        p_noise = np.exp(-0.5 * _NODES**2) / np.sum(np.exp(-0.5 * _NODES**2))
-        correlations = CORRELATION_GRID
-    if scatter is not None:
-        pairs = [((scatter.amplitude, scatter.frequency), 1.0)]
-        first = replace(scatter, dispersion=dispersion)
-    else:
-        pairs = [((a, f * bandwidth), p_a * p_f) for (a, p_a), (f, p_f) in product(AMPLITUDE_GRID, FREQUENCY_GRID)]
-        first = Scatter(0.003, 0.03 * bandwidth, 1.0, dispersion)
-    p_pair, p_correlation = (np.array([p for _, p in part]) for part in (pairs, correlations))
-    log_prior = np.log(p_pair[:, np.newaxis, np.newaxis] * p_correlation[:, np.newaxis] * p_noise)
-    return Unknowns(
-        tuple(pair for pair, _ in pairs), tuple(rho for rho, _ in correlations), tuple(noises), log_prior, first
-    )
-
-
-def list_evidences(one: ModelFit, unknown: Unknowns) -> FloatArray:
-    """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
-
-    Errors e of neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
-    """
-    k, sweeps = one.model.size, one.model.sweeps
-    own = _scales(one.model.scatter, k, sweeps)
-    root = np.sqrt(one.weights)
-    J = one.J / own * root[:, np.newaxis]
-    start = one.r * root - J @ (one.y * own)  # residuals at x = 0, b = 0
-    scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
-    precision = (one.model.scatter.noise / np.array(unknown.noises)) ** 2
-    regular = float(np.sum(one.weights > WILD_WEIGHT))
-    robust = float(log_likelihood(one.r)) + 0.5 * float(one.weights @ one.r**2)
-    base = robust + 0.5 * regular * np.log(precision) - regular * np.log(one.model.scatter.noise)
-    found = []
-    for rho in unknown.correlations:
-        white, log_det = decorrelate(np.column_stack([start, J]), one.model, rho)
-        h, N = white[:, 1:].T @ white[:, 0], white[:, 1:].T @ white[:, 1:]
-        values, vectors = np.linalg.eigh(N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
-        g = np.einsum("skj,sk->sj", vectors, h * scale)[:, np.newaxis, :]
-        H = 1.0 + np.maximum(values, 0.0)[:, np.newaxis, :] * precision[:, np.newaxis]
-        gained = 0.5 * np.sum((g * precision[:, np.newaxis]) ** 2 / H, axis=2) - 0.5 * np.sum(np.log(H), axis=2)
-        found.append(base + log_det - 0.5 * float(white[:, 0] @ white[:, 0]) * precision + gained)
-    return np.stack(found, axis=1)
-
-
 def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
     """Columns (m, ..) as they are without the correlation of neighbours, and ln of the determinant of the change."""
     if rho == 0.0:
@@ -326,29 +234,3 @@ def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArr
     white = columns.copy()
     white[follows] = (columns[follows] - rho * columns[np.flatnonzero(follows) - 1]) / size
     return white, -float(follows.sum()) * float(np.log(size))
-
-
-def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
-    """The fit at the most probable scatter and noise, its evidence averaged over all of them.
-
-    It is made again at these where its evidence comes up to ``least``: others do not matter.
-    """
-    if unknown.known:
-        return one
-    found = list_evidences(one, unknown) + unknown.log_prior
-    best = unknown.scatter(int(np.argmax(found)))
-    if best != one.model.scatter and float(logsumexp(found)) > least:
-        one = _refitted(one, best)
-        found = list_evidences(one, unknown) + unknown.log_prior
-    return replace(one, log_evidence=float(logsumexp(found)))
-
-
-def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
-    k, sweeps = one.model.size, one.model.sweeps
-    z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
-    model = replace(one.model, scatter=scatter)
-    return fit_roughly(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
-
-
-def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:
-    return np.repeat([1.0, scatter.amplitude, scatter.frequency], [variables, sweeps, sweeps])

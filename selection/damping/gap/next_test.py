@@ -1,4 +1,4 @@
-"""What to test next: of the rows that a record can hold, those that should tell the explanations still alive apart best.
+"""What to test next: of the rows that a record can hold, those that should tell explanations still alive apart best.
 
 Each candidate is simulated with the leading explanation and fitted by each rival to first order: half the squared
 distance of the two predictions, in units of all that the rival leaves open, is the log odds to be expected (Chaloner
@@ -15,11 +15,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects.terms import Terms, cross_motion, third_harmonic
+from damping.effects.contract import Terms
+from damping.effects.terms import cross_motion, third_harmonic
 from damping.gap.fit import ModelFit
-from damping.gap.model import STEP, Problem, residuals
-from damping.gap.rows import FURTHER_ERROR, UNSEEN, Rows
-from damping.gap.steady import steady
+from damping.gap.model import STEP, Problem, residuals, steady
+from damping.gap.rows import UNSEEN, Rows
+from damping.gap.unknowns import FURTHER_ERROR
 
 #: Rows of a sweep.
 _POINTS = 40

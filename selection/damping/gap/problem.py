@@ -16,9 +16,11 @@ from damping.effects.contract import Effect, Scales
 from damping.effects.terms import predict
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
-from damping.gap.fit import ModelFit, Unknowns, list_unknowns
-from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulate, Simulation, Simulator
-from damping.gap.rows import UNSEEN, Rows, is_stated, join_states, read_rows, roughness, stated_noise
+from damping.gap.fit import ModelFit
+from damping.gap.model import Problem, Scatter
+from damping.gap.rows import UNSEEN, Rows, join_states, read_rows
+from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
+from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode
 from damping.records.record import Record

@@ -1,104 +1,20 @@
-"""Where to start the fit of one more effect, and how much it could gain: its direction at a fit already made.
-
-Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them.
-"""
+"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, Unknowns, fit_model, fit_roughly, marginalise_scatter, polish_fits
-from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
-from damping.gap.rows import spread
-
-#: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
-_SMALL = 1e-3
-_NONE = -60.0
-#: Range of start values of the gap an effect opens, in units of noise.
-_LOW = 0.3
-_HIGH = 60.0
-_FARTHEST = 3000.0
-#: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
-_UNSEEN_GAP = 1e-3
-
-
-@dataclass(frozen=True)
-class Start:
-    """A form tried at a fit: its part, the variables to start from, and its linear gain in ln p."""
-
-    part: Part
-    x: FloatArray
-    gain: float
-
-
-def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]:
-    """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
-
-    The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
-    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d). ``unit`` is the strength that opens
-    a gap of one unit of noise, d.d unit^2 = number of residuals; found here when not given.
-    """
-    shapes = _grid(form)
-    r, d = _direction(base, form, shapes)
-    squared, pull = _projected(base, form, r, d)
-    strength = -pull / squared
-    gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
-    if unit is None:
-        middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
-        # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
-        unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
-    s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
-    part = Part(form, unit)
-    found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
-    return sorted(found, key=lambda start: -start.gain)
-
-
-def at_gap(start: Start, gap: float) -> FloatArray:
-    """Variables of a start with the strength that opens a gap of so many units of noise."""
-    return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
-
-
-def _grid(form: Form) -> FloatArray:
-    """All combinations of the shapes' start values, (starts, shapes)."""
-    if not form.shapes:
-        return np.zeros((1, 0))
-    axes = np.meshgrid(*(shape.starts for shape in form.shapes), indexing="ij")
-    return np.column_stack([axis.ravel() for axis in axes])
-
-
-def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
-    k = base.model.size
-    model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
-    y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
-    strengths = [np.full((len(shapes), 1), size / SPREAD) for size in (np.log(_SMALL), _NONE)]
-    small, none = (model.residuals(np.hstack([y[:, :k], s, shapes, y[:, k:]])).r for s in strengths)
-    return none, (small - none) / (_SMALL * form.natural)
-
-
-def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
-    keep = np.ones(len(base.y), dtype=bool)
-    if form.replaces:
-        keep[base.model.problem.simulation.names.index(form.replaces)] = False
-    J = base.J[:, keep]
-    weighted_J = J * base.weights[:, np.newaxis]
-    inverse = np.linalg.inv(weighted_J.T @ J + np.eye(J.shape[1]))
-    weighted = d * base.weights
-    along = weighted @ J
-    squared = np.einsum("bm,bm->b", weighted, d) - np.einsum("bk,kl,bl->b", along, inverse, along)
-    gradient = r @ weighted_J + base.y[keep]
-    pull = np.einsum("bm,bm->b", weighted, r) - np.einsum("bk,kl,bl->b", along, inverse, gradient)
-    return np.maximum(squared, 1e-9 / form.natural**2), pull
-
+from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
+from damping.gap.model import Model, Part, Problem
+from damping.gap.starts import Start, at_gap, starts
+from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
@@ -133,6 +49,8 @@ _MOST_FORMS_BESIDE = 3
 _MOST_BASES = 2
 _FAR = 0.2
 _ROUGH = 1.5
+#: Deviation of a sweep, in units of repeatability, beyond which it hides something.
+_APART = 3.0
 _SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
 _HOPELESS = 0.01
@@ -273,11 +191,15 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
+            rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
         count = len(candidates)
         most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
-        candidates = [t for t in candidates[:most] if t[0].gain > candidates[0][0].gain * _FAR - _SURE]
-        promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        least = candidates[0][0].gain * _FAR - _SURE
+        jumps = [tried for tried in candidates[most:] if tried[0].part.form.sizes and rough > _ROUGH]
+        candidates = [tried for tried in candidates[:most] if tried[0].gain > least or tried[0].part.form.sizes]
+        promising = [tried for tried in candidates + jumps if rough > _ROUGH or tried[0].gain > _SLIGHT]
         near = base.near[:_MOST_BASES]
         found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
@@ -290,7 +212,7 @@ class Search:
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
-            own += [at_gap(tried[0], size / tried[0].part.unit) for size in tried[0].part.form.sizes]
+            own += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
@@ -330,55 +252,6 @@ def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, .
         one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
     ]
     return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
-
-
-#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
-INDISTINCT = 2.45
-#: Odds below which an effect is no candidate for the place of another, however near its prediction.
-LEAST_ODDS = 0.02
-_MOST_SWAPPED = 2
-
-
-@dataclass(frozen=True)
-class Group:
-    """Effects that may take one another's place in the leading explanation, those of the rig first.
-
-    ``distance``: the largest to the leading one.
-    """
-
-    effects: tuple[str, ...]
-    distance: float
-
-
-def distance(one: ModelFit, other: ModelFit) -> float:
-    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
-    weights = np.sqrt(one.weights * other.weights)
-    return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
-
-
-def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
-    """For each effect of the leading explanation, those that could stand in its place without being told from it.
-
-    ``hypotheses`` are in order of probability. Two effects together may take the place of one: a second plane read with
-    a wrong gain is a second mode.
-    """
-    leading = hypotheses[0]
-    found = []
-    for effect in leading.effects:
-        rest = leading.key - {effect}
-        members, farthest = [effect], 0.0
-        for other in hypotheses[1:]:
-            swapped = other.key - rest
-            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
-                apart = distance(leading.best, other.best)
-                if apart < INDISTINCT:
-                    members += [name for name in other.effects if name in swapped and name not in members]
-                    farthest = max(farthest, apart)
-        if len(members) > 1:
-            members.sort(key=lambda name: library[name].kind != "instrument")
-            found.append(Group(tuple(members), farthest))
-    return tuple(found)
 
 
 def _total(logarithms: Iterable[float]) -> float:

@@ -11,8 +11,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from damping.arrays import BoolArray, FloatArray
+from damping.effects.contract import Terms
 from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
-from damping.gap.model import Model, Problem
+from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
@@ -70,6 +71,21 @@ def refitted(leading: ModelFit) -> ModelFit:
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
     return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
+
+
+def fitted_terms(one: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
+    """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
+    model = one.model if effects else Model(one.model.problem, (), one.model.scatter)
+    k = len(one.model.problem.simulation.names)
+    x = one.y[: one.model.size] if effects else np.where(_replaced(one, k), 0.0, one.y[:k])
+    z = one.y[one.model.size :] * float(deviations)
+    return deviated(model.terms(x[np.newaxis]), one.model.problem.rows, z[np.newaxis], one.model.scatter)
+
+
+def _replaced(one: ModelFit, k: int) -> FloatArray:
+    """Variables of the simulation that an effect took the place of."""
+    names = one.model.problem.simulation.names[:k]
+    return np.array([any(part.form.replaces == name for part in one.model.parts) for name in names])
 
 
 def nominal_residuals(leading: ModelFit) -> FloatArray:
@@ -136,7 +152,7 @@ def describe_repeatability(setting: Setting, one: ModelFit) -> list[str]:
         ):
             if abs(sigma) > OUTLYING:
                 found.append(
-                    f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of the repeatability"
+                    f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
                 )
     unknown = setting.unknowns
     if len(unknown.scatters) > 1:

@@ -19,9 +19,9 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.gap.fit import ModelFit
+from damping.gap.model import steady
 from damping.gap.rows import Rows, wrapped
-from damping.gap.size import nominal_residuals, regular_values
-from damping.gap.steady import fitted_terms, steady
+from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 
 #: Cells of a sweep, each of at least so many rows.

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from scipy.special import ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects.terms import Drive, Terms, complex_stiffness
+from damping.effects.contract import Drive, Terms
+from damping.effects.terms import complex_stiffness
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
-from damping.gap.model import Model, deviated
+from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
-from damping.gap.size import nominal_residuals, refitted, regular_values
-from damping.gap.steady import fitted_terms, steady
+from damping.gap.size import fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import LocalEstimate, by_quantity, footprint
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
