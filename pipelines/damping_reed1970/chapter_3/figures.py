@@ -25,10 +25,7 @@ Curve = tuple[FloatArray, FloatArray, FloatArray]
 def single(y_label: str) -> tuple[Figure, Axes]:
     """A figure of one panel over frequency."""
     figure = Figure(figsize=(0.72 * WIDTH, 3.3))
-    axes = figure.add_subplot()
-    axes.set_xlabel(OMEGA)
-    axes.set_ylabel(y_label)
-    return figure, axes
+    return figure, figure.add_subplot(xlabel=OMEGA, ylabel=y_label)
 
 
 def draw_band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
