@@ -1,7 +1,7 @@
 """The best fit of a law with coefficients >= 0.
 
 For given shapes a law is linear in its coefficients, C(A, omega) = sum_j c_j u_j(A, omega), and the distance of a row
-from it (:func:`damping.infer.law.residuals`) is
+from it (:func:`damping.infer.likelihood.residuals`) is
 
     n_i = (D_i - C_i)/sqrt(g_i^2 + R_i^2),      g = dC/d ln A.
 
@@ -22,7 +22,8 @@ from scipy.special import ndtri
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
-from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law, residuals
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law
+from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
