@@ -39,9 +39,16 @@ EFFECTS = {
     "stiffness-softening": {"coefficient": 2.0},
     "natural-frequency": {"relative": 0.01},
     "planar-coupling": {"angle": 0.5, "frequency_ratio": 1.02, "damping_ratio": 1.1},
-    "residual-modes": {"compliance": 0.002, "slope": -1.0},
+    "second-mode": {"compliance": 0.01, "frequency_ratio": 1.1, "loss": 0.02},
+    "residual-modes": {"compliance": 0.01, "frequency_ratio": 1.5, "loss": 0.02},
+    "drift": {"frequency": 0.02, "settling": 1.0},
     "amplitude-scale": {"factor": 1.1},
     "phase-lag": {"lag": -0.05},
+    "time-delay": {"delay": 0.01},
+    "level-offset": {"factor": 1.1, "sweep": 1.0},
+    "sensor-saturation": {"level": 0.5},
+    "background": {"amplitude": 0.01, "angle": 1.0},
+    "sweep-rate": {"rate": 0.02},
     "force-dropout": {"depth": 0.3, "width": 0.01, "lorentzian": 1.0},
 }
 F, OMEGA = 5.0, 2.0 * np.pi * np.linspace(1.95, 2.05, 9)
