@@ -66,6 +66,34 @@ class At:
 
 
 @dataclass(frozen=True)
+class Notch:
+    """What a limit of a sensor asks at one mode.
+
+    ``limit`` in the sensor's ``unit``, ``level`` the largest input there that keeps it, ``depth_db`` below the
+    ``design`` level, ``low`` to ``high`` Hz (None where none is needed); ``more_db``: at most so much more than the top
+    level tested.
+    """
+
+    mode: str
+    sensor: str
+    unit: str
+    limit: float
+    design: float
+    level: float
+    depth_db: float
+    low: float | None
+    high: float | None
+    more_db: float
+
+    def __str__(self) -> str:
+        more = f"at most {self.more_db:+.1f} dB from the top level tested"
+        if self.low is None or self.high is None:
+            return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
+        notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
+        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {self.design:.4g}; {more}"
+
+
+@dataclass(frozen=True)
 class ModeAnswer:
     """A mode with its record and its levels; ``law`` is the one with the largest weight, ``findings`` its audit."""
 
@@ -78,7 +106,7 @@ class ModeAnswer:
     mode: Mode
     design_forces: tuple[float, ...]
     findings: tuple[Finding, ...] = ()
-    notches: tuple[Any, ...] = ()
+    notches: tuple[Notch, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,44 +9,15 @@ it the damping ratio z: there the notch begins and ends.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import log10, sqrt
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import At
+from damping.campaign.answer import At, Notch
 
 #: Levels at which responses are predicted between the lowest and the design level.
 LEVELS = 10
-
-
-@dataclass(frozen=True)
-class Notch:
-    """What a limit of a sensor asks at one mode.
-
-    ``limit`` in the sensor's ``unit``, ``level`` the largest input there that keeps it, ``depth_db`` below the
-    ``design`` level, ``low`` to ``high`` Hz (None where none is needed); ``more_db``: at most so much more than the top
-    level tested.
-    """
-
-    mode: str
-    sensor: str
-    unit: str
-    limit: float
-    design: float
-    level: float
-    depth_db: float
-    low: float | None
-    high: float | None
-    more_db: float
-
-    def __str__(self) -> str:
-        more = f"at most {self.more_db:+.1f} dB from the top level tested"
-        if self.low is None or self.high is None:
-            return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
-        notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
-        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {self.design:.4g}; {more}"
 
 
 def list_levels(tested: Sequence[float], design: Sequence[float]) -> list[float]:
@@ -77,10 +48,10 @@ def find_notches(
         allowed = _invert(level, upper, limit)
         z, f = (float(np.interp(np.log(allowed), np.log(level), of)) for of in (ratio, frequency))
         half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
-        ends = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
+        low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)
         unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
-        found.append(Notch(mode, sensor, unit, limit, design, allowed, depth, *ends, more))
+        found.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
     return tuple(found)
 
 

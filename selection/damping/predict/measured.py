@@ -8,6 +8,7 @@ a design acceleration needs is free of p; only a damping ratio is not, and takes
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,7 +87,7 @@ def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
     return forced, [said]
 
 
-def _scale_force(name: str, table: dict[str, float], by: float) -> dict[str, float]:
+def _scale_force(name: str, table: Mapping[str, float], by: float) -> dict[str, float]:
     """Parameters of a damping force that is ``by`` times as large."""
     shapes = shapes_of(name)
     values = completed(shapes, table, name)
