@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+from nptdms import ChannelObject, TdmsWriter
 
 from damping.errors import InputError
 from damping.formats.conversion import time_histories
@@ -230,3 +231,42 @@ def test_channels_of_a_controller(tmp_path):
     np.testing.assert_allclose(series[0].abscissa[1], 1 / 256, rtol=1e-15)
     assert series[1].found.units["response"] == "g"
     assert series[1].response[99] == -99.0
+
+
+def decaying(k: float) -> np.ndarray:
+    """An acceleration of a free decay, m/s^2."""
+    t = np.arange(0.0, 4.0, 0.01)
+    return np.asarray(k * np.exp(-0.3 * t) * np.cos(30.0 * t))
+
+
+def test_channels_of_tdms(tmp_path):
+    path = tmp_path / "a.tdms"
+    properties = {"wf_increment": 0.01, "wf_start_offset": 0.5, "unit_string": "m/s^2"}
+    with TdmsWriter(path) as file:
+        file.write_segment([ChannelObject("Decay", "Acc 7Z", decaying(2.0), properties)])
+    series, summary = read_file(path, Stated())
+    history = time_histories(series, Stated(), path, summary)[0]
+    assert (history.label, history.order) == ("Decay/Acc 7Z", 2)
+    np.testing.assert_allclose(history.t, 0.5 + 0.01 * np.arange(400), rtol=1e-12)
+    np.testing.assert_array_equal(history.signal, decaying(2.0))
+    with pytest.raises(InputError, match=r"no channel 'Acc 8Z'; expected Decay/Acc 7Z \(400\)"):
+        read_file(path, Stated(columns={"response": "Acc 8Z"}))
+
+
+def test_segments_of_labview(tmp_path):
+    """Two segments with headers of their own and a comment in the first row alone: two decays."""
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    head += "Multi_Headings\tYes\nX_Columns\tOne\nTime_Pref\tAbsolute\n***End_of_Header***\t\n\t\n"
+    parts = []
+    for k in (1.0, 2.0):
+        part = "Channels\t1\t\nSamples\t400\t\nY_Unit_Label\tm/s^2\t\nX_Dimension\tTime\t\nX0\t0.0\t\nDelta_X\t0.01\t\n"
+        part += "***End_of_Header***\t\t\nX_Value\tAcc\tComment\n"
+        rows = [f"{0.01 * n:.6f}\t{x:.6f}" for n, x in enumerate(decaying(k))]
+        parts.append(part + rows[0] + "\treleased\n" + "\n".join(rows[1:]) + "\n\t\n")
+    path = tmp_path / "a.lvm"
+    path.write_text(head + "".join(parts))
+    series, summary = read_file(path, Stated())
+    assert [one.label for one in series] == ["1/Acc", "2/Acc"]
+    for one, k in zip(time_histories(series, Stated(), path, summary), (1.0, 2.0), strict=True):
+        np.testing.assert_allclose(one.signal, decaying(k), atol=6e-7)  # six decimals
+        np.testing.assert_allclose(one.t[1], 0.01, rtol=1e-12)
