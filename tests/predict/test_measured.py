@@ -116,3 +116,6 @@ def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
     of_rows = prepare(dp.Record(record.table.assign(sweep_rate=0.4)), forced)
     pd.testing.assert_frame_equal(of_rig.record.table, of_rows.record.table)
     assert "sweep rate" in of_rig.said[0]
+    slow = prepare(record, replace(forced, rig=Rig(rate=0.005)))  # .014 half-power bandwidths in the time one takes
+    np.testing.assert_array_equal(slow.record.column("amplitude"), record.column("amplitude"))
+    assert slow.said == ()

@@ -29,6 +29,8 @@ Complex = npt.NDArray[np.complex128]
 
 #: (df/dt)/(2 zeta f)^2 above which peaks differ from steady ones by more than some per cent.
 FAST = 0.3
+#: ... and below which they are steady to less than the noise that a correction adds: 0.1 % in amplitude.
+SLOW = 0.05
 #: Rows of smaller amplitude, as a share of the largest of the sweep, are noise and tails: neither corrected nor fitted.
 NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
@@ -242,11 +244,19 @@ def _severity(rate: float, frequency: float, ratio: float) -> float:
     return abs(rate) * log(2.0) / 60.0 * frequency / (2.0 * ratio * frequency) ** 2
 
 
+def _largest_severity(rows: pd.DataFrame, mass: float) -> float:
+    """Largest (df/dt)/(2 zeta f)^2 at the peaks of a record, zeta by the balance of forces there."""
+    peaks = rows.loc[rows.groupby("sweep", sort=False)["amplitude"].idxmax()]
+    width = peaks["force"] / (mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2 * peaks["amplitude"]) * peaks["frequency"]
+    return float((peaks["sweep_rate"].abs() / width**2).max())
+
+
 def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tuple[str, ...]]:
     """The record as steady states, and what was done: nothing where it is steady.
 
-    A column ``sweep_rate`` is taken as it is. Without one the rate is looked for in the real part of F/a, which must be
-    a straight line in omega^2, and then estimated; it is believed where it is known to a fifth and fast.
+    A column ``sweep_rate`` is taken as it is, and slow sweeps are left alone. Without one the rate is looked for in the
+    turn of the phases (:func:`damping.records.implied.sense_rate`) and then estimated; it is believed where it is known
+    to a fifth and fast.
 
     Args:
         mass: generalized mass. frequency: of the mode, Hz.
@@ -255,7 +265,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         return record, ()
     if "sweep_rate" in record.table.columns:
         known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
-        if not known["sweep_rate"].any():
+        if _largest_severity(known, mass) < SLOW:
             return record, ()
         return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",
