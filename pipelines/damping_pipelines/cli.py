@@ -157,7 +157,10 @@ def curve(
 @app.command()
 def gap(
     model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
-    record: Annotated[Path | None, typer.Argument(metavar="RECORD.csv", help="The measured record.")] = None,
+    records: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORD.csv]", help="The measured record; of each --with its own after it."),
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
     model_out: Annotated[
         Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
@@ -171,13 +174,35 @@ def gap(
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
     ] = None,
+    states: Annotated[
+        list[Path] | None,
+        typer.Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
+    ] = None,
+    simulator: Annotated[
+        str | None, typer.Option("--simulator", metavar="MODULE:FUNCTION", help="A simulation of your own.")
+    ] = None,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test."""
     from damping_pipelines.gap import gap as run
+    from damping_pipelines.gap import pair_states
 
-    run(model, record, report, model_out, json_out, posterior, seed, max_size, jobs, tuple(despite or ()))
+    record, pairs = pair_states(records or [], states or [])
+    run(
+        model,
+        record,
+        report,
+        model_out,
+        json_out,
+        posterior,
+        seed,
+        max_size,
+        jobs,
+        tuple(despite or ()),
+        pairs,
+        simulator,
+    )
 
 
 @app.command()
@@ -187,13 +212,19 @@ def campaign(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
     design: Annotated[
-        list[float] | None,
+        list[str] | None,
         typer.Option(
-            "--design", metavar="LEVEL", help="Design level in the drive's unit; repeat. Default: twice the top."
+            "--design",
+            metavar="LEVEL|FILE.csv",
+            help="Design level in the drive's unit, or a table of frequency and level; repeat. Default: twice the top.",
         ),
     ] = None,
     modes: Annotated[
         str | None, typer.Option("--modes", metavar="F1,F2,...", help="Frequencies of the modes, Hz; else looked for.")
+    ] = None,
+    correct: Annotated[
+        Path | None,
+        typer.Option("--correct", metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated."),
     ] = None,
     seed: Seed = DEFAULT_SEED,
     max_size: MaxSize = MAX_SIZE,
@@ -201,7 +232,7 @@ def campaign(
     """A laboratory's files, several levels, modes and sensors, to the answer."""
     from damping_pipelines.campaign import campaign as run
 
-    run(sources, out, tuple(design or ()), modes, seed, max_size)
+    run(sources, out, tuple(design or ()), modes, correct, seed, max_size)
 
 
 #: Commands whose options stand elsewhere.

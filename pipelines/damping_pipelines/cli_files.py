@@ -64,7 +64,9 @@ def import_(
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy or mass; repeat."),
+        typer.Option(
+            "--unit", metavar="WHAT=UNIT", help="Unit of force, response, energy, mass, frequency or time; repeat."
+        ),
     ] = None,
     consistent: Annotated[
         bool, typer.Option("--consistent", help="All values are of one system of units: take them as they are.")
@@ -102,7 +104,15 @@ def import_(
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """A laboratory's file to a record; shows what was understood."""
+    """A laboratory's file to a record; shows what was understood, asks for what neither file nor option says.
+
+    Roles of --column: sweep, frequency (Hz), omega (rad/s), time (s); response (complex, or a signal against time), x
+    and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its turn);
+    force, force_x and force_y, force_lead_deg; energy, mass, amplitude_sd, phase_sd, force_sd.
+
+    Units of --unit: force, response, energy, mass, such as N, lbf, m, mm, um, in, m/s, g, m/s^2, m/s^2/N, rad, kg;
+    frequency Hz, kHz, rpm, rad/s; time s, ms, us, min. A header such as Accel [g rms] says its own.
+    """
     from damping.formats.series import Stated
     from damping_pipelines.import_ import RingDown, import_file, pairs, scales, scalings
     from damping_pipelines.import_ import band as of_band
@@ -249,7 +259,7 @@ def fleet(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
     ] = None,
-    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
+    fast: Annotated[bool, typer.Option("--fast", help="few importance draws.")] = False,
     workers: Annotated[
         int | None,
         typer.Option(

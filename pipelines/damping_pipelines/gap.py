@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
+import sys
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.corrected import EffectPosterior, corrected_mode
 from damping.gap.diagnose import Diagnosis
+from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings
@@ -24,6 +28,20 @@ from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, wri
 from damping_pipelines.terminal import console, end_with_parent, progress
 
 FORMAT = "gap/1"
+
+
+def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path | None, tuple[tuple[Path, Path], ...]]:
+    """The first record, if any, and each model of ``--with`` with the record that follows it.
+
+    Raises:
+        InputError: not one record a model.
+    """
+    first, *others = records or [None]
+    if len(others) != len(models):
+        raise InputError(
+            f"{len(records)} records for {1 + len(models)} models", expected="MODEL.toml RECORD.csv, also after --with"
+        )
+    return first, tuple((model, own) for model, own in zip(models, others, strict=True) if own is not None)
 
 
 def gap(
@@ -37,26 +55,39 @@ def gap(
     max_size: int,
     jobs: int | None,
     despite: Collection[str] = (),
+    states: Sequence[tuple[Path, Path]] = (),
+    simulator: str | None = None,
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
-    ``posterior`` is on unless False for one record, and off for a folder.
+    ``posterior`` is on unless False for one record, and off for a folder. ``states``: model and record of further
+    states of the structure. ``simulator``: ``MODULE:FUNCTION``.
 
     Raises:
         InputError: bad usage or input.
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if record is None:
+        if states or simulator is not None:
+            raise InputError("--with and --simulator are for one record", expected="MODEL.toml RECORD.csv")
         _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     targets = {"--json": json_out, "--model-out": model_out, "--report": report}
+    inputs = (model, record, *chain.from_iterable(states))
     for option, target in targets.items():
-        refuse_inputs(option, target, model, record)
+        refuse_inputs(option, target, *inputs)
     refuse_twice(targets)
     measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
     report_findings(measured, mode, despite)
     result = damping.diagnose(
-        measured, mode, posterior=posterior is not False, seed=seed, despite=despite, progress=progress
+        measured,
+        mode,
+        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in states],
+        simulate=None if simulator is None else import_simulator(simulator),
+        posterior=posterior is not False,
+        seed=seed,
+        despite=despite,
+        progress=progress,
     )
     diagnosis = result.diagnosis
     if json_out is not None:
@@ -64,10 +95,32 @@ def gap(
     if model_out is not None:
         write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if report is not None:
-        write_text(report, _describe_page(diagnosis, result.posterior, seed, (model, record)))
+        write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence, highlight=False, soft_wrap=True)
+
+
+def import_simulator(name: str) -> Simulate:
+    """The function of ``MODULE:FUNCTION``, looked for in the working folder first.
+
+    Raises:
+        InputError: no such module or function.
+    """
+    module, _, function = name.partition(":")
+    if not module or not function:
+        raise InputError(f"--simulator {name!r}", expected="MODULE:FUNCTION")
+    sys.path.insert(0, str(Path.cwd()))
+    try:
+        found = getattr(importlib.import_module(module), function, None)
+    except ImportError as error:
+        raise InputError(f"--simulator: {error}", expected="a module in the working folder or installed") from None
+    finally:
+        sys.path.pop(0)
+    if not callable(found):
+        raise InputError(f"--simulator: {module} has no function {function}", expected="MODULE:FUNCTION")
+    simulate: Simulate = found
+    return simulate
 
 
 def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
@@ -125,7 +178,9 @@ def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]
     """The answer of one case, or ``{"format", "error"}``; a record that the audit refuses is an error."""
     started = time.process_time()
     try:
-        result = damping.diagnose(read_record(folder / "data.csv"), read_mode(folder / "model.toml"), despite=despite)
+        result = damping.diagnose(
+            read_record(folder / "data.csv"), read_mode(folder / "model.toml"), compare=False, despite=despite
+        )
         spent = time.process_time() - started  # without the next test, which is found on demand
         return result.to_json() | {"cpu_seconds": spent}
     except DampingError as error:

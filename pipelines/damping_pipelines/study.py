@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -21,8 +22,10 @@ from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, load_candidates, plan_loads
 from damping.infer.checks import leave_one_out, predictive_check
+from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
+from damping.predict.measured import prepare
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit
@@ -99,7 +102,11 @@ def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] 
     inputs = []
     for one in settings.records:
         record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
-        inputs.append(Input(one, record, mode, observe(record), report_findings(record, mode, despite)))
+        findings = report_findings(record, mode, despite)
+        measured = prepare(record, mode)
+        for line in measured.said:
+            print(f"damping: {record.source}: {line}", file=sys.stderr)
+        inputs.append(Input(one, measured.record, measured.mode or mode, observe(measured.record), findings))
     return inputs
 
 
@@ -116,8 +123,9 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
         started = [source_report().start(pool, settings.seed)] if settings.source_report else []
-        rankings = _rank(inputs, settings.seed)
-        plans = _plan(inputs, settings.seed)
+        estimate = remember(evidence)
+        rankings = _rank(inputs, settings.seed, estimate)
+        plans = _plan(inputs, settings.seed, estimate)
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings, chains)))
         records = tuple(
             _record_result(one, ranking, plan, tuple(law for task, law in sampled if task.record == number), settings)
@@ -137,16 +145,16 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
     )
 
 
-def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
+def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
     laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
-            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))
+            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name), estimate)
             for one, candidates in zip(inputs, laws, strict=True)
         ]
 
 
-def _plan(inputs: list[Input], seed: int) -> list[Plan | None]:
+def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
     """Which laws predict, and with what weight; None where none can and no design load is asked for.
 
     Raises:
@@ -158,7 +166,8 @@ def _plan(inputs: list[Input], seed: int) -> list[Plan | None]:
     with progress("weighing laws", sum(map(len, laws))) as done:
         for one, data, candidates in zip(inputs, near, laws, strict=True):
             try:
-                plans.append(plan_loads(data, candidates, seed, _prefixed(done, one.settings.name), one.mode.mass))
+                said = _prefixed(done, one.settings.name)
+                plans.append(plan_loads(data, candidates, seed, said, one.mode.mass, estimate))
             except AnalysisError:
                 if one.settings.design_forces:
                     raise

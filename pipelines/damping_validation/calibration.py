@@ -29,7 +29,7 @@ from damping.forces import CATALOGUE, component
 from damping.forces.contract import AveragedForce, Force, Sum
 from damping.forces.shapes import FORCE, LENGTH, Shape, Tested
 from damping.infer.chains import sample
-from damping.infer.evidence import evidence, laplace
+from damping.infer.evidence import brief_evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
@@ -189,7 +189,7 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
     """Test a structure drawn at random (``truths``), predict, and make the next tests.
 
     Args:
-        way: ``fast`` (Laplace approximation), ``importance`` or ``chains``.
+        way: ``fast`` (few importance draws), ``importance`` or ``chains``.
     """
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)
@@ -200,7 +200,10 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
     data = at_resonance(sweeps(truth, tested, noise, rng)) if swept else peaks(tested, read)
     force = tested[-1] * np.array(RATIOS)
-    estimate, sampler = laplace if way == "fast" else evidence, sample_chains if way == "chains" else draw_evidence
+    estimate, sampler = (
+        brief_evidence if way == "fast" else evidence,
+        sample_chains if way == "chains" else draw_evidence,
+    )
     predicted = extrapolate_loads(data, force, LEVEL, seed, laws=CANDIDATES, estimate=estimate, sampler=sampler)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)

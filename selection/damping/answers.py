@@ -81,11 +81,12 @@ class RankedLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first; ``mode`` where one was given."""
+    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before."""
 
     ranking: Ranking
     mode: Mode | None = None
     audit: Audit | None = None
+    said: tuple[str, ...] = ()
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
@@ -113,7 +114,7 @@ class RankingResult(Result):
         """Whether any law fits, where none does; and what is odd about the mode beside the record."""
         verdict = self.ranking.fit.sentence
         odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*([verdict] if verdict else ()), *odd)
+        return (*([verdict] if verdict else ()), *self.said, *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
@@ -151,7 +152,10 @@ class RankingResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadsResult(Result):
-    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record."""
+    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record.
+
+    ``swept``: what was done about the rate of sweeping. ``against``: where the diagnosis disagrees.
+    """
 
     extrapolation: Extrapolation
     mode: Mode
@@ -159,6 +163,7 @@ class LoadsResult(Result):
     backbone: Backbone
     audit: Audit | None = None
     swept: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
 
     @property
     def loads(self) -> Loads:
@@ -178,7 +183,7 @@ class LoadsResult(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is odd about the mode beside the record."""
-        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
+        return (*self.against, *self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from damping.agreement import compare_with_diagnosis, compare_with_ranking
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
@@ -27,9 +28,11 @@ from damping.extrapolation.curve import (
 from damping.extrapolation.near import near_resonance
 from damping.gap.corrected import sample_effects
 from damping.gap.diagnose import diagnose as diagnose_gap
+from damping.gap.problem import State
+from damping.gap.simulation import Simulate
 from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
-from damping.predict.sweep_rate import as_steady
+from damping.predict.measured import Measured, as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -98,10 +101,11 @@ def rank(
         AnalysisError: no candidate could be fitted.
     """
     findings = _admit(record, mode, despite)
-    data = observe(record)
+    measured = prepare(record, mode)
+    data = observe(measured.record)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        return RankingResult(rank_laws(data, seed, laws, done), mode, findings)
+        return RankingResult(rank_laws(data, seed, laws, done), measured.mode, findings, measured.said)
 
 
 @single_threaded
@@ -133,14 +137,15 @@ def extrapolate(
     asked = _as_asked(amplitudes if by_amplitude else forces, "amplitude" if by_amplitude else "force", level)
     if not len(asked):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
-    findings, steady, swept = _steady(record, mode, despite)
-    data = near_resonance(steady)
+    findings, measured = _steady(record, mode, despite)
+    mode, data = measured.mode or mode, near_resonance(measured.record)
     first = [float(data.tested_force.max())] if by_amplitude else asked
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
     if by_amplitude:
         predicted = replace(predicted, loads=predict_forces(predicted, asked))
-    backbone = find_backbone(steady, mode, findings.implied)
-    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, swept)
+    backbone = find_backbone(measured.record, mode, findings.implied)
+    against = compare_with_diagnosis(measured.record, mode, predicted.loads)
+    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said, against)
 
 
 @single_threaded
@@ -166,17 +171,17 @@ def curve(
     """
     _check_modal(record, mode)
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
-    findings, steady, swept = _steady(record, mode, despite)
-    data = near_resonance(steady)
+    findings, measured = _steady(record, mode, despite)
+    mode, data = measured.mode or mode, near_resonance(measured.record)
     first = under if len(under) else np.array(FARTHEST) * data.tested_force.max()
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
     if not len(at) and not len(under):
         at = list_default_amplitudes(predicted)
     asked = [predict_forces(predicted, at)] if len(at) else []
     asked += [predicted.loads] if len(under) else []
-    backbone = find_backbone(steady, mode, findings.implied)
+    backbone = find_backbone(measured.record, mode, findings.implied)
     traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
-    return CurveResult(traced, predicted, mode, findings, swept)
+    return CurveResult(traced, predicted, mode, findings, measured.said)
 
 
 def _check_modal(record: object, mode: object) -> None:
@@ -189,11 +194,10 @@ def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
 
 
-def _steady(record: Record, mode: Mode, despite: Collection[str]) -> tuple[Audit, Record, tuple[str, ...]]:
-    """The audit of a record, and the record as steady states with what was done about the sweep rate."""
+def _steady(record: Record, mode: Mode, despite: Collection[str]) -> tuple[Audit, Measured]:
+    """The audit of a record, and its steady states under a modal force."""
     findings = _admit(record, mode, despite)
-    steady, swept = as_steady(record, mode.mass, mode.frequency)
-    return findings, steady, tuple(swept)
+    return findings, prepare(record, mode)
 
 
 @single_threaded
@@ -201,7 +205,10 @@ def diagnose(
     record: Record,
     mode: Mode,
     *,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
     posterior: bool = False,
+    compare: bool = True,
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -209,7 +216,12 @@ def diagnose(
     """Why a record departs from the simulation ``mode``, as ``damping gap`` diagnoses it.
 
     Args:
-        posterior: whether the strengths of the leading explanation are sampled too.
+        states: records of further states of the structure (masses added, fuel levels, ring-downs), each with its mode:
+            the effects are shared.
+        simulate: a simulation of your own: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
+            amplitude and phase lag, (n,) each; ``mode`` stands for it where an effect needs a mass or a frequency.
+        posterior: whether the strengths of the leading explanation are sampled too. compare: whether the ranked laws
+            are asked for what they say against it.
 
     Raises:
         InputError: an argument of another kind.
@@ -217,14 +229,20 @@ def diagnose(
     """
     _check_kind(mode, Mode, "mode")
     findings = _admit(record, mode, despite)
-    found = diagnose_gap(record, mode)
-    found = replace(found, cautions=(*map(str, findings.findings), *found.cautions))
+    for own, state in states:
+        _check_kind(own, Record, "record of a state")
+        _check_kind(state, Mode, "mode of a state")
+        _admit(own, state, despite)
+    forced, said = as_driven_by_force(record, mode)
+    found = diagnose_gap(record, forced, states=states, simulate=simulate)
+    against = () if states or simulate or not compare else compare_with_ranking(record, found, seed)
+    found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
-        return DiagnosisResult(found, audit=findings)
+        return DiagnosisResult(found, None, findings, against)
     with progress("posterior", 1) as done:
         sampled = sample_effects(found.leading.best, seed)
         done("done")
-    return DiagnosisResult(found, sampled, findings)
+    return DiagnosisResult(found, sampled, findings, against)
 
 
 @single_threaded

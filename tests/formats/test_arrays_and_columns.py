@@ -215,7 +215,7 @@ def test_csv_without_phases(truth, tmp_path, imported):
         ("frequency,amplitude,force\n1,1,1\n2,-0.5,1\n", "amplitude -0.5 in row 2; expected amplitude >= 0"),
         ("frequency,amplitude,phase,force\n1,-3,0.5,1\n", "amplitude -3 in row 1; expected amplitude >= 0"),
         ("frequency,amplitude,force\n1,1,1\n2,1,-2\n", "force -2 in row 2; expected force >= 0"),
-        ("frequency,x,y,force\n1,1,1,-2\n", "force -2 in row 1"),
+        ("frequency,real,imag,force\n1,1,1,-2\n", "force -2 in row 1"),
     ],
 )
 def test_amplitudes_below_zero_are_refused(tmp_path, imported, content, message):
@@ -228,7 +228,7 @@ def test_amplitudes_below_zero_are_refused(tmp_path, imported, content, message)
 def test_negative_parts_of_a_force_are_no_amplitudes(truth, tmp_path, imported):
     path = tmp_path / "a.mat"
     parts = {"force_x": -truth.F * np.ones_like(truth.f), "force_y": 0 * truth.f}
-    whole = {"frequency": truth.f, "x": -truth.H.real * truth.F, "y": -truth.H.imag * truth.F}
+    whole = {"frequency": truth.f, "real": -truth.H.real * truth.F, "imag": -truth.H.imag * truth.F}
     scipy.io.savemat(path, whole | parts)
     close(imported(path, response="displacement", consistent=True, scaling="peak").record, truth)
     scipy.io.savemat(path, whole | {"force": (-truth.F + 0j) * np.ones_like(truth.f)})
@@ -328,7 +328,7 @@ def test_two_lock_in_channels(truth, tmp_path, imported):
         ("f,a\n1,2\n1,2,3\n", {"frequency": "f", "amplitude": "a"}, "line 3: 3 cells in the row; expected 2"),
         ("f,a\n1,x\n", {"frequency": "f", "amplitude": "a"}, "line 2, column a: 'x' is not a number"),
         ("f,a\n", {"frequency": "f", "amplitude": "a"}, "no data rows"),
-        ("f,a\n1,2\n", {"frequency": "f"}, "no response"),
+        ("f,a\n1,2\n", {"frequency": "f"}, "which column is the response. a;"),
         ("g,a\n1,2\n", {"amplitude": "a"}, "no abscissa"),
         ("f,a\n1,2\n", {"frequency": "f", "omega": "f", "amplitude": "a"}, "both frequency and omega"),
         ("f,a\n1,2\n", {"frequency": "f", "x": "a"}, "x and y need each other"),

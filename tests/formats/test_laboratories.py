@@ -11,7 +11,8 @@ import scipy.io
 from damping.errors import InputError
 from damping.formats.conversion import time_histories
 from damping.formats.reading import read_file
-from damping.formats.series import Stated
+from damping.formats.series import ROLES, Stated
+from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)
@@ -132,12 +133,74 @@ def test_positions_are_no_readings(tmp_path):
     t = np.arange(0.0, 20.0, 0.02)
     path = tmp_path / "roll.csv"
     pd.DataFrame({"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)}).to_csv(path, index=False)
-    with pytest.raises(InputError, match="no response; expected --column response=NAME"):
+    with pytest.raises(InputError, match=r"which column is the response.*--column response=NAME.*--unit response"):
         read_file(path, Stated())
     stated = Stated(columns={"response": "phi"}, units={"response": "rad"})
     series, summary = read_file(path, stated)
     history = time_histories(series, stated, path, summary)[0]
     np.testing.assert_allclose(history.signal, np.cos(t), rtol=1e-12)  # rad as it is
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "factor"),
+    [("Freq [kHz]", 1e-3, 1.0), ("Speed [rpm]", 60.0, 1.0), ("Frequency (Hz)", 1.0, 1.0)],
+)
+def test_units_of_the_abscissa(truth, tmp_path, imported, header, values, factor):
+    columns = {
+        header: lambda _: values * truth.f,
+        "F [N]": lambda force: np.full(len(truth.f), force),
+        "Disp [m]": lambda force: force * np.abs(truth.H),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    stated = {"frequency": header, "amplitude": "Disp", "force": "F"} if "rpm" in header else {}
+    record = imported(path, columns=stated, response="displacement").record
+    close(record, truth)
+    np.testing.assert_allclose(record.column("frequency")[: len(truth.f)], truth.f, rtol=1e-12)
+    if stated:
+        with pytest.raises(InputError, match="frequency in furlongs; expected --unit frequency=UNIT of hz"):
+            imported(path, columns=stated, response="displacement", units={"frequency": "furlongs"})
+
+
+def test_times_in_milliseconds(tmp_path):
+    path = tmp_path / "a.csv"
+    pd.DataFrame({"Time [ms]": 10.0 * np.arange(50), "Acc [g]": np.cos(np.arange(50))}).to_csv(path, index=False)
+    series, _ = read_file(path, Stated())
+    np.testing.assert_allclose(series[0].abscissa, 0.01 * np.arange(50), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("names", "said", "message"),
+    [
+        (("x", "y"), {}, "parts of one complex response, or two motions.*--column x=x --column y=y"),
+        (("roof", "mid"), {}, "which column is the response. roof, mid; .*--column response=NAME .*damping campaign"),
+        (("A", "Ph"), {"amplitude": "A", "phase": "Ph"}, "phase in rad up to 170; expected .*--column lag_deg=NAME"),
+        (("A", "Rd"), {"amplitude": "A", "lag_deg": "Rd"}, "lag_deg in degrees runs from .*; expected .*phase=NAME"),
+    ],
+)
+def test_what_would_be_a_guess_is_asked(tmp_path, names, said, message):
+    """A real column is no half of a complex one unless said, and no angle is wrapped."""
+    path = tmp_path / "a.csv"
+    f = np.linspace(9.0, 11.0, 21)
+    values = {"x": f, "y": f, "roof": f, "mid": f, "A": f, "Ph": np.linspace(5, 170, 21), "Rd": np.linspace(0.1, 3, 21)}
+    pd.DataFrame({"frequency": f, "force": 1.0} | {name: values[name] for name in names}).to_csv(path, index=False)
+    with pytest.raises(InputError, match=message):
+        read_file(path, Stated(columns=said))
+
+
+def test_motions_against_time_are_no_parts(tmp_path):
+    path = tmp_path / "a.mat"
+    t = np.arange(0.0, 5.0, 0.01)
+    scipy.io.savemat(path, {"time": t, "x": np.cos(t), "y": np.sin(t)})
+    with pytest.raises(InputError, match="x and y"):
+        read_file(path, Stated())
+    with pytest.raises(InputError, match="no parts of a complex response; expected --column response=NAME"):
+        read_file(path, Stated(columns={"x": "x", "y": "y"}))
+
+
+def test_help_names_every_role():
+    text = import_.__doc__ or ""
+    assert all(role in text for role in ROLES)
 
 
 def test_german_spreadsheet(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from damping import effects, forces
 from damping.arrays import INCH_M, POUND_FORCE_N
 from damping.formats.quantity import convert_mode, factors
-from damping.gap.steady import swept
+from damping.gap.sweeping import swept
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 
 US = Units("lbf", "in", "s")

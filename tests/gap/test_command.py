@@ -16,7 +16,7 @@ from damping_pipelines.cli import main
 pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
 KEYS = {
     *("format", "effects", "explanations", "equivalents", "unexplained", "where", "footprint", "gap", "parameters"),
-    "next_test",
+    *("next_test", "intervals", "levels", "in_library", "audit", "cautions"),
 }
 NAME = "a <script>alert(1)</script> & mode"
 
@@ -97,7 +97,13 @@ def test_the_form(answered):
     assert all(set(cell) == places | {"size"} for cell in found["footprint"])
     assert {cell["quantity"] for cell in found["footprint"]} == {"phase"}  # a lag moves phases alone
     assert {cell["sweep"] for cell in found["footprint"]} == {"<b>A</b>", "<b>B</b>", "<b>C</b>"}
-    assert set(found["next_test"]) == {"what", "why", "expected_log_odds"}
+    low, high = found["intervals"]["phase-lag"]["lag"]
+    assert low < found["parameters"]["phase-lag"]["lag"] < high
+    assert 0.5 < found["in_library"] < 1.0
+    assert {level["sweep"] for level in found["levels"]} == {"<b>A</b>", "<b>B</b>", "<b>C</b>"}
+    assert set(found["levels"][0]) == {"sweep", "gain", "gain_sigma", "frequency", "frequency_sigma"}
+    test = found["next_test"]
+    assert test is None or {"what", "why", "expected_log_odds", "columns", "rows", "command"} == set(test)
     assert found["posterior"] is None
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import cover_probability, search_hypotheses, weigh_hypotheses
+from damping.gap.diagnose import search_hypotheses
 from damping.gap.directed import directed_tests, unexplained
 from damping.gap.problem import setting
+from damping.gap.weighing import cover_probability, weigh_hypotheses
 
 GAIN, JITTER = 0.01, 3e-4
 SEEDS = range(6)

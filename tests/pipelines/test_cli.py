@@ -260,9 +260,11 @@ def test_sweep_writes_a_record_that_rank_and_extrapolate_accept(damping, saturn_
     ranked = damping("rank", out, "--mode", model, "--json", "-")
     assert ranked.code == 0
     best = json.loads(ranked.out)["models"][0]
-    # the model is viscous, 1.643: noise-free averages give the law and its coefficient back
+    # the model is viscous, 1.643: noise-free averages give the law back, and the posterior's median is known to a tenth
+    # of its standard deviation by a thousand draws and more
     assert best["name"] == "viscous"
-    np.testing.assert_allclose(best["forces"][0]["coefficient"], 1.643, rtol=1e-6)
+    (force,) = best["forces"]
+    assert abs(force["coefficient"] - 1.643) < 0.1 * force["std_error"]
     predicted = damping("extrapolate", out, "--mode", model, "--force", 60, "--json", "-")
     assert predicted.code == 0
     loads = json.loads(predicted.out)["predictions"][0]

@@ -177,7 +177,7 @@ def test_posterior_of_the_leading_law(name, summary, settings, inputs, rankings,
     number, one = next((i, one) for i, one in enumerate(inputs) if one.settings.name == name)
     leader = rankings[name].candidates[0]
     forces = np.array(one.settings.design_forces)
-    task = Task(number, leader, one.data, forces, settings.level, settings.seed + 1, False, False, tmp_path)
+    task = Task(number, leader, one.data, forces, settings.level, settings.seed + 1, False, tmp_path)
     again = sample_law(task)
     assert again.posterior.converged, again.posterior.failure
     old = next(p for p in record["posteriors"] if p["law"] == leader.name)

@@ -15,7 +15,8 @@ from damping.records.mode import read_mode
 from damping.records.reading import read_record
 
 ROOT = Path(__file__).parents[2]
-MEASURED = ROOT.parents[1] / "shared" / "real"
+#: Measured records beside the project, or beside a folder of working trees; nothing of them is part of it.
+MEASURED = next((up / "shared" / "real" for up in ROOT.parents if (up / "shared" / "real").is_dir()), ROOT / "absent")
 #: Of 60 right records as many may carry a caution: resonances bent out of the range and strongly bent ones do by right.
 MOST_CAUTIONS = 4
 SEEDS = (0, 1, 2)

@@ -64,17 +64,17 @@ REFUSED = {
     "unknown table": (
         MODE + "[repeatibility]\n",
         ", line 5, column repeatibility: unknown key; "
-        "expected repeatability (nearest of mode, repeatability, units, damping, effects)",
+        "expected repeatability (nearest of mode, repeatability, units, rig, damping, effects)",
     ),
     "unknown key": (
         "# frequncy\n" + MODE + "frequncy = 1\n",
         ", line 6, column frequncy: unknown key in [mode]; "
-        "expected frequency (nearest of name, frequency, mass, tolerance)",
+        "expected frequency (nearest of name, frequency, mass, drive, tolerance)",
     ),
     "unknown tolerance": (
         MODE + "[mode.tolerance]\nmass = 0.1\n\nfreq = 1\n",
         ", line 8, column freq: unknown key in [mode.tolerance]; "
-        "expected frequency (nearest of frequency, mass, viscous)",
+        "expected frequency (nearest of frequency, mass, viscous, from_record)",
     ),
     "unknown unit": (
         'units.lenght = "m"\n' + MODE,

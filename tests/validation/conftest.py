@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from damping_validation.generator.plan import Bench
 from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
 OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
@@ -24,3 +25,9 @@ def rows() -> TrueRows:
     offsets = np.linspace(-6 * XI, 6 * XI, 13)
     sweep = np.repeat(np.arange(len(FORCES)), offsets.size)
     return plain_rows(sweep, np.repeat(FORCES, offsets.size), np.tile(OMEGA * (1 + offsets), len(FORCES)))
+
+
+@pytest.fixture
+def bench(mode: Structure, rows: TrueRows) -> Bench:
+    """A test of the mode without scatter, its simulation right but for what an effect adds."""
+    return Bench(mode, (0.001, 0.02, 0.05), (0.0,) * 3, (), rows, (0.0, 0.0), False, A_TOP, XI)

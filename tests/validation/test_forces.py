@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from damping_validation.generator.refit import averages
-from damping_validation.generator.structure import Structure, TrueJoint, TrueLaw
+from damping_validation.generator.balance import averages
+from damping_validation.generator.laws import TrueJoint, TrueLaw
+from damping_validation.generator.structure import Structure
 
 A = np.array([0.3, 1.0, 2.5])
 

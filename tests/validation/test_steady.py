@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from damping_validation.generator.motion import STEPS, TrueMotion, TrueState
-from damping_validation.generator.steady import guesses, steady, steady_state, true_record
-from damping_validation.generator.structure import Side, Structure, TrueJoint, TrueLaw, TrueRows, plain_rows
+from damping_validation.generator.balance import sweep_phasor
+from damping_validation.generator.laws import Partner, TrueJoint, TrueLaw
+from damping_validation.generator.steady import STEPS, TrueMotion, TrueState, guesses, steady, steady_state, true_record
+from damping_validation.generator.structure import Side, Structure, TrueRows, plain_rows
 
 from .conftest import A_TOP, MASS, OMEGA, VISCOUS, XI
 
@@ -41,7 +43,7 @@ EXTRAS = {
 
 
 def phasor(structure: Structure, rows: TrueRows) -> np.ndarray:
-    return steady(structure, rows, guesses(structure, rows))
+    return steady(structure, rows, guesses(structure, rows))[0]
 
 
 def test_a_linear_mode_moves_as_its_receptance(mode, rows):
@@ -124,15 +126,116 @@ def _work(motion: TrueMotion, state: TrueState) -> tuple[np.ndarray, np.ndarray,
     structure, rows = motion.structure, motion.rows
     put, lost, kept = np.zeros((3, rows.omega.size))
     for n in range(STEPS):
-        angles = 2 * np.pi * (n + np.array([0.0, 0.5, 1.0])) / STEPS
+        drive = np.sin(2 * np.pi * (n + np.array([0.0, 0.5, 1.0])) / STEPS)
         q, v, dt = state.q[0], state.v[0], 2 * np.pi / STEPS / rows.omega
         other = sum((law.force(q, v, np.sign(v)) for law in structure.laws), np.zeros_like(q))
         other = other + sum(joint.force(z, q) for joint, z in zip(structure.joints, state.z, strict=True))
-        put += (rows.force * np.sin(angles[0]) * v * dt)[0]
+        put += (rows.force * drive[0] * v * dt)[0]
         lost += (structure.viscous * v**2 * dt)[0]
         kept += (other * v * dt)[0]
-        state = motion.step(state, tuple(np.sin(angles)))
+        for partner, w in zip(structure.partners, state.v[1:], strict=True):
+            kept += (partner_loss(partner, v, w) * dt)[0]
+        state = motion.step(state, tuple(drive))
     return put, lost, kept
+
+
+def partner_loss(partner: Partner, v: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Power that a partner's dashpot or resistor turns into heat."""
+    share = {"absorber": partner.strength, "memory": partner.strength, "heated-spring": 0.0}.get(partner.kind, 1.0)
+    stroke = w - v if partner.kind == "absorber" else w
+    return MASS * share * 2 * partner.zeta * partner.omega * stroke**2
+
+
+PARTNERS = {
+    "absorber": Partner("absorber", 1.01 * OMEGA, 0.01, 4e-4),
+    "tank": Partner("absorber", 0.99 * OMEGA, 0.01, 4e-4, cubic=-0.4 * 0.01 / (50 * A_TOP) ** 2),
+    "gyroscopic": Partner("gyroscopic", 1.01 * OMEGA, 0.01, 0.01),
+    "circuit": Partner("circuit", 0.99 * OMEGA, 0.02, 0.02),
+    "memory": Partner("memory", 1.5 * OMEGA, 2.0, 0.02),
+    "heated-spring": Partner("heated-spring", 0.03 * OMEGA, 1.0, 4 * XI * (OMEGA / A_TOP) ** 2),
+}
+
+
+@pytest.mark.parametrize("name", PARTNERS)
+def test_the_work_of_the_drive_is_what_the_mode_and_its_partner_lose(mode, rows, name):
+    structure = replace(mode, partners=(PARTNERS[name],))
+    motion = TrueMotion(structure, rows)
+    put, lost, kept = _work(motion, steady_state(motion, guesses(structure, rows)))
+    # smooth signals sampled over whole cycles; the heated spring's temperature ripples by (.03/2)^2 and does 1e-4 work
+    np.testing.assert_allclose(put, lost + kept, rtol=1e-3, atol=0)
+
+
+@pytest.mark.parametrize("kind", ["absorber", "gyroscopic", "circuit", "memory"])
+def test_a_linear_partner_moves_the_mode_as_its_matrices_say(mode, rows, kind):
+    """(K - w^2 M + i w C) (q, x) = (F, 0), solved as two complex equations a row."""
+    p, w = PARTNERS[kind], rows.omega
+    own = K - MASS * w**2 + 1j * VISCOUS * w
+    k, c = p.strength * MASS * p.omega**2, p.strength * MASS * 2 * p.zeta * p.omega
+    partner = p.omega**2 - w**2 + 2j * p.zeta * p.omega * w  # over the main mass
+    coupling, back, more = {
+        "absorber": (-(k + 1j * w * c), -(k + 1j * w * c) / p.strength / MASS, k + 1j * w * c),
+        "gyroscopic": (MASS * p.strength * p.omega * 1j * w, -p.strength * p.omega * 1j * w, 0.0),
+        "circuit": (-k, -p.strength * p.omega**2, 0.0),
+        "memory": (-k, -(p.omega**2), k),
+    }[kind]
+    exact = rows.force / (own + more - coupling * back / partner)
+    # RK4 as for the linear mode, where the pair's resonances lie .01 apart
+    np.testing.assert_allclose(phasor(replace(mode, partners=(p,)), rows), exact, rtol=3e-6, atol=0)
+
+
+def test_added_mass_lowers_the_resonance_and_leaves_the_stiffness(mode, rows):
+    heavier = replace(rows, added=np.full(rows.omega.size, 0.05))
+    exact = rows.force / (K - (MASS + 0.05) * rows.omega**2 + 1j * VISCOUS * rows.omega)
+    np.testing.assert_allclose(phasor(mode, heavier), exact, rtol=1e-6, atol=0)  # as for the linear mode
+
+
+def test_the_third_harmonic_of_a_cubic_spring(mode, rows):
+    """k3 A^3/4 at three times the frequency against k - 9 M w^2 + 3 i c w (first order in k3)."""
+    k3 = UNIT / A_TOP**2
+    structure = replace(mode, laws=(TrueLaw("cubic", k3),))
+    first, third, across = steady(structure, rows, guesses(structure, rows))
+    exact = k3 * np.abs(first) ** 3 / 4 / np.abs(K - 9 * MASS * rows.omega**2 + 3j * VISCOUS * rows.omega)
+    # next order: 3/32 of k3 A^2/k <= .02
+    np.testing.assert_allclose(np.abs(third), exact, rtol=5e-3, atol=1e-9 * A_TOP)
+    np.testing.assert_array_equal(across, 0.0)
+
+
+def test_motion_across_the_axis_is_that_of_the_coupled_planes(mode, rows):
+    """The second of Equations 3.1.24 to 3.1.28: Y = -K_py F/((K_pp + D)(K_yy + D) - K_py^2)."""
+    angle, second = 0.5, OMEGA * 1.02
+    sine, cosine = np.sin(angle), np.cos(angle)
+    side = Side(second, VISCOUS / (2 * MASS * second), sine, sine, across=cosine)
+    structure = replace(mode, share=cosine, across=-sine, sides=(side,))
+    across = steady(structure, rows, guesses(structure, rows))[2]
+    k_p, k_y = MASS * OMEGA**2, MASS * second**2
+    pp, yy = k_p * cosine**2 + k_y * sine**2, k_p * sine**2 + k_y * cosine**2
+    py = (k_y - k_p) * sine * cosine
+    dynamic = -MASS * rows.omega**2 + 1j * VISCOUS * rows.omega
+    exact = -py * rows.force / ((pp + dynamic) * (yy + dynamic) - py**2)
+    np.testing.assert_allclose(across, exact, rtol=1e-5, atol=0)  # as for the sum of two receptances
+
+
+@pytest.mark.parametrize("share", [0.002, 0.5])
+def test_a_moving_frequency_leaves_what_the_equation_of_motion_says(mode, share):
+    """M q'' + c q' + k q = F exp(i theta(t)) integrated by another method through the whole sweep."""
+    rate = share * (XI * OMEGA) ** 2
+    omega = OMEGA * (1 + np.linspace(-5 * XI, 5 * XI, 9))
+    rows = plain_rows(np.zeros(9, int), np.full(9, 4.0), omega)
+    swept = sweep_phasor(mode, replace(rows, rate=np.full(9, rate)))
+    if share < 0.01:  # so slow that it is a dwell: first order in the rate over the square of the half-width
+        np.testing.assert_allclose(swept, phasor(mode, rows), rtol=2 * share, atol=0)
+        return
+
+    def moved(t, y):
+        theta = omega[0] * t + rate * t**2 / 2
+        return [y[1], (4.0 * np.exp(1j * theta) - VISCOUS * y[1] - K * y[0]) / MASS]
+
+    start = 4.0 / (K - MASS * omega[0] ** 2 + 1j * VISCOUS * omega[0])
+    times = (omega - omega[0]) / rate
+    y = solve_ivp(moved, (0.0, times[-1]), [start, 1j * omega[0] * start], t_eval=times, rtol=1e-8, atol=1e-12).y[0]
+    exact = y * np.exp(-1j * (omega[0] * times + rate * times**2 / 2))
+    # z'' dropped: z'/(2 omega z), some XI of the amplitude
+    np.testing.assert_allclose(swept, exact, rtol=0, atol=2 * XI * np.max(np.abs(exact)))
 
 
 @pytest.mark.parametrize("name", ["coulomb", "cubic", "slip", "bouc-wen"])
@@ -143,7 +246,10 @@ def test_shooting_finds_what_a_long_dwell_from_rest_reaches(name):
     structure = replace(structure, laws=tuple(replace(law, coefficient=4 * law.coefficient) for law in structure.laws))
     motion, q = TrueMotion(structure, rows), np.zeros((1, 1, 5))
     rest = TrueState(q, q, tuple(joint.start(q[0]) for joint in structure.joints))
-    dwelt, _ = motion.first_harmonic(motion.dwelt(rest, 13))
+    state = rest
+    for _ in range(13):
+        state = motion.cycle(state)[0]
+    dwelt = motion.harmonics(state)[0]
     # the transient, and what follows Newton's last step of at most 1e-6
     np.testing.assert_allclose(phasor(structure, rows), dwelt, rtol=5e-6, atol=0)
 

@@ -16,8 +16,9 @@ from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.infer.evidence import Estimate, evidence, laplace, remembered
+from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
 from damping.infer.observations import Observations, observe
+from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit, audit
@@ -58,6 +59,8 @@ def _analyse(task: FleetTask) -> FleetResult:
         record, mode = _read(task)
         found = audit(record, mode)
         found.require(task.settings.despite)
+        measured = prepare(record, mode)
+        record, mode = measured.record, measured.mode or mode
         data = observe(record)
     except DampingError as error:
         return failed(task, describe_printable(str(error)))
@@ -102,7 +105,7 @@ class _Analysis:
 
     def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations, found: Audit) -> None:
         self.task, self.record, self.mode, self.data, self.audit = task, record, mode, data, found
-        self.estimate: Estimate = remembered(laplace if task.settings.fast else evidence)
+        self.estimate: Estimate = remember(brief_evidence if task.settings.fast else evidence)
         self.reasons: list[str] = []
 
     def result(self) -> FleetResult:

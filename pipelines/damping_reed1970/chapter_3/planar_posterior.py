@@ -28,7 +28,7 @@ from scipy.special import ndtr, ndtri
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
-from damping.infer.importance import Evidence, importance, sobol
+from damping.infer.importance import Evidence, fill_cube, importance
 from damping.infer.law import REACH, log_prior
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
 
@@ -177,7 +177,7 @@ def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidenc
 
 def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
     """The best of several quasi-Newton descents from prior points."""
-    points = np.clip(ndtri(sobol(prior.dimension, _STARTS_POWER, seed=0)), -3.0, 3.0)
+    points = np.clip(ndtri(fill_cube(prior.dimension, _STARTS_POWER, seed=0)), -3.0, 3.0)
     best = np.argsort(-log_posterior(points, prior, data), kind="stable")[:_STARTS]
 
     def value_and_gradient(x: FloatArray) -> tuple[float, FloatArray]:
@@ -187,8 +187,8 @@ def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
         values = -(log_prior(star) + log_likelihood(star, prior, data))
         return float(values[0]), (values[1 : 1 + x.size] - values[1 + x.size :]) / (2.0 * _STEP)
 
-    found = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
-    return min(found, key=lambda one: float(one.fun))
+    descents = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
+    return min(descents, key=lambda one: float(one.fun))
 
 
 def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:

@@ -2,61 +2,57 @@
 
 This package shares no code with what diagnoses its cases: it imports numpy, scipy and itself alone.
 
-How many cases of which kind, and the seeds of development and of the blind run.
-
-Draws of a case: its effects at sizes spread over the gaps, its noise-free record, and what its gap is.
-
-One blind case: a kind and a seed in, the texts of its two files and its label out.
+A kind and a seed decide a case: structure, rig and test are drawn, the effects sized so that their gaps spread from
+what cannot be seen to what nobody misses, the record is integrated in time and measured. Out come the texts of the two
+files of the case and its label; and, for a test that the diagnosis proposes, the further rows of the same truth.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from damping_validation.generator.forces import TrueEffect
-from damping_validation.generator.noise import (
-    Noise,
+from damping_validation.generator.plan import (
+    Bench,
     columns,
     describe_data_text,
     describe_model_text,
-    draw_noise,
+    further_columns,
     measured,
+    scatter_rows,
 )
-from damping_validation.generator.plan import Bench, Generator, draw_bench, log_uniform, without_base
 from damping_validation.generator.refit import (
-    FORCES,
-    INSTRUMENT,
+    KINDS,
     LIBRARY,
     OUTSIDE,
-    STRUCTURE,
-    RecordCells,
+    RIG,
+    DrawnCase,
     applied,
-    draw_effect,
-    gap,
-    nearest_imitation,
-    predicted,
-    unscattered,
+    draw,
+    name_effect,
 )
-from damping_validation.generator.steady import NoSteadyStateError, true_record
-from damping_validation.generator.structure import Array
+from damping_validation.generator.rig import RIG_KINDS
+from damping_validation.generator.steady import NoSteadyStateError, true_phasors, true_record
+from damping_validation.generator.structure import TrueRows, plain_rows, recorded
 
-__all__ = ["BlindCase", "Stratum", "draw_case", "strata"]
-
+__all__ = ["BlindCase", "NoSteadyStateError", "Stratum", "draw", "draw_case", "draw_further_rows", "strata"]
 
 #: Seeds differ so that nothing chosen while developing has seen a blind case.
 DEVELOPMENT_SEED = 20250
 BLIND_SEED = 86400077
-BLIND_CASES = 1500
+BLIND_CASES = 2000
 
-NULLS = ("null:nothing", "null:parameters", "null:scatter")
+#: Effects of the library that are faults of the rig.
+RIG_NAMES = frozenset(name_effect(kind) for kind in RIG_KINDS)
+
+NULLS = ("null:nothing", "null:parameters", "null:scatter", "null:swept")
 PAIRS = ("pair:force-instrument", "pair:two-forces", "pair:force-structure")
 
-#: Shares of the cases of a run; at 1500 cases 510 are null and each effect of the library has some 36.
-SHARES = {"null": 0.34, "single": 0.36, "pair": 0.12, "outside": 0.18}
+#: Shares of the cases of a run; at 2000 cases 500 are null and each kind has some 18 to 22.
+SHARES = {"null": 0.25, "single": 0.35, "pair": 0.10, "outside": 0.30}
 _KINDS = {"null": NULLS, "single": LIBRARY, "pair": PAIRS, "outside": OUTSIDE}
 
 
@@ -69,8 +65,13 @@ class Stratum:
 
 
 def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
-    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given."""
+    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given.
+
+    Fewer cases than kinds are of kinds spread evenly over them.
+    """
     if kinds is not None:
+        if cases < len(kinds):
+            kinds = tuple(kinds[n * len(kinds) // cases] for n in range(cases))
         places = [divmod(n, len(kinds)) for n in range(cases)]
         return [Stratum(kinds[kind], (turn + kind) % 2 == 1) for turn, kind in places]
     plan: list[Stratum] = []
@@ -82,135 +83,7 @@ def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
     return plan
 
 
-#: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
-SINGLE_GAPS = (0.3, 30.0)
-#: Gap of each of a pair alone, sigma.
-PAIR_GAPS = (1.0, 12.0)
-#: What a record of a pair leaves, in sigma, to either effect alone: less, and it does not show that there are two.
-LEAST_OF_EACH = 1.0
-
-#: Structures drawn until one gives a case of the kind that is wanted.
-_DRAWS = 400
-#: Sizes of an effect tried until its gap is the one that was drawn.
-_TRIALS = 14
-#: ln of the largest over the smallest size tried.
-_LOG_RANGE = 12.0
-#: ln of the gap over the one drawn at which a size is taken.
-_NEAR = 0.05
-#: Gap, sigma, that stands for none where its logarithm is taken.
-_NOTHING = 1e-9
-_MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
-
-
-@dataclass(frozen=True)
-class DrawnCase:
-    """Everything of a case but its noise: bench, effects, noise-free record, its gap, and what each effect explains.
-
-    ``without_each`` is, for a pair, what is left when that effect is taken away and all else refitted.
-    """
-
-    bench: Bench
-    effects: tuple[TrueEffect, ...]
-    noise: Noise
-    cells: RecordCells
-    gap: float
-    without_each: tuple[float, ...]
-
-
-def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
-    """Draw until a steady state exists and the effect can be made large enough."""
-    for _ in range(_DRAWS):
-        names = _list_names(kind, rng)
-        bench = _bench(kind, names, field, rng)
-        noise = draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
-        effects = tuple(draw_effect(name, rng, bench) for name in names)
-        sized = [
-            _sized(effect, bench, noise, PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS, rng) for effect in effects
-        ]
-        effects = tuple(effect for effect in sized if effect is not None)
-        found = _integrated(bench, effects, noise) if len(effects) == len(names) else None
-        if found is not None:
-            return found
-    raise RuntimeError(f"no case of kind {kind} in {_DRAWS} draws")
-
-
-def _list_names(kind: str, rng: Generator) -> tuple[str, ...]:
-    """Names of the effects of a kind."""
-    if kind.startswith("null:"):
-        return ()
-    if not kind.startswith("pair:"):
-        return (kind,)
-    if kind == "pair:two-forces":
-        return tuple(str(name) for name in rng.choice(FORCES, size=2, replace=False))
-    return (str(rng.choice(FORCES)), str(rng.choice(INSTRUMENT if kind == "pair:force-instrument" else STRUCTURE)))
-
-
-def _bench(kind: str, names: tuple[str, ...], field: bool, rng: Generator) -> Bench:
-    """A bench on which the effects are something that its simulation does not hold."""
-    bench = draw_bench(rng, field, _MAY_SCATTER.get(kind), levels=2 if len(names) > 1 else 1)
-    if kind == "null:nothing":
-        return replace(bench, deviation=(0.0, 0.0, 0.0))
-    held = {name for name, _ in bench.base}
-    return without_base(bench) if held & {name.removesuffix("-friction") for name in names} else bench
-
-
-def _sized(
-    effect: TrueEffect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator
-) -> TrueEffect | None:
-    """The effect at a size whose gap is log-uniform in ``gaps``; None out of its reach.
-
-    That gap is the effect's alone, by averages and without scatter from sweep to sweep; the label's is the true one.
-    """
-
-    calm = replace(bench, scatter=(0.0, 0.0), rows=unscattered(bench.rows))
-
-    def gap_at(log_size: float) -> float:
-        sized = replace(effect, size=float(np.exp(log_size)))
-        return gap(_cells(predicted(*applied((sized,), calm)), noise), calm)
-
-    if effect.size <= 0.0:
-        return None
-    top = float(np.log(effect.size))
-    here = gap_at(top)
-    if here < 1.2 * gaps[0]:
-        return None
-    target = log_uniform(rng, 1.1 * gaps[0], min(gaps[1], here))
-    bottom, place = top - _LOG_RANGE, top
-    for _ in range(_TRIALS):
-        if abs(np.log(max(here, _NOTHING) / target)) < _NEAR:
-            break
-        bottom, top = (place, top) if here < target else (bottom, place)
-        place += float(np.log(target / max(here, _NOTHING)))  # as if the gap went with the size
-        if not bottom < place < top:
-            place = (bottom + top) / 2
-        here = gap_at(place)
-    return replace(effect, size=float(np.exp(place)))
-
-
-def _cells(record: tuple[Array, Array], noise: Noise) -> RecordCells:
-    """The record with its standard deviations, which go with its own amplitude."""
-    return RecordCells(*record, noise.share * record[0], noise.phase if noise.has_phase else None)
-
-
-def _integrated(bench: Bench, effects: tuple[TrueEffect, ...], noise: Noise) -> DrawnCase | None:
-    """The noise-free record and its gap; None without a steady state, without a gap, or where one effect would do."""
-    try:
-        cells = _cells(true_record(*applied(effects, bench)), noise)
-    except NoSteadyStateError:
-        return None
-    each: tuple[float, ...] = ()
-    if len(effects) > 1:
-        each = tuple(gap(cells, bench, (*effects[:n], *effects[n + 1 :]), reshape=True) for n in range(len(effects)))
-        if min(each) < LEAST_OF_EACH:
-            return None
-    size = gap(cells, bench)
-    if effects and size < SINGLE_GAPS[0]:
-        return None
-    return DrawnCase(bench, effects, noise, cells, size, each)
-
-
 _WRONG_PARAMETER = {"natural-frequency": 0, "viscous-coefficient": 2}  # place among the deviations
-_TELLING = 1.0  # sigma
 
 
 @dataclass(frozen=True)
@@ -222,17 +95,15 @@ class BlindCase:
     label: Mapping[str, Any]
 
 
-def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case", nearest: bool = False) -> BlindCase:
-    """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed.
-
-    ``nearest`` has the label of a single effect with a gap of 1 sigma or more say which other effect of the library
-    comes closest, and what it leaves (seconds of work).
-    """
+def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case") -> BlindCase:
+    """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed."""
     rng = np.random.default_rng(seed)
     drawn = draw(kind, field, rng)
     rows = drawn.bench.rows
     amplitude, phase, wild = measured(rng, drawn.noise, drawn.cells.amplitude, drawn.cells.phase)
+    truth = applied(drawn.effects, drawn.bench)[1]
     table = columns(rows, drawn.noise, amplitude, phase)
+    table |= further_columns(rng, drawn.bench.columns, truth, drawn.third, drawn.across, float(np.max(amplitude)))
     label = {
         "kind": kind,
         "family": describe_family(kind),
@@ -243,7 +114,6 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
         "sweep": table["sweep"],
         "frequency": [float(text) for text in table["frequency"]],
         "altered": _altered(drawn),
-        "nearest": _nearest(drawn) if nearest and len(drawn.effects) == 1 and drawn.gap >= _TELLING else None,
     }
     return BlindCase(describe_model_text(name, drawn.bench), describe_data_text(table), label)
 
@@ -257,7 +127,8 @@ def describe_family(kind: str) -> str:
 
 def _effects(drawn: DrawnCase) -> dict[str, Any]:
     return {
-        "effects": [effect.name for effect in drawn.effects],
+        "effects": [name_effect(effect.name) for effect in drawn.effects],
+        "rig": [name_effect(effect.name) for effect in drawn.effects if effect.name in RIG],
         "gap": drawn.gap,
         "left_without_each": list(drawn.without_each),
         "sizes": [{"effect": e.name, "size": e.size, "shape": list(e.shape)} for e in drawn.effects],
@@ -275,6 +146,7 @@ def _circumstances(drawn: DrawnCase) -> dict[str, Any]:
         "rows": int(bench.rows.omega.size),
         "up": bench.rows.up,
         "phase": drawn.noise.has_phase,
+        "columns": list(bench.columns),
         "sd": drawn.noise.shown,
     }
 
@@ -297,6 +169,54 @@ def _without(drawn: DrawnCase) -> Bench:
     return replace(drawn.bench, deviation=(deviation[0], deviation[1], deviation[2]))
 
 
-def _nearest(drawn: DrawnCase) -> dict[str, Any]:
-    name, left = nearest_imitation(drawn.cells, drawn.bench, tuple(effect.name for effect in drawn.effects))
-    return {"effect": name, "left": left}
+def draw_further_rows(
+    kind: str, field: bool, seed: tuple[int, ...], data: str, proposed: Sequence[Mapping[str, Any]], asked: set[str]
+) -> str:
+    """The text ``data`` of a case with the rows of a proposed test after its own, measured on the same truth.
+
+    Args:
+        kind, field, seed: as the case was drawn. proposed: ``force, frequency_low, frequency_high`` (Hz), ``points,
+            added_mass`` of each further sweep. asked: columns that the new rows are to fill.
+
+    Raises:
+        NoSteadyStateError: the structure does not come to rest under that drive.
+    """
+    drawn = draw(kind, field, np.random.default_rng(seed))
+    rng = np.random.default_rng((*seed, 1))
+    old = [line.split(",") for line in data.strip().split("\n")]
+    rows = scatter_rows(rng, _plan_further(drawn.bench, proposed), drawn.bench.scatter)
+    truth = (drawn.bench.truth(), rows)
+    for effect in drawn.effects:
+        truth = KINDS[effect.name].apply(truth, effect.size, effect.shape, drawn.bench)
+    first, third, across = true_phasors(*truth)
+    own = drawn.noise
+    share, phase = (np.full(rows.omega.size, np.median(sd)) for sd in (own.share, own.phase))
+    noise = replace(own, share=share, phase=phase, has_phase=own.has_phase or "phase" in asked, wild=0.0)
+    table = columns(rows, noise, *measured(rng, noise, *recorded(first, truth[1]))[:2])
+    told = asked | ({"added_mass"} if np.any(rows.added) else set())
+    wanted = {*drawn.bench.columns, *(name for name, column in _ASKED.items() if column in told)}
+    table |= further_columns(rng, tuple(wanted), truth[1], third, across, float(np.max(drawn.cells.amplitude)))
+    names = [*old[0], *(name for name in table if name not in old[0])]
+    before = [dict(zip(old[0], line, strict=True)) for line in old[1:]]
+    after = [dict(zip(table, line, strict=True)) for line in zip(*table.values(), strict=True)]
+    every = {name: [row.get(name, _UNSAID.get(name, "")) for row in (*before, *after)] for name in names}
+    return describe_data_text(every)
+
+
+#: Further columns of a bench by a column of the file that asks for them, and what earlier rows say in one.
+_ASKED = {"third": "amplitude_3", "across": "amplitude_y", "added": "added_mass", "rate": "sweep_rate", "time": "time"}
+_UNSAID = {"added_mass": "0"}
+
+
+def _plan_further(bench: Bench, proposed: Sequence[Mapping[str, Any]]) -> TrueRows:
+    """Rows of the sweeps of a proposed test, after those of the bench and in its direction."""
+    last, order = int(bench.rows.sweep.max()), 1 if bench.rows.up else -1
+    omega, force, sweep, added = [], [], [], []
+    for number, one in enumerate(proposed, start=1):
+        count = int(one["points"])
+        omega.append(2 * np.pi * np.linspace(one["frequency_low"], one["frequency_high"], count)[::order])
+        force.append(np.full(count, float(one["force"])))
+        sweep.append(np.full(count, last + number))
+        added.append(np.full(count, float(one.get("added_mass") or 0.0)))
+    rows = plain_rows(np.concatenate(sweep), np.concatenate(force), np.concatenate(omega), bench.rows.up)
+    return replace(rows, added=np.concatenate(added), time=bench.rows.time[-1] + rows.time)

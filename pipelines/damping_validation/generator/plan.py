@@ -1,16 +1,28 @@
 """The plan of a test: force levels, frequencies, direction; in the field uneven, with repeats and wandering forces.
 
-What a test is drawn from: the structure, its simulation and tolerances, the plan of the test.
+What a test is drawn from: the structure, its simulation and tolerances, the plan of the test. Then the noise of the
+measurement, the columns of the record, and the texts of the two files of a case.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from damping_validation.generator.structure import Array, Structure, TrueLaw, TrueRows, plain_rows
+from damping_validation.generator.laws import Array, TrueLaw
+from damping_validation.generator.structure import (
+    Complex,
+    Structure,
+    TrueRows,
+    chosen_rows,
+    joined_rows,
+    plain_rows,
+    recorded,
+)
 
 Generator: TypeAlias = np.random.Generator
 
@@ -59,6 +71,12 @@ def _forces(rng: Generator, field: bool, top: float, at_least: int) -> Array:
 #: Damping forces that a simulation may hold beside viscous damping (a force's name is that of its law).
 BASE_LAWS = ("coulomb", "displacement", "displacement-velocity", "quadratic-displacement", "velocity-squared")
 
+#: Further channels and facts of a record, and how often it has them: third harmonic, motion across the measured axis,
+#: a second state with added mass, the rate of the sweep, the time of each row.
+FURTHER = {"third": 0.2, "across": 0.15, "added": 0.15, "rate": 0.15, "time": 0.4}
+#: Mass added for the second state, of the modal mass.
+ADDED = 0.2
+
 Deviation = tuple[float, float, float]
 
 
@@ -69,7 +87,8 @@ class Bench:
     Tolerances and deviations are those of frequency, mass and viscous coefficient. ``base`` is the simulated damping
     beside viscous, force name and coefficient. ``scatter`` is the standard uncertainty of gain and frequency from sweep
     to sweep, 0 without. ``A`` is the resonant amplitude at the highest force if all damping were viscous, ``xi`` the
-    nominal damping ratio.
+    nominal damping ratio. ``columns`` are what the record holds beside force, frequency, amplitude and phase, of
+    ``FURTHER``.
     """
 
     nominal: Structure
@@ -81,6 +100,7 @@ class Bench:
     scatter_declared: bool
     A: float
     xi: float
+    columns: tuple[str, ...] = ()
 
     def truth(self) -> Structure:
         """The structure with its true deviations from the simulation."""
@@ -103,9 +123,30 @@ def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels:
     spread = (log_uniform(rng, 0.006, 0.016), min(xi * rng.uniform(0.03, 0.12), 1e-3)) if scatter else (0.0, 0.0)
     declared = scatter and bool(rng.random() < 0.75)
     base = _base_laws(rng, viscous, omega, A, float(np.min(rows.force)))
+    columns = tuple(name for name, chance in FURTHER.items() if rng.random() < chance)
+    if "added" in columns:
+        rows = joined_rows(rows, _load(rows, ADDED * mass, mass))
     laws = tuple(TrueLaw(name, coefficient) for name, coefficient in base)
     nominal = Structure(mass, omega, viscous, laws)
-    return Bench(nominal, tolerance, (f, m, c), base, _scattered(rng, rows, spread), spread, declared, A, xi)
+    rows = scatter_rows(rng, rows, spread)
+    return Bench(nominal, tolerance, (f, m, c), base, rows, spread, declared, A, xi, columns)
+
+
+def _load(rows: TrueRows, added: float, mass: float) -> TrueRows:
+    """The sweep of the highest force once more, after all others, with mass added and its frequencies as much lower."""
+    top = chosen_rows(rows, rows.sweep == rows.sweep[np.argmax(rows.force)])
+    omega = top.omega / np.sqrt(1 + added / mass)
+    heavier = plain_rows(np.full(omega.size, rows.sweep.max() + 1), top.force, omega, rows.up)
+    return replace(heavier, added=np.full(omega.size, added), time=rows.time[-1] + heavier.time)
+
+
+def move_frequency(bench: Bench, share: float) -> Bench:
+    """The bench with a frequency that moves, at ``share`` of the half-power half-width squared, and says so."""
+    rows = bench.rows
+    rate = (1.0 if rows.up else -1.0) * share * (bench.xi * bench.nominal.omega) ** 2
+    steps = np.abs(np.diff(rows.omega, prepend=rows.omega[:1])) / abs(rate)
+    moving = replace(rows, rate=np.full(rows.omega.size, rate), time=np.cumsum(steps))
+    return replace(bench, rows=moving, columns=("rate", "time"))
 
 
 def without_base(bench: Bench) -> Bench:
@@ -134,8 +175,126 @@ def force_unit(kind: str, viscous: float, omega: float, A: float) -> float:
     return float(np.pi * viscous * A**2 * omega / loss)
 
 
-def _scattered(rng: Generator, rows: TrueRows, spread: tuple[float, float]) -> TrueRows:
+def scatter_rows(rng: Generator, rows: TrueRows, spread: tuple[float, float]) -> TrueRows:
     """Gain and natural frequency of each sweep drawn about their means."""
     count = int(rows.sweep.max()) + 1
     gain, tune = (1 + sd * rng.normal(size=count) for sd in spread)
     return replace(rows, gain=rows.gain * gain[rows.sweep], tuning=rows.tuning * tune[rows.sweep])
+
+
+_UNEVEN = 0.35  # standard deviation of the logarithm of a row's standard deviation, in the field
+_WILD = (5.0, 15.0)  # standard deviations
+
+
+@dataclass(frozen=True)
+class Noise:
+    """True standard deviations a row: ``share`` of the amplitude, ``phase`` in rad. What the record shows of them.
+
+    ``wild`` is the chance that a row is a wild point.
+    """
+
+    share: Array
+    phase: Array
+    shown: bool
+    has_phase: bool
+    wild: float
+
+
+def draw_noise(rng: Generator, field: bool, rows: int, needs_phase: bool) -> Noise:
+    """Clean: one share and one phase deviation, both given. Field: uneven over rows, wild points, columns missing."""
+    share = np.full(rows, log_uniform(rng, 0.007, 0.035))
+    phase = np.full(rows, log_uniform(rng, 0.007, 0.03))
+    if not field:
+        return Noise(share, phase, True, True, 0.0)
+    share, phase = (sd * np.exp(rng.normal(0.0, _UNEVEN, rows)) for sd in (share, phase))
+    shown, has_phase = bool(rng.random() < 0.5), needs_phase or bool(rng.random() < 0.75)
+    return Noise(share, phase, shown, has_phase, rng.uniform(0.01, 0.04) if rng.random() < 0.7 else 0.0)
+
+
+def measured(rng: Generator, noise: Noise, A: Array, phi: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Amplitude and phase as measured, and which rows are wild in one of them."""
+    a, p = rng.normal(size=A.size), rng.normal(size=A.size)
+    wild = rng.random(A.size) < noise.wild
+    jump = rng.choice([-1.0, 1.0], A.size) * rng.uniform(*_WILD, A.size)
+    in_phase = (rng.random(A.size) < 0.5) & noise.has_phase
+    a = np.where(wild & ~in_phase, a + jump, a)
+    p = np.where(wild & in_phase, p + jump, p)
+    return A * np.maximum(1 + noise.share * a, 0.05), phi + noise.phase * p, wild
+
+
+def columns(rows: TrueRows, noise: Noise, amplitude: Array, phase: Array) -> dict[str, list[str]]:
+    """The record's columns as text; a standard deviation is the rig's share of the amplitude it read."""
+    table = {
+        "sweep": [chr(ord("A") + number) for number in rows.sweep.tolist()],
+        "force": [f"{force:.6g}" for force in rows.force],
+        "frequency": [f"{omega / (2 * np.pi):.9g}" for omega in rows.omega],
+        "amplitude": [f"{a:.6g}" for a in amplitude],
+    }
+    if noise.has_phase:
+        table["phase"] = [f"{p:.5f}" for p in phase]
+    if noise.shown:
+        table["amplitude_sd"] = [f"{sd:.3g}" for sd in noise.share * amplitude]
+    if noise.shown and noise.has_phase:
+        table["phase_sd"] = [f"{sd:.3g}" for sd in noise.phase]
+    return table
+
+
+#: Noise of the third harmonic and of the motion across the axis, of the largest amplitude read.
+THIRD_FLOOR = 3e-4
+ACROSS_FLOOR = 3e-3
+
+
+def further_columns(
+    rng: Generator, columns: tuple[str, ...], rows: TrueRows, third: Complex, across: Complex, largest: float
+) -> dict[str, list[str]]:
+    """Texts of the further ``columns`` of a bench, of phasors without noise; ``largest`` amplitude of the test."""
+    table: dict[str, list[str]] = {}
+    plain = replace(rows, leak=0.0 * rows.leak, quantum=0.0)
+    for channel, axis, phasor, floor, order in (
+        ("third", "3", third, THIRD_FLOOR, 3),
+        ("across", "y", across, ACROSS_FLOOR, 1),
+    ):
+        if channel in columns:
+            noise = floor * largest * (rng.normal(size=phasor.size) + 1j * rng.normal(size=phasor.size)) / np.sqrt(2)
+            amplitude, phase = recorded(phasor + noise, plain, order)
+            table[f"amplitude_{axis}"] = [f"{a:.4g}" for a in amplitude]
+            table[f"phase_{axis}"] = [f"{p:.4f}" for p in phase]
+    if "added" in columns:
+        table["added_mass"] = [f"{mass:.6g}" for mass in rows.added]
+    if "rate" in columns:
+        table["sweep_rate"] = [f"{rate / (2 * np.pi):.6g}" for rate in rows.rate]
+    if "time" in columns:
+        table["time"] = [f"{time:.7g}" for time in rows.time]
+    return table
+
+
+def describe_data_text(columns: Mapping[str, list[str]]) -> str:
+    """CSV of columns of text."""
+    lines = [",".join(columns), *(",".join(row) for row in zip(*columns.values(), strict=True))]
+    return "\n".join(lines) + "\n"
+
+
+def describe_model_text(name: str, bench: Bench) -> str:
+    """The simulation as given, its tolerances, and the scatter from sweep to sweep where it is declared."""
+    nominal, (frequency, mass, viscous) = bench.nominal, bench.tolerance
+    lines = [
+        "[mode]",
+        f'name = "{name}"',
+        f"frequency = {nominal.omega / (2 * np.pi):.9g}   # Hz, undamped natural frequency",
+        f"mass = {nominal.mass:.6g}",
+        "",
+        "[mode.tolerance]   # relative standard uncertainty of what the simulation assumes",
+        f"frequency = {frequency:.3g}",
+        f"mass = {mass:.3g}",
+        f"viscous = {viscous:.3g}",
+    ]
+    if bench.scatter_declared:
+        lines += [
+            "",
+            "[repeatability]   # relative, from sweep to sweep",
+            f"amplitude = {bench.scatter[0]:.3g}",
+            f"frequency = {bench.scatter[1]:.3g}",
+        ]
+    lines += ["", "[damping]", f"viscous = {nominal.viscous:.6g}"]
+    lines += [f"{force} = {coefficient:.6g}" for force, coefficient in bench.base]
+    return "\n".join(lines) + "\n"

@@ -1,152 +1,44 @@
-"""First-harmonic steady states: where the integration in time starts, and how large an effect is to be drawn.
+"""All effects by name, in groups, the truth with some of them present, and the size of the gap that they leave.
 
-On q = A sin(theta) the forces have in-phase and quadrature averages S and C (``averages``), and the balance
-|k - M omega^2 + i c omega + (S + i C)/A| A = F is solved row by row on a grid of amplitudes, then refined.
-
-All effects by name, in groups, and the truth with some of them present.
-
-Size of a gap: what an effect leaves in the noise-free record after the simulation was refitted within its tolerance.
-
-Free are the simulation's frequency, mass and viscous coefficient, in units of their tolerance and never beyond three of
+A gap is what an effect leaves in the noise-free record after the simulation was refitted within its tolerance. Free
+are the simulation's frequency, mass and viscous coefficient, in units of their tolerance and never beyond three of
 them, and gain and frequency of each sweep where sweeps scatter, each with a unit penalty; and, where the simulation is
 given effects of its own, their sizes (and, if asked, what else of them is continuous). Predictions are the
-first-harmonic ones of ``averages``.
+first-harmonic ones of ``balance``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from damping_validation.generator.forces import FORCE_KINDS, Kind, TrueEffect, Truth
-from damping_validation.generator.paths import FOREIGN_KINDS, PATH_KINDS, RIG_KINDS
-from damping_validation.generator.plan import Bench, Generator
-from damping_validation.generator.structure import (
-    DEGREE,
-    VELOCITY_POWER,
-    Array,
-    Complex,
-    Structure,
-    TrueJoint,
-    TrueLaw,
-    TrueRows,
-    recorded,
+from damping_validation.generator.balance import predicted
+from damping_validation.generator.forces import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
+from damping_validation.generator.foreign import FOREIGN_KINDS, FOREIGN_RIG
+from damping_validation.generator.laws import Array
+from damping_validation.generator.plan import (
+    Bench,
+    Generator,
+    Noise,
+    draw_bench,
+    draw_noise,
+    log_uniform,
+    move_frequency,
+    without_base,
 )
+from damping_validation.generator.rig import DRIFT_KINDS, RIG_KINDS
+from damping_validation.generator.steady import NoSteadyStateError, true_phasors
+from damping_validation.generator.structure import Complex, Structure, TrueRows, recorded
 
-_ANGLES = 2 * np.pi * (np.arange(96) + 0.5) / 96
-_GRID = 240
-_REFINED = 2
+KINDS: Mapping[str, Kind] = {**FORCE_KINDS, **PATH_KINDS, **DRIFT_KINDS, **RIG_KINDS, **FOREIGN_KINDS}
 
-
-def averages(structure: Structure, A: Array) -> dict[int, Complex]:
-    """(S + i C)/A of the structure's forces at unit frequency, summed by their power of frequency, for each A."""
-    total: dict[int, Complex] = {}
-    for law in structure.laws:
-        power = VELOCITY_POWER.get(law.kind, 0)
-        total[power] = total.get(power, 0.0) + _law_average(law, A)
-    for joint in structure.joints:
-        total[0] = total.get(0, 0.0) + _joint_average(joint, A)
-    return total
-
-
-def _law_average(law: TrueLaw, A: Array) -> Complex:
-    """By sampling; once and for all amplitudes where the force is homogeneous in q and v."""
-    if law.kind in DEGREE:
-        shape: Complex = _unit_average(law.kind) * A.astype(complex) ** (DEGREE[law.kind] - 1)
-        return law.coefficient * shape
-    return _sampled(law, A)
-
-
-@cache
-def _unit_average(kind: str) -> complex:
-    return complex(_sampled(TrueLaw(kind, 1.0), np.ones(1))[0])
-
-
-def _sampled(law: TrueLaw, A: Array) -> Complex:
-    q, v = A[:, None] * np.sin(_ANGLES), A[:, None] * np.cos(_ANGLES)
-    return _projected(law.force(q, v, np.sign(v)), A)
-
-
-def _projected(force: Array, A: Array) -> Complex:
-    average: Complex = (2 / _ANGLES.size) * (force @ (np.sin(_ANGLES) + 1j * np.cos(_ANGLES))) / A
-    return average
-
-
-def _joint_average(joint: TrueJoint, A: Array) -> Complex:
-    """Jenkins parts in closed form, with cos(beta) = 1 - 2 L/A; else the second cycle of a sampled loop."""
-    if joint.kind == "jenkins":
-        share = np.minimum(np.array(joint.limits)[:, None] / A, 1.0)
-        beta = np.arccos(1 - 2 * share)
-        parts = (beta - np.sin(2 * beta) / 2) / np.pi + 4j / np.pi * share * (1 - share)
-        average: Complex = joint.stiffness * (np.array(joint.weights) @ parts - 1)
-        return average
-    q = A[:, None] * np.sin(_ANGLES)
-    z, path = joint.start(q[:, 0]), np.empty_like(q)
-    for n in range(2 * _ANGLES.size):
-        here = n % _ANGLES.size
-        path[:, here] = joint.force(z, q[:, here])
-        z = joint.move(z, q[:, (here + 1) % _ANGLES.size] - q[:, here])
-    return _projected(path, A)
-
-
-def main_phasor(structure: Structure, rows: TrueRows, upper: bool) -> Complex:
-    """Phasor of the main coordinate at each row; of several steady states the one of largest or smallest amplitude."""
-    w = rows.omega
-    F = structure.share * rows.force * rows.drive
-    linear: Complex = structure.mass * ((structure.omega * rows.tuning) ** 2 - w**2) + 1j * structure.viscous * w
-    if not (structure.laws or structure.joints):
-        return F / linear
-    A = np.geomspace(np.min(F / np.abs(linear)) / 10, np.max(F / w) / structure.viscous * 1.02, _GRID)
-    Z = linear[:, None] + sum(w[:, None] ** power * part for power, part in averages(structure, A).items())
-    misfit = np.log((Z.real**2 + Z.imag**2) * (A / F[:, None]) ** 2) / 2
-    crossing = (misfit[:, :-1] < 0) & (misfit[:, 1:] >= 0)
-    crossing[:, -1] |= ~crossing.any(axis=1)
-    k = _GRID - 2 - np.argmax(crossing[:, ::-1], axis=1) if upper else np.argmax(crossing, axis=1)
-    row = np.arange(w.size)
-    low, high = np.log(A[k]), np.log(A[k + 1])
-    below, above = misfit[row, k], misfit[row, k + 1]
-    here, Z_here = low, Z[row, k]
-    for _ in range(_REFINED + 1):  # regula falsi
-        here = low - below * np.clip((high - low) / (above - below), 0.0, None)
-        Z_here = linear + sum(w**power * part for power, part in averages(structure, np.exp(here)).items())
-        miss = np.log(np.abs(Z_here) / F) + here
-        low, below = np.where(miss < 0, here, low), np.where(miss < 0, miss, below)
-        high, above = np.where(miss < 0, high, here), np.where(miss < 0, above, miss)
-    phasor: Complex = np.exp(here - 1j * np.angle(Z_here))
-    return phasor
-
-
-def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Complex:
-    """What the sensor sees when the main coordinate moves with ``main``: other modes added, clipped where it clips."""
-    X = structure.share * main
-    for side in structure.sides:
-        impedance = side.omega**2 - rows.omega**2 + 2j * side.zeta * side.omega * rows.omega
-        X = X + side.seen * side.drive * rows.force * rows.drive / structure.mass / impedance
-    return X * clipped_share(np.abs(X), rows.clip)
-
-
-def clipped_share(A: Array, clip: float) -> Array:
-    """First harmonic of A sin(theta) clipped at +-clip, over A: (2/pi)(arcsin r + r sqrt(1 - r^2)), r = clip/A <= 1."""
-    ratio = np.minimum(clip / A, 1.0)
-    share: Array = (2 / np.pi) * (np.arcsin(ratio) + ratio * np.sqrt(1 - ratio**2))
-    return share
-
-
-def upper_branch(structure: Structure, rows: TrueRows) -> bool:
-    """Which of several steady states the sweep follows: the upper one if it runs the way the resonance bends."""
-    A = np.geomspace(1e-3, 1.0, 30) * np.max(rows.force) / (structure.viscous * structure.omega)
-    stiffening = float(np.sum(averages(structure, A).get(0, np.zeros(A.size)).real))
-    return (stiffening >= 0) == rows.up
-
-
-KINDS: Mapping[str, Kind] = {**FORCE_KINDS, **PATH_KINDS, **RIG_KINDS, **FOREIGN_KINDS}
-
-LIBRARY = (*FORCE_KINDS, *PATH_KINDS, *RIG_KINDS)
+LIBRARY = (*FORCE_KINDS, *PATH_KINDS, *DRIFT_KINDS, *RIG_KINDS)
 OUTSIDE = tuple(FOREIGN_KINDS)
+#: Kinds whose fault is the rig's.
+RIG = (*RIG_KINDS, *FOREIGN_RIG)
 #: Members of pairs.
 FORCES = (
     "displacement",
@@ -155,8 +47,13 @@ FORCES = (
     "quadratic-displacement",
     "coulomb-friction",
 )
-INSTRUMENT = tuple(RIG_KINDS)
+INSTRUMENT = ("amplitude-scale", "phase-lag", "force-dropout", "level-offset", "sensor-saturation", "background")
 STRUCTURE = ("slip", "stiffness-hardening", "stiffness-softening", *PATH_KINDS)
+
+
+def name_effect(kind: str) -> str:
+    """What the library of the diagnosis calls a kind; its own name where it has none."""
+    return kind.partition(":")[0]
 
 
 def applied(effects: tuple[TrueEffect, ...], bench: Bench) -> Truth:
@@ -175,7 +72,6 @@ def draw_effect(name: str, rng: Generator, bench: Bench) -> TrueEffect:
 WIDEST = 3.0  # tolerances
 _LARGER = 1.2  # times the largest size drawn
 _MOVED = 3.0  # factor by which a fit may move a width or place
-_FIRST = 0.05  # of the largest size: where the search for an imitation starts
 
 
 @dataclass(frozen=True)
@@ -193,18 +89,6 @@ class RecordCells:
         if self.phase_sd is not None:
             parts.append((np.mod(phase - self.phase + np.pi, 2 * np.pi) - np.pi) / self.phase_sd)
         return np.concatenate(parts)
-
-
-def guess(structure: Structure, rows: TrueRows, other: bool = False) -> Complex:
-    """Phasor of the main coordinate on the branch that the sweep follows, or on the other one."""
-    if not (structure.laws or structure.joints):
-        return main_phasor(structure, rows, False)
-    return main_phasor(structure, rows, upper_branch(structure, rows) != other)
-
-
-def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
-    """Amplitude and lag that the rig records, by first-harmonic averages."""
-    return recorded(sensor_phasor(structure, rows, guess(structure, rows)), rows)
 
 
 def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), reshape: bool = False) -> float:
@@ -261,14 +145,141 @@ def unscattered(rows: TrueRows) -> TrueRows:
     return replace(rows, gain=one, tuning=one)
 
 
-def nearest_imitation(cells: RecordCells, bench: Bench, besides: tuple[str, ...]) -> tuple[str, float]:
-    """The effect of the library, but those named, that alone leaves least of this record, and what it leaves."""
-    left = {name: _least(cells, bench, name) for name in LIBRARY if name not in besides}
-    name = min(left, key=left.__getitem__)
-    return name, left[name]
+#: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
+SINGLE_GAPS = (0.3, 30.0)
+#: Gap of each of a pair alone, sigma.
+PAIR_GAPS = (1.0, 12.0)
+#: What a record of a pair leaves, in sigma, to either effect alone: less, and it does not show that there are two.
+LEAST_OF_EACH = 1.0
+
+#: Structures drawn until one gives a case of the kind that is wanted.
+_DRAWS = 400
+#: Sizes of an effect tried until its gap is the one that was drawn.
+_TRIALS = 14
+#: ln of the largest over the smallest size tried.
+_LOG_RANGE = 12.0
+#: ln of the gap over the one drawn at which a size is taken.
+_NEAR = 0.05
+#: Gap, sigma, that stands for none where its logarithm is taken.
+_NOTHING = 1e-9
+_MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
+#: Least levels of a kind that parts one from the others.
+_LEVELS = {"level-offset": 3, "drift:levels": 3}
+#: Rates of a sweep that moves and says so, half-power half-widths squared.
+_KNOWN_RATES = (0.03, 0.4)
 
 
-def _least(cells: RecordCells, bench: Bench, name: str) -> float:
-    kind = KINDS[name]
-    size = _FIRST * kind.most(bench)
-    return min(gap(cells, bench, (TrueEffect(name, size, shape),), reshape=True) for shape in kind.trials(bench))
+@dataclass(frozen=True)
+class DrawnCase:
+    """Everything of a case but its noise: bench, effects, noise-free record, its gap, and what each effect explains.
+
+    ``without_each`` is, for a pair, what is left when that effect is taken away and all else refitted.
+    """
+
+    bench: Bench
+    effects: tuple[TrueEffect, ...]
+    noise: Noise
+    cells: RecordCells
+    gap: float
+    without_each: tuple[float, ...]
+    third: Complex
+    across: Complex
+
+
+def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
+    """Draw until a steady state exists and the effect can be made large enough."""
+    for _ in range(_DRAWS):
+        names = _list_names(kind, rng)
+        bench = _bench(kind, names, field, rng)
+        noise = draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
+        effects = tuple(draw_effect(name, rng, bench) for name in names)
+        sized = [
+            _sized(effect, bench, noise, PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS, rng) for effect in effects
+        ]
+        effects = tuple(effect for effect in sized if effect is not None)
+        drawn = _integrate(bench, effects, noise) if len(effects) == len(names) else None
+        if drawn is not None:
+            return drawn
+    raise RuntimeError(f"no case of kind {kind} in {_DRAWS} draws")
+
+
+def _list_names(kind: str, rng: Generator) -> tuple[str, ...]:
+    """Names of the effects of a kind."""
+    if kind.startswith("null:"):
+        return ()
+    if not kind.startswith("pair:"):
+        return (kind,)
+    if kind == "pair:two-forces":
+        return tuple(str(name) for name in rng.choice(FORCES, size=2, replace=False))
+    return (str(rng.choice(FORCES)), str(rng.choice(INSTRUMENT if kind == "pair:force-instrument" else STRUCTURE)))
+
+
+def _bench(kind: str, names: tuple[str, ...], field: bool, rng: Generator) -> Bench:
+    """A bench on which the effects are something that its simulation does not hold."""
+    least = max((_LEVELS.get(name, 1) for name in names), default=1)
+    bench = draw_bench(rng, field, _MAY_SCATTER.get(kind), levels=max(least, len(names)))
+    if kind == "null:swept":
+        return move_frequency(bench, log_uniform(rng, *_KNOWN_RATES))
+    if "sweep-rate" in names:  # neither the rate nor the times that would tell it
+        bench = replace(bench, columns=tuple(set(bench.columns) - {"rate", "time", "third", "across"}))
+    if kind == "null:nothing":
+        return replace(bench, deviation=(0.0, 0.0, 0.0))
+    held = {name for name, _ in bench.base}
+    return without_base(bench) if held & {name.removesuffix("-friction") for name in map(name_effect, names)} else bench
+
+
+def _sized(
+    effect: TrueEffect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator
+) -> TrueEffect | None:
+    """The effect at a size whose gap is log-uniform in ``gaps``; None out of its reach.
+
+    That gap is the effect's alone, by averages and without scatter from sweep to sweep; the label's is the true one.
+    """
+
+    calm = replace(bench, scatter=(0.0, 0.0), rows=unscattered(bench.rows))
+
+    def gap_at(log_size: float) -> float:
+        sized = replace(effect, size=float(np.exp(log_size)))
+        return gap(_cells(predicted(*applied((sized,), calm)), noise), calm)
+
+    if effect.size <= 0.0:
+        return None
+    top = float(np.log(effect.size))
+    here = gap_at(top)
+    if here < 1.2 * gaps[0]:
+        return None
+    target = log_uniform(rng, 1.1 * gaps[0], min(gaps[1], here))
+    bottom, place = top - _LOG_RANGE, top
+    for _ in range(_TRIALS):
+        if abs(np.log(max(here, _NOTHING) / target)) < _NEAR:
+            break
+        bottom, top = (place, top) if here < target else (bottom, place)
+        place += float(np.log(target / max(here, _NOTHING)))  # as if the gap went with the size
+        if not bottom < place < top:
+            place = (bottom + top) / 2
+        here = gap_at(place)
+    return replace(effect, size=float(np.exp(place)))
+
+
+def _cells(record: tuple[Array, Array], noise: Noise) -> RecordCells:
+    """The record with its standard deviations, which go with its own amplitude."""
+    return RecordCells(*record, noise.share * record[0], noise.phase if noise.has_phase else None)
+
+
+def _integrate(bench: Bench, effects: tuple[TrueEffect, ...], noise: Noise) -> DrawnCase | None:
+    """The noise-free record and its gap; None without a steady state, without a gap, or where one effect would do."""
+    structure, rows = applied(effects, bench)
+    try:
+        first, third, across = true_phasors(structure, rows)
+    except NoSteadyStateError:
+        return None
+    cells = _cells(recorded(first, rows), noise)
+    each: tuple[float, ...] = ()
+    if len(effects) > 1:
+        each = tuple(gap(cells, bench, (*effects[:n], *effects[n + 1 :]), reshape=True) for n in range(len(effects)))
+        if min(each) < LEAST_OF_EACH:
+            return None
+    size = gap(cells, bench)
+    if effects and size < SINGLE_GAPS[0]:
+        return None
+    return DrawnCase(bench, effects, noise, cells, size, each, third, across)

@@ -1,135 +1,32 @@
-"""Memoryless forces of the true structure, functions of displacement q and velocity v.
-
-``sign`` is the sign of the velocity, smoothed or not: the integration in time passes one that is smoothed over a few
-of its steps, the averages pass the true one.
-
-Joints with memory: elastic until they slip. Their state moves with the displacement alone, not with time.
-
-A joint of stiffness k carries k * sum_i w_i z_i, where z_i is the stretch of its part i; without any slip z = q, so the
-force beside the stuck structure is k (sum_i w_i z_i - q).
-
-- ``jenkins``: the stretch stops at the limit (one part is a Jenkins element, many are an Iwan joint).
-- ``bouc-wen``: dz/dq = 1 - (z/limit) where the motion stretches the joint further, 1 where it relieves it
-  (Bouc and Wen's law with n = 1 and beta = gamma), solved exactly for a monotonic step of q.
-
-The true structure, the true state of the rig, and what they come to at each row of a test.
-"""
+"""The true structure, the true state of the rig, and what they come to at each row of a test."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Function = Callable[[Array, Array, Array, float], Array]
-
-
-@dataclass(frozen=True)
-class TrueLaw:
-    """A force ``coefficient * function(q, v, sign, parameter)`` on the main coordinate; ``kind`` names the function."""
-
-    kind: str
-    coefficient: float
-    parameter: float = 0.0
-
-    def force(self, q: Array, v: Array, sign: Array) -> Array:
-        """The force, in the shape of ``q`` and ``v``."""
-        return self.coefficient * FUNCTIONS[self.kind](q, v, sign, self.parameter)
-
-
-def _clearance(q: Array, v: Array, sign: Array, gap: float) -> Array:
-    return q - np.clip(q, -gap, gap)
-
-
-FUNCTIONS: Mapping[str, Function] = {
-    "displacement": lambda q, v, sign, p: np.abs(q) * sign,
-    "velocity-squared": lambda q, v, sign, p: v * np.abs(v),
-    "displacement-velocity": lambda q, v, sign, p: np.abs(q) * v,
-    "quadratic-displacement": lambda q, v, sign, p: q * q * v,
-    "coulomb": lambda q, v, sign, p: sign,
-    "cubic": lambda q, v, sign, p: q * q * q,
-    "quadratic": lambda q, v, sign, p: q * q,
-    "odd-square": lambda q, v, sign, p: q * np.abs(q),
-    "quintic": lambda q, v, sign, p: q * q * q * q * q,
-    "clearance": _clearance,
-}
-
-#: Power of the velocity in each force: at frequency omega its averages are omega**power times those at omega = 1.
-VELOCITY_POWER: Mapping[str, int] = {
-    "velocity-squared": 2,
-    "displacement-velocity": 1,
-    "quadratic-displacement": 1,
-}
-
-#: Degree of each force in amplitude, where it is homogeneous.
-DEGREE: Mapping[str, int] = {
-    "displacement": 1,
-    "velocity-squared": 2,
-    "displacement-velocity": 2,
-    "quadratic-displacement": 3,
-    "coulomb": 0,
-    "cubic": 3,
-    "quadratic": 2,
-    "odd-square": 2,
-    "quintic": 5,
-}
-
-#: Forces that jump when the velocity changes sign.
-JUMPS = frozenset({"displacement", "coulomb"})
-
-
-@dataclass(frozen=True)
-class TrueJoint:
-    """Stiffness (force/length), limits of the parts' stretch (length) and their weights (sum 1)."""
-
-    kind: str
-    stiffness: float
-    limits: tuple[float, ...]
-    weights: tuple[float, ...]
-
-    @cached_property
-    def _limits(self) -> Array:
-        return np.array(self.limits)
-
-    def start(self, q: Array) -> Array:
-        """Stretch of the parts, shape (parts, *q.shape), after a first loading to ``q``."""
-        return self.move(np.zeros((len(self.limits), *q.shape)), q)
-
-    def move(self, z: Array, dq: Array) -> Array:
-        """The stretch after a monotonic change ``dq`` of the displacement."""
-        limits = self._limits.reshape(-1, *[1] * dq.ndim)
-        if self.kind == "jenkins":
-            stretched: Array = np.minimum(np.maximum(z + dq, -limits), limits)
-            return stretched
-        way, distance = np.sign(dq), np.abs(dq)
-        along = way * z
-        relieved = np.minimum(distance, np.maximum(-along, 0.0))
-        along = along + relieved
-        rest = limits - (limits - along) * np.exp(-(distance - relieved) / limits)
-        return np.where(along < 0.0, along, rest) * way + np.where(way == 0.0, z, 0.0)
-
-    def force(self, z: Array, q: Array) -> Array:
-        """The joint's force less that of the same joint stuck."""
-        carried = z[0] if len(self.limits) == 1 else np.tensordot(np.array(self.weights), z, axes=1)
-        return self.stiffness * (carried - q)
-
+from damping_validation.generator.laws import ELASTIC, Array, Partner, TrueJoint, TrueLaw
 
 Complex: TypeAlias = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class Side:
-    """Another mode between drive and sensor, q'' + 2 zeta omega q' + omega^2 q = drive F/M, seen as ``seen`` q."""
+    """Another mode between drive and sensor, q'' + 2 zeta omega q' + omega^2 q = drive F/M, seen as ``seen`` q.
+
+    ``across`` of it shows across the measured axis. ``loaded``: mass added to the main mode moves with this one too.
+    It acts on nothing, so that its steady motion is known in closed form.
+    """
 
     omega: float
     zeta: float
     drive: float
     seen: float
+    across: float = 0.0
+    loaded: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,7 +34,8 @@ class Structure:
     """Main mode (mass, undamped omega in rad/s of the stuck state, viscous coefficient), its forces, and other modes.
 
     The main coordinate takes ``share`` of the force and shows ``share`` of its motion at the sensor (1 but for a drive
-    at an angle to the principal planes). Other modes are per unit of the same mass.
+    at an angle to the principal planes), ``across`` of it across the measured axis. Other modes are per unit of the
+    same mass.
     """
 
     mass: float
@@ -147,6 +45,20 @@ class Structure:
     joints: tuple[TrueJoint, ...] = ()
     sides: tuple[Side, ...] = ()
     share: float = 1.0
+    across: float = 0.0
+    partners: tuple[Partner, ...] = ()
+
+    @property
+    def averaged_laws(self) -> tuple[TrueLaw, ...]:
+        """The forces whose averages a first-harmonic balance takes, those of partners that are not linear included."""
+        own = (one for one in (partner.stand_in for partner in self.partners) if one)
+        return (*self.laws, *(replace(one, coefficient=one.coefficient * self.mass) for one in own))
+
+    @property
+    def bent(self) -> bool:
+        """Whether two steady states may exist at one frequency."""
+        laws = any(law.kind in ELASTIC for law in self.laws)
+        return laws or any(partner.cubic or partner.stand_in for partner in self.partners)
 
 
 @dataclass(frozen=True)
@@ -155,8 +67,10 @@ class TrueRows:
 
     ``sweep`` numbers the sweeps, ``force`` is the recorded force, ``omega`` the drive in rad/s, ``up`` the direction of
     all sweeps. ``drive`` is true force over recorded force, ``tuning`` the true natural frequency over the structure's,
-    ``gain`` and ``lag`` what the instruments add, ``clip`` the largest displacement the sensor shows, ``leak`` a
-    foreign phasor in the record.
+    ``loss`` the true viscous coefficient over the structure's, ``gain`` and ``lag`` what the instruments add, ``delay``
+    what they add to the time, s, ``leak`` a foreign phasor in the record. ``added`` is a known mass, ``rate`` the true
+    d omega/dt, rad/s^2, ``time`` in s. The sensor shows at most ``clip`` and compresses beyond ``knee``; a reading is
+    a multiple of ``quantum``, and lags by ``slew`` times itself, rad/length.
     """
 
     sweep: npt.NDArray[np.int64]
@@ -165,26 +79,89 @@ class TrueRows:
     up: bool
     drive: Array
     tuning: Array
+    loss: Array
     gain: Array
     lag: Array
     leak: Complex
+    added: Array
+    rate: Array
+    time: Array
     clip: float = np.inf
+    knee: float = np.inf
+    quantum: float = 0.0
+    delay: float = 0.0
+    slew: float = 0.0
+
+    @property
+    def swept(self) -> bool:
+        """Whether the frequency moved while a row was taken."""
+        return bool(np.any(self.rate))
+
+
+#: Time between two rows of a test, cycles of the drive.
+CYCLES_A_ROW = 200.0
 
 
 def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> TrueRows:
-    """Rows of a faultless rig."""
+    """Rows of a faultless rig, each dwelt at for ``CYCLES_A_ROW``."""
     one, zero = np.ones(force.size), np.zeros(force.size)
-    return TrueRows(sweep, force, omega, up, one, one, one, zero, zero.astype(complex))
+    time = np.cumsum(2 * np.pi * CYCLES_A_ROW / omega)
+    return TrueRows(sweep, force, omega, up, one, one, one, one, zero, zero.astype(complex), zero, zero, time)
 
 
 def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
     """The chosen rows alone."""
-    arrays = ("sweep", "force", "omega", "drive", "tuning", "gain", "lag", "leak")
-    return replace(rows, **{name: getattr(rows, name)[chosen] for name in arrays})
+    columns = {part.name: getattr(rows, part.name) for part in fields(rows)}
+    return replace(rows, **{name: value[chosen] for name, value in columns.items() if isinstance(value, np.ndarray)})
 
 
-def recorded(X: Complex, rows: TrueRows) -> tuple[Array, Array]:
-    """Amplitude and lag (rad, from -pi/2 to 3 pi/2) that the rig records of the displacement phasor A exp(-i phi)."""
-    X = rows.gain * X * np.exp(-1j * rows.lag) + rows.leak
+def joined_rows(rows: TrueRows, more: TrueRows) -> TrueRows:
+    """Rows of one test and then of another of the same rig."""
+    columns = {part.name: getattr(rows, part.name) for part in fields(rows)}
+    arrays = {name: value for name, value in columns.items() if isinstance(value, np.ndarray)}
+    return replace(rows, **{name: np.concatenate([value, getattr(more, name)]) for name, value in arrays.items()})
+
+
+def show_signal(signal: Array, rows: TrueRows) -> Array:
+    """What the sensor shows of a displacement: compressed beyond its knee, clipped at its limit."""
+    if np.isfinite(rows.knee):
+        signal = rows.knee * np.tanh(signal / rows.knee)
+    return np.clip(signal, -rows.clip, rows.clip)
+
+
+def recorded(X: Complex, rows: TrueRows, order: int = 1) -> tuple[Array, Array]:
+    """Amplitude and lag (rad, from -pi/2 to 3 pi/2) that the rig records of a phasor A exp(-i phi) of a harmonic."""
+    X = rows.gain * X * np.exp(-1j * (rows.lag + order * rows.omega * rows.delay + rows.slew * np.abs(X)))
+    if order == 1:
+        X = X + rows.leak
     lag = np.mod(-np.angle(X) + np.pi / 2, 2 * np.pi) - np.pi / 2
-    return np.abs(X), lag
+    amplitude = np.abs(X)
+    if rows.quantum:
+        amplitude = np.maximum(np.round(amplitude / rows.quantum), 1.0) * rows.quantum
+    return amplitude, lag
+
+
+def side_phasors(structure: Structure, rows: TrueRows) -> list[Complex]:
+    """Steady phasors of the other modes' own coordinates, row by row."""
+    w, M = rows.omega, structure.mass
+    return [
+        side.drive * rows.force * rows.drive
+        / (M * side.omega**2 - (M + rows.added * side.loaded) * w**2 + 2j * M * side.zeta * side.omega * w)
+        for side in structure.sides
+    ]  # fmt: skip
+
+
+def project(structure: Structure, rows: TrueRows, samples: Array) -> tuple[Complex, Complex, Complex]:
+    """Phasors A exp(-i phi) of signals A sin(n omega t - phi), from one cycle of the main displacement (steps, rows).
+
+    At the sensor for n = 1 and 3, across the measured axis for n = 1.
+    """
+    steps = len(samples)
+    angle = 2 * np.pi * np.arange(steps) / steps
+    signal, across = structure.share * samples, structure.across * samples
+    for side, phasor in zip(structure.sides, side_phasors(structure, rows), strict=True):
+        own = (phasor * np.exp(1j * angle)[:, None]).imag
+        signal, across = signal + side.seen * own, across + side.across * own
+    first, third = (np.exp(1j * (np.pi / 2 - order * angle)) * 2 / steps for order in (1, 3))
+    shown = show_signal(signal, rows)
+    return first @ shown, third @ shown, first @ across

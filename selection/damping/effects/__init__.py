@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from damping.effects.contract import Effect
+from damping.effects.contract import Effect, Terms
+from damping.effects.course import DRIFT, LEVEL_OFFSET, SWEEP_RATE
 from damping.effects.forces import (
     COULOMB_FRICTION,
     DISPLACEMENT,
@@ -15,9 +16,14 @@ from damping.effects.forces import (
     STIFFNESS_SOFTENING,
     VELOCITY_SQUARED,
 )
-from damping.effects.rig import AMPLITUDE_SCALE, FORCE_DROPOUT, PHASE_LAG
-from damping.effects.structure import NATURAL_FREQUENCY, PLANAR_COUPLING, RESIDUAL_MODES, VISCOUS_COEFFICIENT
-from damping.effects.terms import Terms
+from damping.effects.rig import AMPLITUDE_SCALE, BACKGROUND, FORCE_DROPOUT, PHASE_LAG, SENSOR_SATURATION, TIME_DELAY
+from damping.effects.structure import (
+    NATURAL_FREQUENCY,
+    PLANAR_COUPLING,
+    RESIDUAL_MODES,
+    SECOND_MODE,
+    VISCOUS_COEFFICIENT,
+)
 from damping.errors import InputError
 from damping.forces.shapes import describe_nearest_of
 
@@ -36,10 +42,17 @@ CATALOGUE: dict[str, Effect] = {
         STIFFNESS_SOFTENING,
         NATURAL_FREQUENCY,
         PLANAR_COUPLING,
+        SECOND_MODE,
         RESIDUAL_MODES,
+        DRIFT,
         AMPLITUDE_SCALE,
         PHASE_LAG,
+        TIME_DELAY,
         FORCE_DROPOUT,
+        LEVEL_OFFSET,
+        SENSOR_SATURATION,
+        BACKGROUND,
+        SWEEP_RATE,
     )
 }
 

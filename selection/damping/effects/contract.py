@@ -3,16 +3,107 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from damping.arrays import Floats
-from damping.effects.terms import Terms
+from damping.arrays import BoolArray, FloatArray, Floats
 from damping.forces.contract import Force
 from damping.forces.shapes import Shape, completed
+
+
+class Plane(NamedTuple):
+    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
+
+    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
+    """
+
+    weight: Floats
+    ratio: Floats
+    alike: bool
+    damping: Floats = 1.0
+
+
+class Drive(NamedTuple):
+    """What the rig does at each row, (n,) each: force, frequency in rad/s, and the factor of each row on M.
+
+    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``state``: of the
+    structure, from 0; ``ratio``, ``own``: its frequency, and its simulated damping, over those of the first. ``time``:
+    when the row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
+    rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
+    M; the stiffness stays.
+    """
+
+    F: FloatArray
+    omega: FloatArray
+    mass: Floats = 1.0
+    resonant: bool | BoolArray = False
+    time: Floats = 0.0
+    sweep: Floats = 1.0
+    up: Floats = 1.0
+    rate: Floats = 0.0
+    added: Floats = 0.0
+    state: Floats = 0.0
+    ratio: Floats = 1.0
+    own: Floats = 1.0
+
+
+#: A change of a row's prediction that follows from what the rig does there.
+OfDrive = Callable[[Drive], Any]
+
+
+class Reading(NamedTuple):
+    """What an instrument makes of amplitudes; ln in, ln and its slope out. ``unread`` is the inverse, kept finite."""
+
+    read: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    unread: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
+
+    Attributes:
+        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
+            ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
+        compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
+            phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
+            omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
+            are not linear. rate: d omega/dt beside the known one, rad/s^2, in the direction of the sweep.
+    """
+
+    M: Floats
+    omega_n: Floats
+    forces: tuple[Force, ...] = ()
+    simulated: int = 0
+    plane: Plane | None = None
+    compliance: tuple[OfDrive, ...] = ()
+    gain: Floats = 0.0
+    lag: Floats = 0.0
+    received: tuple[OfDrive, ...] = ()
+    detuned: tuple[OfDrive, ...] = ()
+    damped: tuple[OfDrive, ...] = ()
+    offset: tuple[OfDrive, ...] = ()
+    readings: tuple[Reading, ...] = ()
+    beside: tuple[OfDrive, ...] = ()
+    rate: Floats = 0.0
+
+    def with_force(self, force: Force) -> Terms:
+        """The same with one more force."""
+        return replace(self, forces=(*self.forces, force))
+
+    @property
+    def viscous(self) -> tuple[Force, ...]:
+        """The simulation's viscous damping; all its damping where none is viscous."""
+        own = self.forces[: self.simulated]
+        return tuple(force for force in own if force.viscous) or own
+
+    @property
+    def linear(self) -> bool:
+        """Whether Z does not depend on amplitude."""
+        return all(force.linear for force in self.forces)
 
 
 @dataclass(frozen=True)
@@ -24,7 +115,7 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances.
+        frequency, damping: the simulation's tolerances. sweeps: of the record.
     """
 
     A_low: float
@@ -36,6 +127,7 @@ class Scales:
     reach: float
     frequency: float
     damping: float
+    sweeps: int = 1
 
     @property
     def stiffness(self) -> float:
@@ -84,6 +176,7 @@ class Form:
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
+        sizes: strengths from which fits are started too where the gap is large.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
@@ -95,6 +188,7 @@ class Form:
     largest: float = np.inf
     label: str = ""
     replaces: str = ""
+    sizes: tuple[float, ...] = ()
     twin: Form | None = None
 
 
@@ -115,7 +209,8 @@ class Effect:
         force: the force that such a table adds, where it adds one: it can then be integrated in time too.
         damping: name of the damping force that a corrected model has in its place; empty where it is none.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
-        need: what it cannot be told without. denies: effects that are not tried beside it.
+        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
+            often than others it is the cause.
     """
 
     name: str
@@ -129,6 +224,7 @@ class Effect:
     corrects: str = ""
     need: Need = ""
     denies: frozenset[str] = frozenset()
+    prior: float = 1.0
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

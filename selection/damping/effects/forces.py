@@ -8,11 +8,13 @@ A restoring force with a cubic term or one like it, q |q|: the resonance bends t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
+
+import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Terms
-from damping.forces.contract import Force
+from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
+from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.polynomial import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
 from damping.forces.shapes import FORCE, LENGTH, Shape
@@ -58,25 +60,48 @@ QUADRATIC_DISPLACEMENT = _coefficient_effect(
 COULOMB_FRICTION = _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing")
 
 
-def add_joint(terms: Terms, stiffness: Floats, limit: Floats) -> Terms:
-    """One more slip joint: ``stiffness`` is lost beyond the amplitude ``limit``."""
-    return terms.with_force(Slip(stiffness, limit))
+#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
+_LIMITS = np.geomspace(0.01, 3.0, 9)
+_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
 
 
-def joint_values(stiffness: Floats, limit: Floats) -> dict[str, Floats]:
-    """The parameters of the damping force."""
-    return {"stiffness": stiffness, "limit": limit}
+def joint_force(table: Mapping[str, Floats]) -> Force:
+    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, their limits distributed after Weibull.
+
+    The distribution 1 - exp(-(a/limit)^kappa) of limits a is that of a smooth backbone (Iwan 1966): of Bouc and Wen
+    with kappa = 1, steeper above it.
+    """
+    stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
+    if not np.any(kappa):
+        return Slip(stiffness, limit)
+    beyond = [np.exp(-(end**kappa)) for end in _ENDS]
+    return Sum(
+        tuple(
+            Slip(stiffness * (before - after), limit * place)
+            for place, (before, after) in zip(_LIMITS, pairwise(beyond), strict=True)
+        )
+    )
 
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness lost. Shape: the amplitude at which slip starts, within the measured ones."""
+    """Strength: the stiffness lost in all. Shapes: the amplitude at which slip starts, about the measured ones; kappa.
+
+    One joint, or many.
+    """
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
-    return (Form("slip", add_joint, joint_values, scales.loss, (limit,), largest=scales.stiffness),)
+    spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
+    kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
 
+    def change(terms: Terms, stiffness: Floats, limit: Floats, kappa: Floats = 0.0) -> Terms:
+        return terms.with_force(joint_force({"stiffness": stiffness, "limit": limit, "kappa": kappa}))
 
-def joint_force(table: Mapping[str, float]) -> Force:
-    """The joint of a table ``stiffness``, ``limit``."""
-    return Slip(table["stiffness"], table["limit"])
+    def report(stiffness: Floats, limit: Floats, kappa: Floats | None = None) -> dict[str, Floats]:
+        return {"stiffness": stiffness, "limit": limit} | ({} if kappa is None else {"kappa": kappa})
+
+    return tuple(
+        Form("slip", change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
+        for label, shapes in (("one joint", (limit,)), ("many joints", (spread, kappa)))
+    )
 
 
 SLIP = Effect(
@@ -85,30 +110,38 @@ SLIP = Effect(
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=_adds(joint_force),
-    shapes=Slip.shapes,
+    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0)),
     force=joint_force,
     damping=Slip.name,
 )
 
-
-#: Powers of the displacement that count as cubic or like it.
-EXPONENTS = (3.0, 2.0)
+#: Exponent of a spring that is no cubic one: 1.5 to 8.
+_EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 
 
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
     """The effect of a spring of ``sign`` times its (positive) coefficient.
 
-    With the one of the other sign, ``denied``, it would stand for a stiffness of another shape.
+    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``,
+    it would stand for a stiffness of another shape.
     """
 
-    def change(exponent: float) -> Callable[..., Terms]:
-        def apply(terms: Terms, coefficient: Floats) -> Terms:
-            return terms.with_force(_spring(sign * coefficient, exponent))
-
-        return apply
-
     def forms(scales: Scales) -> tuple[Form, ...]:
-        return tuple(_form(name, change(p), p, scales) for p in EXPONENTS)
+        def coefficient(stiffness: Floats, exponent: Floats) -> Floats:
+            return stiffness * scales.A_high ** (1.0 - exponent)
+
+        def change(terms: Terms, stiffness: Floats, exponent: Floats = 3.0) -> Terms:
+            return terms.with_force(_spring(sign * coefficient(stiffness, exponent), exponent))
+
+        def report(stiffness: Floats, exponent: Floats | None = None) -> dict[str, Floats]:
+            if exponent is None:
+                return {"coefficient": coefficient(stiffness, 3.0)}
+            return {"coefficient": coefficient(stiffness, exponent), "exponent": exponent}
+
+        return tuple(
+            Form(name, change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
+            for label, shapes in (("cubic", ()), ("of any power", (_EXPONENT,)))
+        )
 
     def force(table: Mapping[str, float]) -> Force:
         return _spring(sign * table["coefficient"], table["exponent"])
@@ -129,18 +162,8 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
     )
 
 
-def _form(name: str, change: Callable[..., Terms], exponent: float, scales: Scales) -> Form:
-    per_amplitude = scales.A_high ** (1.0 - exponent)
-
-    def report(coefficient: Floats) -> dict[str, Floats]:
-        return {"coefficient": coefficient} | ({} if exponent == 3.0 else {"exponent": exponent})
-
-    natural, largest = scales.loss * per_amplitude, scales.stiffness * per_amplitude
-    return Form(name, change, report, natural, largest=largest, label=f"exponent {exponent:g}")
-
-
-def _spring(coefficient: Floats, exponent: float) -> Force:
-    return CubicStiffness(coefficient) if exponent == 3.0 else PowerStiffness(coefficient, exponent)
+def _spring(coefficient: Floats, exponent: Floats) -> Force:
+    return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
 
 STIFFNESS_HARDENING = _stiffness_effect(

@@ -1,8 +1,5 @@
-"""All amplitudes are off by one factor: the gain of a sensor, or the reference of the mode shape.
-
-All phases are off by one constant: a filter or a charge amplifier, the rotation of the shaker's reference.
-
-Force drop-out: near resonance the real force falls below the recorded one.
+"""What the rig does otherwise than recorded: gain, lag and delay, levels that are off, saturation, background,
+a force that drops out near resonance, a frequency that moves too fast.
 """
 
 from __future__ import annotations
@@ -14,9 +11,8 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Terms
-from damping.forces.shapes import Shape
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms
+from damping.forces.shapes import LENGTH, TIME, Shape
 
 
 def gain_forms(scales: Scales) -> tuple[Form, ...]:
@@ -80,43 +76,48 @@ PHASE_LAG = Effect(
 )
 
 
-#: Shape of the notch over the distance from resonance in widths: 1 at resonance, 0 far away.
+#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
 NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
     "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
+    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
 
 
-def notched(terms: Terms, depth: Floats, width: Floats, notch: str) -> Terms:
-    """The force times 1 - depth notch((omega/omega_n - 1)/width)."""
-    centre = terms.omega_n
+def notched(terms: Terms, depth: Floats, width: Floats, centre: Floats, notch: str) -> Terms:
+    """The force times 1 - depth notch((omega/omega_n - 1 - centre)/width)."""
+    omega_n = terms.omega_n
 
-    def received(omega: FloatArray) -> Floats:
-        return np.log1p(-depth * NOTCHES[notch]((omega / centre - 1.0) / width))
+    def received(drive: Drive) -> Floats:
+        return np.log1p(-depth * NOTCHES[notch]((drive.omega / omega_n - 1.0 - centre) / width))
 
     return replace(terms, received=(*terms.received, received))
 
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: depth/(1 - depth). Shape: the width over omega_n, from half the bandwidth to the band measured."""
+    """Strength: depth/(1 - depth). Shapes: width over omega_n, from half the bandwidth to the band measured; centre."""
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
-    return tuple(_form(notch, width) for notch in NOTCHES)
+    centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
+    return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
 
 
-def _form(notch: str, width: FormVariable) -> Form:
-    def change(terms: Terms, strength: Floats, width: Floats) -> Terms:
-        return notched(terms, strength / (1.0 + strength), width, notch)
+def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
+    def change(terms: Terms, strength: Floats, width: Floats, centre: Floats = 0.0) -> Terms:
+        return notched(terms, strength / (1.0 + strength), width, centre, notch)
 
-    def report(strength: Floats, width: Floats) -> dict[str, Floats]:
-        kind = {"lorentzian": 1.0} if notch == "lorentzian" else {}
-        return {"depth": strength / (1.0 + strength), "width": width} | kind
+    def report(strength: Floats, width: Floats, centre: Floats | None = None) -> dict[str, Floats]:
+        kind = {} if notch == "gaussian" else {notch: 1.0}
+        place = {} if centre is None else {"centre": centre}
+        return {"depth": strength / (1.0 + strength), "width": width} | place | kind
 
-    return Form("force-dropout", change, report, 0.2, (width,), largest=20.0, label=notch)
+    label = notch if len(shapes) == 1 else f"{notch} beside resonance"
+    return Form("force-dropout", change, report, 0.2, shapes, largest=20.0, label=label)
 
 
 def simulate_dropout(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The notch of a table ``depth``, ``width`` (over omega_n), Gaussian unless ``lorentzian`` is other than 0."""
-    return notched(terms, table["depth"], table["width"], "lorentzian" if table["lorentzian"] else "gaussian")
+    """The dip of a table ``depth``, ``width`` and ``centre`` (over omega_n); Gaussian but for another that is not 0."""
+    notch = next((name for name in ("lorentzian", "receptance") if table[name]), "gaussian")
+    return notched(terms, table["depth"], table["width"], table["centre"], notch)
 
 
 FORCE_DROPOUT = Effect(
@@ -128,7 +129,165 @@ FORCE_DROPOUT = Effect(
     shapes=(
         Shape("depth", least=0.0, below=1.0),
         Shape("width", above=0.0),
+        Shape("centre", default=0.0),
         Shape("lorentzian", least=0.0, default=0.0),
+        Shape("receptance", least=0.0, default=0.0),
     ),
+    need="sweep",
+)
+
+
+def delay_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the lag at omega_n, at most 1 rad, of either sign."""
+
+    def side(sign: float) -> Form:
+        def change(terms: Terms, lag: Floats) -> Terms:
+            return delayed(terms, sign * lag / scales.omega_n)
+
+        def report(lag: Floats) -> dict[str, Floats]:
+            return {"delay": sign * lag / scales.omega_n}
+
+        return Form("time-delay", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")
+
+    return side(1.0), side(-1.0)
+
+
+def delayed(terms: Terms, delay: Floats) -> Terms:
+    """The reading comes ``delay`` late, s."""
+    return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * delay))
+
+
+#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+_DELAY = 0.25
+
+TIME_DELAY = Effect(
+    name="time-delay",
+    kind="instrument",
+    sentence="the phases are off in proportion to frequency (a delay)",
+    forms=delay_forms,
+    simulate=lambda terms, table: delayed(terms, table["delay"]),
+    shapes=(Shape("delay", TIME),),
+    need="phase",
+    prior=_DELAY,
+)
+
+
+#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
+_OVER = np.linspace(0.0, 5.0, 400)
+
+
+def _clipped_sine(over: FloatArray) -> FloatArray:
+    """ln of the fundamental of a sine of amplitude exp(over) clipped at 1: (2/pi)(a asin(1/a) + sqrt(1 - 1/a^2))."""
+    a = np.exp(np.maximum(over, 0.0))
+    inside = (2.0 / np.pi) * (a * np.arcsin(1.0 / a) + np.sqrt(np.maximum(1.0 - a**-2.0, 0.0)))
+    return np.asarray(np.log(inside) + np.minimum(over, 0.0))
+
+
+_CLIPPED = _clipped_sine(_OVER)
+_CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
+#: Least slope of a reading at which the motion behind it is looked for.
+_LEAST_SLOPE = 0.05
+_TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
+
+
+def clipping(level: Floats) -> Reading:
+    """Readings clipped at ``level``."""
+    base = np.log(level)
+
+    def read(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        over = v - base
+        value = np.where(over > 0.0, np.interp(over, _OVER, _CLIPPED), over)
+        return value + base, np.where(over > 0.0, np.interp(over, _OVER, _CLIPPED_SLOPE), 1.0)
+
+    def unread(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        value = u - base
+        over = np.where(value > 0.0, np.interp(value, _CLIPPED[:_TURN], _OVER[:_TURN]), value)
+        slope = np.where(value > 0.0, np.interp(over, _OVER, _CLIPPED_SLOPE), 1.0)
+        return over + base, np.where(value > _CLIPPED[_TURN - 1], 0.0, 1.0 / np.maximum(slope, _LEAST_SLOPE))
+
+    return Reading(read, unread)
+
+
+def compressing(level: Floats, power: Floats) -> Reading:
+    """The reading A/(1 + (A/level)^power)^(1/power): linear far below ``level``, never above it."""
+    base = np.log(level)
+
+    def read(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        grown = np.exp(np.clip(power * (v - base), -50.0, 50.0))
+        return v - np.log1p(grown) / power, 1.0 / (1.0 + grown)
+
+    def unread(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        grown = np.exp(np.clip(power * (u - base), -50.0, 50.0))
+        left = np.maximum(1.0 - grown, _LEAST_SLOPE)
+        return u - np.log(left) / power, np.where(left > _LEAST_SLOPE, 1.0 / left, 0.0)
+
+    return Reading(read, unread)
+
+
+def saturation_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the largest reading over the level of saturation. Shape of compression: its power."""
+
+    def clip(terms: Terms, size: Floats) -> Terms:
+        return replace(terms, readings=(*terms.readings, clipping(scales.A_high / size)))
+
+    def compress(terms: Terms, size: Floats, power: Floats) -> Terms:
+        return replace(terms, readings=(*terms.readings, compressing(scales.A_high / size, power)))
+
+    def clip_values(size: Floats) -> dict[str, Floats]:
+        return {"level": scales.A_high / size}
+
+    def compress_values(size: Floats, power: Floats) -> dict[str, Floats]:
+        return {"level": scales.A_high / size, "power": power}
+
+    power = FormVariable.between(1.0, 8.0, starts=(-0.5, 0.7))
+    return (
+        Form("sensor-saturation", clip, clip_values, 1.0, label="clipped", sizes=(0.85, 1.0, 1.2, 2.0)),
+        Form("sensor-saturation", compress, compress_values, 0.5, (power,), largest=2.0, label="compressed"),
+    )
+
+
+def simulate_saturation(terms: Terms, table: Mapping[str, float]) -> Terms:
+    """Clipped at ``level``, or compressed towards it where ``power`` is not 0."""
+    own = compressing(table["level"], table["power"]) if table["power"] else clipping(table["level"])
+    return replace(terms, readings=(*terms.readings, own))
+
+
+SENSOR_SATURATION = Effect(
+    name="sensor-saturation",
+    kind="instrument",
+    sentence="large readings are clipped or compressed",
+    forms=saturation_forms,
+    simulate=simulate_saturation,
+    shapes=(Shape("level", LENGTH, above=0.0), Shape("power", least=0.0, default=0.0)),
+    need="sweep",
+)
+
+
+def with_background(terms: Terms, amplitude: Floats, angle: Floats) -> Terms:
+    """A signal of constant ``amplitude`` that lags the force by ``angle``."""
+    signal = amplitude * np.exp(-1j * np.asarray(angle))
+    return replace(terms, compliance=(*terms.compliance, lambda drive: signal / drive.F))
+
+
+def background_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the signal over the largest reading. Shape: its angle."""
+    angle = FormVariable(0.0, 1.8, starts=(-1.4, -0.6, 0.0, 0.6, 1.4), linear=True)
+
+    def change(terms: Terms, size: Floats, angle: Floats) -> Terms:
+        return with_background(terms, size * scales.A_high, angle)
+
+    def report(size: Floats, angle: Floats) -> dict[str, Floats]:
+        return {"amplitude": size * scales.A_high, "angle": angle}
+
+    return (Form("background", change, report, 0.05, (angle,), largest=1.0),)
+
+
+BACKGROUND = Effect(
+    name="background",
+    kind="instrument",
+    sentence="a constant signal is added to the reading",
+    forms=background_forms,
+    simulate=lambda terms, table: with_background(terms, table["amplitude"], table["angle"]),
+    shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
     need="sweep",
 )

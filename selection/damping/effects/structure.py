@@ -1,23 +1,20 @@
-"""The simulation's viscous coefficient is off by more than three times its tolerance.
+"""What the structure itself does otherwise than simulated: parameters, planes, other modes, drift.
 
-The simulation's natural frequency is off by more than three times its tolerance.
-
-Planar coupling: the drive excites two close modes in principal planes at an angle (Eqs 3.1.24-3.1.35).
-
-In-phase contribution of other modes or of rigid-body motion (section 3.1, Eqs 3.1.13-3.1.20).
+A parameter is off where it is so by more than three times its tolerance. Planar coupling: the drive excites two close
+modes in principal planes at an angle (Eqs 3.1.24-3.1.35). A second mode has its own mass and damping and lies among
+the rows; residual modes lie beside them and add an all but in-phase part (section 3.1, Eqs 3.1.13-3.1.20).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import tan
+from math import log1p, tan
 
 import numpy as np
 
-from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
-from damping.effects.terms import Plane, Terms
+from damping.arrays import Floats
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
 from damping.forces.polynomial import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
@@ -32,27 +29,38 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
     return replace(terms, forces=tuple(forces))
 
 
+#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
+_FACTORS = (0.3, 1.0, 2.0, 4.0)
+#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
+_MOST_FACTOR = 12.0
+
+
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: relative error beyond 3 tolerances, above or below. No form without simulated viscous damping."""
+    """Strength: |ln| of the factor beyond that of 3 tolerances. No form without simulated viscous damping."""
     if scales.viscous == 0.0:
         return ()
-    least = 3.0 * scales.damping
-    above = _viscous_side(scales, 1.0, 5.0)
-    return (above, _viscous_side(scales, -1.0, 0.98 - least)) if least < 0.9 else (above,)
+    return _viscous_side(scales, 1.0), _viscous_side(scales, -1.0)
 
 
-def _viscous_side(scales: Scales, sign: float, largest: float) -> Form:
-    least = 3.0 * scales.damping
+def _viscous_side(scales: Scales, sign: float) -> Form:
+    least = log1p(3.0 * scales.damping)
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        c = Viscous(scales.viscous * (1.0 + sign * (least + beyond)))
+        c = Viscous(scales.viscous * np.exp(sign * (least + beyond)))
         return replace(terms, forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": sign * (least + beyond)}
+        return {"relative": np.expm1(sign * (least + beyond))}
 
     return Form(
-        "viscous-coefficient", change, report, natural=0.1, largest=largest, label=f"{sign:+.0f}", replaces=Viscous.name
+        "viscous-coefficient",
+        change,
+        report,
+        0.1,
+        largest=_MOST_FACTOR,
+        label=f"{sign:+.0f}",
+        replaces=Viscous.name,
+        sizes=_FACTORS,
     )
 
 
@@ -155,39 +163,74 @@ PLANAR_COUPLING = Effect(
 )
 
 
-#: d ln R/d ln omega at omega_n: -2 of rigid-body motion, 2/(r^2 - 1) of a mode at r omega_n (-3 at r = 0.6, 1 at 1.7).
-SLOPE = FormVariable(centre=-1.0, width=3.0, starts=(0.0,), linear=True)
-
-
-def residual_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the residual compliance at omega_n, displacement per force, of either sign. Shape: its slope."""
-    largest = 2.0 / scales.loss  # twice that of resonance
-    return _residual_side(1.0, largest), _residual_side(-1.0, largest)
-
-
-def _residual_side(sign: float, largest: float) -> Form:
-    def change(terms: Terms, compliance: Floats, slope: Floats) -> Terms:
-        return added(terms, sign * compliance, slope)
-
-    def report(compliance: Floats, slope: Floats) -> dict[str, Floats]:
-        return {"compliance": sign * compliance, "slope": slope}
-
-    return Form("residual-modes", change, report, 0.1 * largest, (SLOPE,), largest=largest, label=f"{sign:+.0f}")
-
-
-def added(terms: Terms, compliance: Floats, slope: Floats) -> Terms:
-    """R = compliance (1 + slope (omega/omega_n - 1)) beside the receptance of the mode."""
+def path(terms: Terms, compliance: Floats, ratio: Floats, loss: Floats) -> Terms:
+    """One more mode: R = compliance/(ratio^2 - x^2 + i loss ratio x), x = omega/omega_n."""
     centre = terms.omega_n
 
-    def part(omega: FloatArray) -> Floats:
-        return compliance * (1.0 + slope * (omega / centre - 1.0))
+    def part(drive: Drive) -> Floats:
+        x = drive.omega / centre
+        result: Floats = compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x)
+        return result
 
     return replace(terms, compliance=(*terms.compliance, part))
 
 
-def simulate_residual(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The residual of a table ``compliance``, ``slope``."""
-    return added(terms, table["compliance"], table["slope"])
+def _path_form(effect: str, sign: float, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> Form:
+    """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``, of ``sign``."""
+
+    def values(strength: Floats, apart: Floats, damping: Floats) -> tuple[Floats, Floats, Floats]:
+        ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
+        loss = 2.0 * damping
+        nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
+        return sign * strength * size * nearest, ratio, loss
+
+    def change(terms: Terms, strength: Floats, apart: Floats, damping: Floats) -> Terms:
+        return path(terms, *values(strength, apart, damping))
+
+    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
+        return dict(zip(("compliance", "frequency_ratio", "loss"), values(strength, apart, damping), strict=True))
+
+    label = f"{'above' if above else 'below'}, {sign:+.0f}"
+    return Form(effect, change, report, 0.1, (distance, loss), largest=30.0, label=label)
+
+
+def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
+    """The mode of a table ``compliance``, ``frequency_ratio``, ``loss``."""
+    return path(terms, table["compliance"], table["frequency_ratio"], table["loss"])
+
+
+#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0.
+PATH = (
+    Shape("compliance", LENGTH / FORCE),
+    Shape("frequency_ratio", least=0.0),
+    Shape("loss", least=0.0, default=0.0),
+)
+#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
+_LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
+
+
+def residual_forms(scales: Scales) -> tuple[Form, ...]:
+    """A mode beyond the rows, at 1.5 reaches or up to four times as high or low, or rigid-body motion; either sign."""
+    resonance = 1.0 / scales.loss
+    apart = FormVariable.between(1.5 * scales.reach, 3.0, starts=(-1.0, 0.5))
+    sides = [
+        _path_form("residual-modes", sign, above, apart, _LOSS, resonance)
+        for sign in (1.0, -1.0)
+        for above in (True, False)
+    ]
+    return (*sides, _rigid_side(1.0, resonance), _rigid_side(-1.0, resonance))
+
+
+def _rigid_side(sign: float, resonance: float) -> Form:
+    """Rigid-body motion: -compliance/x^2."""
+
+    def change(terms: Terms, strength: Floats) -> Terms:
+        return path(terms, sign * strength * resonance, 0.0, 0.0)
+
+    def report(strength: Floats) -> dict[str, Floats]:
+        return {"compliance": sign * strength * resonance, "frequency_ratio": 0.0 * strength}
+
+    return Form("residual-modes", change, report, 0.1, largest=30.0, label=f"rigid body, {sign:+.0f}")
 
 
 RESIDUAL_MODES = Effect(
@@ -195,7 +238,35 @@ RESIDUAL_MODES = Effect(
     kind="structure",
     sentence="other modes or rigid-body motion add an in-phase part",
     forms=residual_forms,
-    simulate=simulate_residual,
-    shapes=(Shape("compliance", LENGTH / FORCE), Shape("slope", default=0.0)),
+    simulate=simulate_path,
+    shapes=PATH,
     need="sweep",
+)
+
+
+def second_forms(scales: Scales) -> tuple[Form, ...]:
+    """A mode among the rows, a fraction of the bandwidth to 1.5 reaches from the first, at any mass of either sign."""
+    low = 0.3 * scales.bandwidth
+    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
+    loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
+    return tuple(
+        _path_form("second-mode", sign, above, apart, loss, 1.0 / scales.loss)
+        for sign in (1.0, -1.0)
+        for above in (True, False)
+    )
+
+
+#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+_OWN_MASS = 0.25
+
+SECOND_MODE = Effect(
+    name="second-mode",
+    kind="structure",
+    sentence="a close mode with its own mass and damping takes part",
+    forms=second_forms,
+    simulate=simulate_path,
+    shapes=PATH,
+    need="sweep",
+    denies=frozenset({"planar-coupling"}),
+    prior=_OWN_MASS,
 )

@@ -4,8 +4,9 @@ A measured row is the phasor A exp(-i phi) under the force F. The prediction is 
 
     Z(A, omega) = M (omega_n^2 - omega^2) + (S + i C)/A              parameters and forces
     H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
+    H p I(p)                                                         a frequency that moves (`hurried`)
     H + R                                                            residual compliance of other modes (3.1.18)
-    gain exp(-i lag) H F                                             instruments, and what is lost of the force
+    read(gain exp(-i lag) H F)                                       instruments, and what is lost of the force
 
 with Z taken at the measured amplitude (of which each plane has its share). P(u) = ln(prediction), u = ln A, therefore
 needs no solution of the steady state; with P'(u) its own steady amplitude is found from it to first order
@@ -14,82 +15,17 @@ needs no solution of the steady state; with P'(u) its own steady amplitude is fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from scipy.special import wofz
 
-from damping.arrays import FloatArray, Floats
-from damping.forces.contract import Force
-
-ComplexArray = npt.NDArray[np.complex128]
+from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.effects.contract import Drive, OfDrive, Terms
 
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
-
-
-class Plane(NamedTuple):
-    """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
-
-    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
-    """
-
-    weight: Floats
-    ratio: Floats
-    alike: bool
-    damping: Floats = 1.0
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
-
-    Attributes:
-        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
-            ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
-        compliance: functions of omega, rad/s: the parts of R, displacement per force. gain: ln of the reading's
-            factor. lag: rad, added to the phase. received: functions of omega: ln of the part of the recorded force
-            that arrives.
-    """
-
-    M: Floats
-    omega_n: Floats
-    forces: tuple[Force, ...] = ()
-    simulated: int = 0
-    plane: Plane | None = None
-    compliance: tuple[Callable[[FloatArray], Floats], ...] = ()
-    gain: Floats = 0.0
-    lag: Floats = 0.0
-    received: tuple[Callable[[FloatArray], Floats], ...] = ()
-
-    def with_force(self, force: Force) -> Terms:
-        """The same with one more force."""
-        return replace(self, forces=(*self.forces, force))
-
-    @property
-    def viscous(self) -> tuple[Force, ...]:
-        """The simulation's viscous damping; all its damping where none is viscous."""
-        own = self.forces[: self.simulated]
-        return tuple(force for force in own if force.viscous) or own
-
-    @property
-    def linear(self) -> bool:
-        """Whether Z does not depend on amplitude."""
-        return all(force.linear for force in self.forces)
-
-
-class Drive(NamedTuple):
-    """What the rig does: force, frequency in rad/s, and the factor of each row on M; (n,) each.
-
-    ``resonant``: every row is at phase resonance, wherever that is: its force balances the damping alone.
-    """
-
-    F: FloatArray
-    omega: FloatArray
-    mass: FloatArray
-    resonant: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,31 +48,68 @@ class _Receptance(NamedTuple):
 
 def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
-    A = np.exp(u - terms.gain)
+    offset = _total(terms.offset, drive)
+    gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
+    v, per_u = _unread(terms, u - gain)
+    A = np.exp(v)
+    terms = tuned(terms, drive)
     found = _receptance(terms, drive, (A, A))
     if not terms.linear and (terms.plane is not None or terms.compliance):
         for _ in range(_REFINEMENTS):
             found = _receptance(terms, drive, _shares(terms, found, A))
     F = drive.F
     if terms.received:
-        F = F * np.exp(sum(part(drive.omega) for part in terms.received))
+        F = F * np.exp(_total(terms.received, drive))
     H = found.H
-    if drive.resonant:
-        return _at_resonance(found, terms, F)
-    real = 0.5 * np.log(H.real**2 + H.imag**2) + (terms.gain + np.log(F))
-    imaginary = np.arctan2(H.imag, H.real) - terms.lag
-    return Prediction(real + 1j * imaginary, -found.by_u / H, -found.by_frequency / H)
+    P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
+    by_u, by_frequency = -found.by_u / H, -found.by_frequency / H
+    if np.any(drive.resonant):
+        P, by_u, by_frequency = (
+            np.where(drive.resonant, at, beside)
+            for at, beside in zip(_at_resonance(found, F), (P, by_u, by_frequency), strict=True)
+        )
+    real, slope = _read(terms, P.real)
+    if terms.readings:
+        by_u, by_frequency = (slope * part.real + 1j * part.imag for part in (by_u * per_u, by_frequency))
+    return Prediction(real + gain + 1j * (P.imag - lag), by_u, by_frequency)
 
 
-def _at_resonance(found: _Receptance, terms: Terms, F: FloatArray) -> Prediction:
-    """The prediction with Im(1/H) in the place of 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+def tuned(terms: Terms, drive: Drive) -> Terms:
+    """The terms with omega_n as it is at each row: of its state, and drifting."""
+    if not terms.detuned and np.all(drive.ratio == 1.0):
+        return terms
+    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(_total(terms.detuned, drive)), detuned=())
+
+
+def _total(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
+    return sum((part(drive) for part in parts), start=0.0)
+
+
+def _read(terms: Terms, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    slope = np.ones(1)
+    for reading in terms.readings:
+        v, own = reading.read(v)
+        slope = slope * own
+    return v, slope
+
+
+def _unread(terms: Terms, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    slope = np.ones(1)
+    for reading in reversed(terms.readings):
+        u, own = reading.unread(u)
+        slope = slope * own
+    return u, slope
+
+
+def _at_resonance(found: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
     loss = (1.0 / found.H).imag
     squared = found.H * found.H
-    real = terms.gain + np.log(F) - np.log(np.abs(loss))
+    real = np.log(F) - np.log(np.abs(loss))
     by_u, by_frequency = (
         (-(part / squared).imag / loss).astype(np.complex128) for part in (found.by_u, found.by_frequency)
     )
-    return Prediction(np.asarray(real - 0.5j * np.pi), by_u, by_frequency)
+    return np.asarray(real - 0.5j * np.pi), by_u, by_frequency
 
 
 #: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
@@ -148,27 +121,56 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     detuning = np.square(terms.omega_n) - np.square(drive.omega)
     # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
     detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
-    real = terms.M * drive.mass * detuning
+    real = terms.M * drive.mass * detuning - drive.added * np.square(drive.omega)
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
     slope_imaginary: Floats = 0.0
-    for force in terms.forces:
-        C = force.quadrature(A, drive.omega)
+    for number, force in enumerate(terms.forces):
+        own = drive.own if number < terms.simulated else 1.0
+        C = force.quadrature(A, drive.omega) * own
         imaginary = imaginary + C
-        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) - C)
+        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) * own - C)
         if force.restores:
             S = force.in_phase(A, drive.omega)
             real = real + S / A
             slope_real = slope_real + (force.in_phase_slope(A, drive.omega) - S) / A
-    return np.asarray(real + 1j * (imaginary / A)), np.asarray(slope_real + 1j * (slope_imaginary / A))
+    damped = np.exp(_total(terms.damped, drive)) / A
+    return (
+        np.asarray(real + 1j * (imaginary * damped) + _total(terms.beside, drive)),
+        np.asarray(slope_real + 1j * (slope_imaginary * damped)),
+    )
+
+
+#: |b/p^2| below which a moving frequency changes nothing that can be computed.
+_SLOW = 1e-8
+
+
+def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+    """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
+
+    The response to exp(i theta), theta'' = alpha, of the decaying exponential exp(-p s), p = Z/(2 i M omega), is
+    I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis 1932, whose
+    Fresnel integrals w contains); H = I(p)/(2 i M omega), which is 1/Z where alpha = 0.
+    """
+    alpha = terms.rate * drive.up + drive.rate
+    H = 1.0 / Z
+    if not np.any(alpha):
+        return H, H * H
+    per = 1.0 / (2j * terms.M * drive.mass * drive.omega)
+    p, b = per * Z, -0.5j * np.where(alpha == 0.0, 1e-300, alpha)
+    moving = np.abs(b) > _SLOW * np.abs(p) ** 2
+    b = np.where(moving, b, p * p)
+    root = np.sqrt(b)
+    memory = 0.5 * np.sqrt(np.pi) / root * wofz(0.5j * p / root)
+    slope = per * per * (1.0 - p * memory) / (2.0 * b)
+    return np.where(moving, per * memory, H), np.where(moving, slope, H * H)
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:
     """H with each plane's Z at its own amplitude."""
     Z, slope = complex_stiffness(terms, amplitudes[0], drive)
     by_stiffness = 2.0 * terms.M * drive.mass * np.square(terms.omega_n)  # dZ/d ln omega_n
-    H = 1.0 / Z
-    squared = H * H
+    H, squared = hurried(Z, terms, drive)
     by_u, by_frequency = squared * slope, squared * by_stiffness
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
@@ -176,14 +178,14 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
         other = terms if alike else replace(terms, forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
         Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
-        second = 1.0 / (Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0))
-        squared = t * second * second
+        second, squared = hurried(Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0), terms, drive)
+        squared = t * squared
         by_u = (by_u + squared * slope) / (1.0 + t)
         by_frequency = (by_frequency + squared * by_stiffness * np.square(ratio)) / (1.0 + t)
         paths = (H / (1.0 + t), t * second / (1.0 + t))
         H = paths[0] + paths[1]
     for part in terms.compliance:
-        H = H + part(drive.omega)
+        H = H + part(drive)
     return _Receptance(H, paths, by_u, by_frequency)
 
 
@@ -196,3 +198,36 @@ def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray
     t = np.asarray(terms.plane.weight)
     first, second = (np.abs(path) * per_reading for path in found.paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
+
+
+#: Points of a cycle from which the third harmonic of a force is taken: one in a hundred for friction, less for others.
+_CYCLE = 48
+
+
+def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
+    """Phasor Q3 of the third harmonic at motion A sin(omega t - phase): q3 = Im Q3 exp(3 i omega t).
+
+    That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
+    """
+    terms = tuned(terms, drive)
+    theta = 2.0 * np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
+    cycle: Floats = 0.0
+    for force in terms.forces:
+        if not force.linear:
+            cycle = cycle + np.asarray(force.cycle(theta, A, drive.omega))
+    if np.ndim(cycle) == 0:
+        return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
+    harmonic = 2j * np.mean(cycle * np.exp(-3j * theta), axis=0)
+    M = terms.M * drive.mass
+    stiffness = M * (np.square(terms.omega_n) - 9.0 * np.square(drive.omega)) - 9.0 * drive.added * drive.omega**2
+    return np.asarray(-harmonic * np.exp(-3j * phase) / stiffness)
+
+
+def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
+    """Phasor of the motion across the drive, F sin(theta) cos(theta) (H_1 - H_2) (3.1.24-3.1.27); 0 in one plane."""
+    if terms.plane is None:
+        return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
+    found = _receptance(tuned(terms, drive), drive, (A, A))
+    t = np.asarray(terms.plane.weight)
+    first, second = found.paths[0] * (1.0 + t), found.paths[1] * (1.0 + t) / t
+    return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))

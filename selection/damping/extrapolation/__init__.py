@@ -2,7 +2,7 @@
 
     rows near resonance -> which laws, with what weight -> draws of each -> prediction averaged by weight
 
-The draws are chains, or those of the estimate that weighed the laws (importance sampling, Laplace).
+The draws are chains, or those of the estimate that weighed the laws (importance sampling).
 
 Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
 """
@@ -12,15 +12,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.draws import Member, Spread, amplitude_draws, draw_spreads
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
-from damping.extrapolation.what_if import NextLevel, choose_next_level, vary_priors
+from damping.extrapolation.what_if import NextLevel, choose_next_level, list_levels, vary_priors
 from damping.infer.chains import Checkpoint, Posterior, Settings, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
@@ -30,7 +32,7 @@ from damping.ranking import Candidate
 from damping.records.mode import Mode
 from damping.records.resonance import number_levels
 
-#: Laws with less weight do not take part in the average.
+#: Laws with less weight are not sampled by chains and not shown in short tables; they are part of every average.
 LEAST_WEIGHT = 0.01
 #: Sizes of the chains, and the steps after which one that has not converged is given up.
 SETTINGS = Settings()
@@ -68,22 +70,34 @@ class Extrapolation:
     mode: Mode | None
     seed: int
 
+    @cached_property
+    def _levels(self) -> FloatArray:
+        """Further levels that are tried, and the design force: the largest force asked for and allowed; or none."""
+        design, tested = min(float(self.loads.force.max()), self.plan.limit), self.plan.data.tested_force
+        return np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
+
+    @cached_property
+    def _spreads(self) -> list[Spread]:
+        """Draws at the forces asked for, then at ``_levels``."""
+        force = np.concatenate([self.loads.force, self._levels])
+        return draw_spreads(self.members, force, self.plan.data, _repeatability(self.mode), self.seed)
+
     def predict_at(self, forces: np.ndarray) -> Loads:
         """Predictions at other forces (forces,), of the same draws."""
         return _predict(self.plan, self.members, forces, self.loads.level, self.seed, self.mode)
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
-        return vary_priors(
-            self.members, self.loads.force, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
-        )
+        spreads = [s.at(slice(len(self.loads.force))) for s in self._spreads]
+        return vary_priors(self.members, spreads, self.loads.force, self.loads.level, self.seed)
 
     def choose_next_level(self) -> NextLevel | None:
-        """The further level that would most shrink the band at the largest force asked for and allowed."""
-        design = min(float(self.loads.force.max()), self.plan.limit)
-        return choose_next_level(
-            self.members, design, self.plan.data, self.loads.level, self.seed, _repeatability(self.mode)
-        )
+        """The further level that would most shrink the band at the largest force asked for; None within the test."""
+        if not self._levels.size:
+            return None
+        spreads = [s.at(slice(len(self.loads.force), None)) for s in self._spreads]
+        *tried, design = self._levels
+        return choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level, self.seed)
 
 
 def extrapolate_loads(
@@ -109,7 +123,8 @@ def extrapolate_loads(
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
         laws: candidates, by default those of the record. plan: where it was made before. estimate: of marginal
-            likelihoods. sampler: of posteriors. least_weight: laws with no more take no part.
+            likelihoods. sampler: of posteriors. least_weight: of laws with no more the draws of the evidence
+            are taken.
 
     Raises:
         InputError: a force or a level that is none, before any work.
@@ -120,9 +135,11 @@ def extrapolate_loads(
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode.mass if mode else None, estimate)
-    chosen = [law for law in plan.laws if law.weight > least_weight]
-    with progress("sampling", len(chosen)) as done:
-        members = _list_sampled(((law, sampler(law, plan.data, asked, seed)) for law in chosen), done)
+    with progress("sampling", len(plan.laws)) as done:
+        posteriors = (
+            (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws
+        )
+        members = _list_sampled(posteriors, done)
     return Extrapolation(plan, members, _predict(plan, members, asked, level, seed, mode), mode, seed)
 
 
@@ -162,7 +179,7 @@ def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: 
         done(said or law.name)
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(left_out))
-    return tuple(replace(member, cautions=(*member.cautions, *left_out)) for member in members)
+    return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out)) for member in members)
 
 
 def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:
@@ -213,7 +230,6 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
     """Predict every sweep of the higher levels from the k lowest ones, for every k >= ``FEWEST_BELOW``.
 
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
-    Draws are those of the evidence, so laws of any weight take part: they cost nothing.
 
     Returns:
         A row a number of levels and sweep predicted: ``levels, laws, sweep, ratio, force, measured, median, low, high,
@@ -225,9 +241,7 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
         lower = data.keep_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
-        predicted = extrapolate_loads(
-            lower, data.tested_force[higher], level, seed, mode=mode, sampler=draw_evidence, least_weight=0.0
-        )
+        predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode)
         rows.append(_tabulate_compared(predicted, data, higher).assign(levels=below))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
 

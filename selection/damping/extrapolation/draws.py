@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.infer.doubt import extend, stray
 from damping.infer.law import Coordinates, by_sweep, residuals
 from damping.infer.observations import Observations
@@ -15,8 +15,10 @@ from damping.predict.steady import resonant_amplitude
 
 #: Draws of the average over models: the 5 % and 95 % points are then known to 1 % of the band's width.
 AVERAGE_DRAWS = 20_000
+#: Draws of a law of little weight, at least: its own band is then known to 5 % of its width.
+FEWEST_DRAWS = 1000
 #: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
-_POINTS = 9
+_POINTS = 7
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,11 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     cautions: tuple[str, ...] = ()
+
+    def thin(self) -> Member:
+        """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""
+        wanted = max(FEWEST_DRAWS, int(AVERAGE_DRAWS * self.weight))
+        return replace(self, draws=self.draws[:: max(1, len(self.draws) // wanted)])
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,10 @@ class Spread:
         """ln A of the next test."""
         return self.law + self.stray + self.noise
 
+    def at(self, columns: IntArray | slice) -> Spread:
+        """The same at some of the forces."""
+        return Spread(*(getattr(self, part.name)[:, columns] for part in fields(self)))
+
 
 def pool(
     spreads: Sequence[Spread], weights: FloatArray, rng: np.random.Generator, odds: Sequence[FloatArray] | None = None
@@ -66,6 +77,14 @@ def pool(
             for part in fields(Spread)
         )
     )
+
+
+def draw_spreads(
+    members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
+) -> list[Spread]:
+    """Draws of every law's parts at ``force`` (forces,)."""
+    rng = np.random.default_rng(seed)
+    return [draw_spread(member, force, data, repeatability, rng) for member in members]
 
 
 def draw_spread(

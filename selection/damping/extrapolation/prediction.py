@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.extrapolation.draws import Member, Spread, draw_spread, pool
+from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
 from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
@@ -148,15 +148,18 @@ def predict(
     seed: int,
     plan: Plan | None = None,
     repeatability: float = 0.0,
+    spreads: Sequence[Spread] | None = None,
 ) -> Loads:
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
     Args:
         data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
+        spreads: draws at ``force``, where they were made before.
     """
+    if spreads is None:
+        spreads = draw_spreads(members, force, data, repeatability, seed)
     rng = np.random.default_rng(seed)
-    spreads = [draw_spread(member, force, data, repeatability, rng) for member in members]
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
@@ -186,14 +189,16 @@ def predict(
 
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
+    known = [np.isfinite(s.law).any(axis=0) for s in spreads]  # no draw at all: no prediction of that law
+    laws = [np.where(any_draw, s.law, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
+    strays = [np.where(any_draw, s.stray, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
     mean = np.array([np.nanmean(law, axis=0) for law in laws])
     within = np.array([np.nanvar(law, axis=0) for law in laws])
     variances = {
         "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "discrepancy": weights @ np.array([np.nanvar(s.stray, axis=0) for s in spreads]),
+        "discrepancy": weights @ np.array([np.nanvar(stray, axis=0) for stray in strays]),
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 

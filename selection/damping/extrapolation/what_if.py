@@ -20,10 +20,9 @@ import pandas as pd
 from scipy.special import gammaln
 
 from damping.arrays import FloatArray
-from damping.extrapolation.draws import Member, draw_spread, pool
+from damping.extrapolation.draws import Member, Spread, pool
 from damping.infer.doubt import DOUBT_LOG_SD
 from damping.infer.law import SCATTER_LOG_SD
-from damping.infer.observations import Observations
 
 #: Priors are tried at a third and at three times what they are.
 FACTORS = (1.0 / 3.0, 3.0)
@@ -34,19 +33,13 @@ READINGS = (np.arange(24) + 0.5) / 24
 
 
 def vary_priors(
-    members: Sequence[Member],
-    force: FloatArray,
-    data: Observations,
-    level: float,
-    seed: int,
-    repeatability: float = 0.0,
+    members: Sequence[Member], spreads: Sequence[Spread], force: FloatArray, level: float, seed: int
 ) -> pd.DataFrame:
-    """Predictions with each prior changed by each of ``FACTORS``, by reweighting.
+    """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the draws ``spreads``.
 
     Returns:
         A row a prior, factor and force: ``prior, factor, force, median, low, high``.
     """
-    spreads = [draw_spread(m, force, data, repeatability, np.random.default_rng(seed)) for m in members]
     tail, rows = 50.0 * (1.0 - level), []
     for prior, ratio in (("scatter", _of_scatter), ("share", _of_shares), ("discrepancy", _of_doubt)):
         for factor in FACTORS:
@@ -98,16 +91,20 @@ class NextLevel:
     others: pd.DataFrame
 
 
+def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
+    """Forces of a further level that are tried: repeats of the tested ones, and levels on the way to the design."""
+    tested = np.unique(tested_force)
+    return np.concatenate([tested, tested[-1] * (design / tested[-1]) ** np.array(ON_THE_WAY)])
+
+
 def choose_next_level(
-    members: Sequence[Member], design: float, data: Observations, level: float, seed: int, repeatability: float = 0.0
-) -> NextLevel | None:
-    """The best of a repeat of each tested level and of levels on the way to the design force; None within the test."""
-    tested = np.unique(data.tested_force)
-    if design <= tested[-1]:
-        return None
-    tried = np.concatenate([tested, tested[-1] * (design / tested[-1]) ** np.array(ON_THE_WAY)])
-    force = np.append(tried, design)
-    spreads = [draw_spread(m, force, data, repeatability, np.random.default_rng(seed)) for m in members]
+    members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float, seed: int
+) -> NextLevel:
+    """The level of ``tried`` (levels,) that would most shrink the band at ``design``.
+
+    Args:
+        spreads: draws at the forces ``tried``, then ``design``.
+    """
     weights = np.array([m.weight for m in members])
     pooled = pool(spreads, weights / weights.sum(), np.random.default_rng(seed))
     drawn = pooled.law + pooled.stray

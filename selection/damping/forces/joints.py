@@ -87,13 +87,19 @@ class Slip(Force):
         return (4.0 / pi) * self.stiffness * self.limit**2 / slipping * (self.limit < A) * ones(omega)
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; zero below."""
-        psi = self._angle(A)
-        return self.stiffness * A * ((psi - np.sin(psi) * np.cos(psi)) / pi - 1.0) * ones(omega)
+        """S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; zero below.
+
+        Psi is the part of a half cycle that the joint sticks: pi while it never slips."""
+        held = self.limit / np.maximum(A, self.limit)
+        cosine = 1.0 - 2.0 * held
+        stuck = np.arccos(cosine) - 2.0 * cosine * np.sqrt(held * (1.0 - held))
+        return self.stiffness * A * (stuck / pi - 1.0) * ones(omega)
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
         """dS/d ln A = S - (4/pi) k A1 sin psi."""
-        return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * np.sin(self._angle(A))
+        held = self.limit / np.maximum(A, self.limit)
+        sine = 2.0 * np.sqrt(held * (1.0 - held))
+        return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * sine
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
@@ -103,10 +109,6 @@ class Slip(Force):
     def joints(self) -> tuple[Joint, ...]:
         """One spring of stiffness k with a slider that holds up to k A1."""
         return (Joint(self.stiffness, self.limit),)
-
-    def _angle(self, A: Floats) -> Floats:
-        """Psi, the part of a half cycle that the joint sticks: pi while it never slips."""
-        return np.arccos(1.0 - 2.0 * self.limit / np.maximum(A, self.limit))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files, read by ``worker`` in a process of its own.
+"""Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files to series, read by ``worker`` in its own process.
 
 The process may use so much memory and time and no more; when it dies, the file is to blame and an error says so.
 """
@@ -11,18 +11,28 @@ import os
 import stat
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from damping.errors import AnalysisError, InputError
+from damping.formats.named import to_series
+from damping.formats.quantity import unit
+from damping.formats.series import (
+    OWN_NAMES,
+    ROLES,
+    Found,
+    Said,
+    Samples,
+    Series,
+    Stated,
+    Summary,
+    list_units,
+    require_response,
+)
 from damping.records.text import describe_shortened
-
-Array: TypeAlias = npt.NDArray[Any]  # of float64 or complex128
 
 #: Seconds after which a file that is still being read is given up.
 LONGEST = 60.0
@@ -35,19 +45,22 @@ class Arrays:
     """Arrays by name (several where a name stands for several), the units that the file gives for them, the shape of
     every array in the file by name, and start and step in s of those that are channels against time."""
 
-    arrays: dict[str, list[Array]]
+    arrays: dict[str, list[Samples]]
     units: dict[str, str]
     known: dict[str, tuple[int, ...]]
     steps: dict[str, tuple[float, float]]
 
 
-def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int) -> Arrays:
+def read_arrays(
+    path: str | Path, kind: str, names: Sequence[str], max_size: int, rows: tuple[int, int] | None = None
+) -> Arrays:
     """The arrays ``names`` that the file has, and what is in it.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes.
+        max_size: largest file read, bytes. rows: first and behind the last sample of every array of an HDF5 file that
+            are read, along its longest axis; all where None.
 
     Raises:
         AnalysisError: the package that reads the format is not installed.
@@ -56,7 +69,7 @@ def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int
     size = _size(path, max_size)
     script = Path(__file__).with_name("worker.py")
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
-    words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits)]
+    words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits), json.dumps(rows)]
     try:
         done = subprocess.run(
             [sys.executable, "-P", str(script), *words],
@@ -107,9 +120,9 @@ def _size(path: str | Path, max_size: int) -> int:
     return found.st_size
 
 
-def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Array]]:
+def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:
     """The arrays out of their bytes."""
-    arrays: dict[str, list[Array]] = {}
+    arrays: dict[str, list[Samples]] = {}
     place = 0
     for name, of, shape in loaded:
         pair = 2 if of == "complex" else 1
@@ -117,3 +130,111 @@ def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> 
         arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
         place += values.nbytes
     return arrays
+
+
+def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+    """Series of a file of named arrays or channels."""
+    channels = kind in ("tdms", "lvm")
+    own = [name for names in OWN_NAMES.values() for name in names]
+    wanted = [] if channels else list(stated.columns.values()) or own
+    found = read_arrays(path, kind, wanted, max_size)
+    if channels or not found.arrays:
+        everything = found if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else found
+        if everything.steps or channels:
+            return _list_channels(everything, stated, path, summary)
+    arrays, known = found.arrays, found.known
+    names = dict(stated.columns)
+    if stated.columns:
+        missing = next((name for name in wanted if name not in arrays), None)
+        if missing is not None:
+            raise InputError(f"no array {describe_shortened(missing)!r}", file=path, expected=_has(known))
+        names = _with_setting(names, known)
+        if len(names) > len(stated.columns):
+            arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
+    else:
+        names = {role: name for role, own in OWN_NAMES.items() for name in own if name in arrays}
+        if not names:
+            groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
+            raise InputError(
+                "no array has the name of a role",
+                file=path,
+                expected=f"{groups}--column ROLE=NAME; it has {_has(known)}",
+            )
+    require_response(names, known, stated, path)
+    for role, name in names.items():
+        shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
+        many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
+        whence = "stated" if role in stated.columns else "by its name"
+        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
+    said = Said(
+        units=list_units({role: found.units[name] for role, name in names.items() if name in found.units}, stated)
+    )
+    return _list_each(names, arrays, said, path, summary)
+
+
+def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
+    """The roles with the abscissa that the file has by its own name, where none is stated."""
+    abscissas = ("frequency", "omega", "time")
+    if set(abscissas) & set(names):
+        return names
+    return names | {role: role for role in abscissas if known.get(role)}
+
+
+def _list_each(
+    names: Mapping[str, str],
+    arrays: Mapping[str, list[Samples]],
+    said: Said,
+    path: str | Path,
+    summary: Summary,
+) -> list[Series]:
+    """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
+    count = max(len(arrays[name]) for name in names.values())
+    odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
+    if odd is not None:
+        number = len(arrays[names[odd]])
+        raise InputError(f"{number} arrays of {odd} beside {count} of others", file=path, expected=f"1 or {count}")
+    stem, series = Path(path).stem, []
+    for k in range(count):
+        of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
+        label = stem if count == 1 else f"{stem} {k + 1}"
+        labels = None
+        if "sweep" in of_role:
+            labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
+        series += to_series(of_role, labels, said, path, label, summary, peak=True)
+    return series
+
+
+def _list_channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
+    """Time histories of a file that says the time step of each of its channels."""
+    unheeded = next((role for role in stated.columns if role != "response"), None)
+    if unheeded:
+        raise InputError(f"--column {unheeded} of a file of channels", file=path, expected="--column response=NAME")
+    asked = stated.columns.get("response")
+    names = [name for name in found.arrays if asked in (None, name) or name.split("/")[-1] == asked]
+    if not names:
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(found.known))
+    for name in names:
+        if name not in found.steps:
+            raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
+        summary.add(
+            f"channel {describe_shortened(name)!r}",
+            f"{found.arrays[name][0].size} samples, step {found.steps[name][1]:g} s",
+            "found in the file",
+        )
+    kinds = {unit(found.units[name]).powers for name in names if name in found.units} if not stated.units else set()
+    if len(kinds) > 1:
+        listed = ", ".join(f"{name} ({found.units.get(name, 'no unit')})" for name in names[:8])
+        raise InputError(f"channels of several kinds: {listed}", file=path, expected="--column response=NAME")
+    series = []
+    for name in names:
+        start, step = found.steps[name]
+        values = np.asarray(found.arrays[name][0], dtype=np.float64).reshape(-1)
+        said = Found(units={"response": found.units[name]} if name in found.units else {})
+        t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
+        series.append(Series(name, t, values, is_time=True, has_phase=False, found=said))
+    return series
+
+
+def _has(known: Mapping[str, tuple[int, ...]]) -> str:
+    listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
+    return listed or "arrays of numbers"

@@ -17,8 +17,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ColumnHeader, parse_header, recognise
-from damping.formats.layout import DELIMITERS, Layout, find_layout
+from damping.formats.headers import DELIMITERS, ColumnHeader, Layout, find_layout, parse_header, recognise
 from damping.records.keys import describe_nearest
 from damping.records.text import decode, describe_shortened, unguarded
 
@@ -207,7 +206,7 @@ def _by_name(
             )
     own = {role: lower.index(matches[0]) for role, matches in found.items() if matches}
     usual, response = recognise(headers)
-    if "x" in own and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
+    if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
         own = {role: place for role, place in own.items() if role not in ("x", "y")}
     if "phase" in own and "angle" in usual:
         own.pop("phase")

@@ -1,16 +1,13 @@
-"""Lock-in amplifiers: in-phase and quadrature readings, or magnitude and angle, to phasors.
+"""Named arrays and columns to series: which array plays which role, whatever file it is from.
 
-An amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference
-cos(omega t); X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. R is an rms value on most amplifiers
-and a peak value on some, which only the user can say.
-
-Named arrays and columns to series: which array plays which role, whatever file it is from.
+A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference;
+X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Whether R is rms only the user can say.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import cast
@@ -20,31 +17,8 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.arrays import Array
-from damping.formats.series import Found, Samples, Series, Summary
-
-#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
-    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
-    "y": ("y", "quadrature", "y1", "ch1 y"),
-    "amplitude": ("r", "mag", "magnitude", "r1"),
-    "lead_deg": ("theta", "phase", "theta1"),
-    "force_x": ("x2", "ch2 x", "reference x", "force x"),
-    "force_y": ("y2", "ch2 y", "reference y", "force y"),
-    "force": ("force", "r2", "force r"),
-    "force_lead_deg": ("theta2", "force theta"),
-}
-
-
-def once(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
-    twice = set()
-    if {"x", "y"} <= set(columns):
-        twice |= {"amplitude", "lead_deg"}
-    if {"force_x", "force_y"} <= set(columns):
-        twice |= {"force", "force_lead_deg"}
-    return {role: values for role, values in columns.items() if role not in twice}
+from damping.formats.headers import ABSCISSAS
+from damping.formats.series import Found, Said, Samples, Series, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -54,41 +28,12 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
     return phasor
 
 
-def polar(r: FloatArray, theta_degrees: FloatArray) -> npt.NDArray[np.complex128]:
-    """R exp(i theta), theta in degrees of lead."""
-    phasor: npt.NDArray[np.complex128] = r * np.exp(1j * pi / 180.0 * theta_degrees)
-    return phasor
-
-
-#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
-ROLES: dict[str, str] = {
-    "sweep": "label of the sweep of each row",
-    "frequency": "forcing frequency, Hz",
-    "omega": "forcing frequency, rad/s",
-    "time": "time of a time history, s",
-    "response": "complex response, or the signal of a time history",
-    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
-    "y": "imaginary part of the response, or quadrature reading",
-    "amplitude": "amplitude of the response",
-    "phase": "lag of the response behind the force, rad",
-    "lag_deg": "lag of the response behind the force, degrees",
-    "lead": "lead of the response before the force or the reference, rad",
-    "lead_deg": "the same in degrees",
-    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
-    "force": "amplitude of the force, or complex force",
-    "force_x": "real part or in-phase reading of the force",
-    "force_y": "imaginary part or quadrature reading of the force",
-    "force_lead_deg": "lead of the force before the reference, degrees",
-    "energy": "energy per cycle",
-    "mass": "generalized mass",
-    "amplitude_sd": "standard uncertainty of the amplitude",
-    "phase_sd": "standard uncertainty of the phase, rad",
-    "force_sd": "standard uncertainty of the force",
-}
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
-_ABSCISSAS = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
+_TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
 _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 _MOST_SWEEPS = 1000
+#: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
+_TURN_IN_RADIANS = 1.5
 _UNIT_SAYS = {"response"}  # a unit says the type of a response better than a name
 #: Another sweep begins where the frequency goes back by more than this share of its range so far ...
 _RESTART = 0.5
@@ -96,22 +41,8 @@ _RESTART = 0.5
 _FEWEST_ROWS = 4
 
 
-@dataclass(frozen=True)
-class Said:
-    """What names and headers say beside the numbers: units as texts by quantity, the type of response, scalings.
-
-    ``degrees``: roles whose header says degrees.
-    """
-
-    units: Mapping[str, str] = field(default_factory=dict)
-    response: str | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    degrees: Sequence[str] = ()
-
-
 def to_series(
-    arrays: Mapping[str, Array],
+    arrays: Mapping[str, Samples],
     labels: Sequence[str] | None,
     said: Said,
     file: str | Path,
@@ -133,8 +64,8 @@ def to_series(
     Raises:
         InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, said)
-    role, x = _abscissa(arrays, file)
+    arrays = _in_radians(arrays, said, file)
+    role, x = _abscissa(arrays, said.units, file)
     n = len(x)
     response, phased = _response(arrays, n, role == "time", file)
     force = _force(arrays, n, response.shape[1], file)
@@ -201,15 +132,29 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Array], said: Said) -> dict[str, Array]:
-    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad."""
+def _in_radians(arrays: Mapping[str, Samples], said: Said, file: str | Path) -> dict[str, Samples]:
+    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
+
+    Raises:
+        InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
+    """
     turned = dict(arrays)
-    for role in ("phase", "lead", "angle"):
+    for role in _PHASES:
         if role not in turned or np.iscomplexobj(turned[role]):
             continue
-        large = role == "angle" and np.nanmax(np.abs(turned[role]), initial=0.0) > 2.0 * pi
-        if role in said.degrees or large:
-            turned[role] = np.asarray(turned[role]) * (pi / 180.0)
+        values = np.asarray(turned[role], dtype=np.float64)
+        known = values[np.isfinite(values)]
+        large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
+        degrees = role in said.degrees or role.endswith("_deg")
+        if role in ("phase", "lead") and large and not degrees:
+            other = "lag_deg" if role == "phase" else "lead_deg"
+            message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
+            raise InputError(message, file=file, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
+        if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
+            message = f"{role} in degrees runs from {known.min():.3g} to {known.max():.3g}"
+            raise InputError(message, file=file, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
+        if not role.endswith("_deg") and (degrees or large):
+            turned[role] = values * (pi / 180.0)
     return turned
 
 
@@ -220,7 +165,7 @@ def _of(force: Samples | None, sweep: int) -> Samples | None:
 
 
 def _describe_one_of(
-    arrays: Mapping[str, Array], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
+    arrays: Mapping[str, Samples], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
 ) -> str | None:
     """The one of some roles that is there."""
     there = [role for role in roles if role in arrays]
@@ -230,15 +175,20 @@ def _describe_one_of(
     return there[0] if there else None
 
 
-def _abscissa(arrays: Mapping[str, Array], file: str | Path) -> tuple[str, FloatArray]:
-    role = cast(str, _describe_one_of(arrays, tuple(_ABSCISSAS), "abscissa", file, needed=True))
+def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str], file: str | Path) -> tuple[str, FloatArray]:
+    """Its role, and its values in Hz or s."""
+    role = cast(str, _describe_one_of(arrays, tuple(_TO_ABSCISSA), "abscissa", file, needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
         raise InputError(f"array of {role} has the shape {values.shape}", file=file, expected="one real number a point")
-    return role, np.asarray(values, dtype=np.float64).reshape(-1) * _ABSCISSAS[role]
+    text = units.get(role, "").lower()
+    known = ABSCISSAS[role]
+    if text and text not in known:
+        raise InputError(f"{role} in {units[role]}", file=file, expected=f"--unit {role}=UNIT of {', '.join(known)}")
+    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
 
 
-def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
+def _response(arrays: Mapping[str, Samples], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
     """The response (n, k) and whether its phase is known."""
     main = cast(str, _describe_one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
     phase = _describe_one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
@@ -247,6 +197,9 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
         raise InputError("x and y need each other", file=file, expected="--column x=NAME and y=NAME")
     if phase and main != "amplitude":
         raise InputError(f"{phase} beside a {main}", file=file, expected="a phase only beside an amplitude")
+    if main == "x" and is_time:
+        message = "x and y against time are no parts of a complex response"
+        raise InputError(message, file=file, expected="--column response=NAME of the signal")
     if main == "x":
         y = _same(arrays["y"], n, values, "y", file)
         return cartesian(_real(values, "x", file), _real(y, "y", file)), True
@@ -268,7 +221,7 @@ def _response(arrays: Mapping[str, Array], n: int, is_time: bool, file: str | Pa
     return size * np.exp(1j * angle), True
 
 
-def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Samples | None:
+def _force(arrays: Mapping[str, Samples], n: int, k: int, file: str | Path) -> Samples | None:
     """The force (n, 1) or (n, k); None where there is none."""
     main = _describe_one_of(arrays, ("force", "force_x"), "force", file, needed=False)
     if main is None:
@@ -281,11 +234,11 @@ def _force(arrays: Mapping[str, Array], n: int, k: int, file: str | Path) -> Sam
         return cartesian(_real(values, "force_x", file), other)
     if "force_lead_deg" in arrays:
         lead = _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
-        return polar(_magnitude(values, "force", file), lead)
+        return np.asarray(_magnitude(values, "force", file) * np.exp(1j * pi / 180.0 * lead))
     return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force", file)
 
 
-def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Samples:
+def _spread(values: Samples, n: int, k: int, role: str, file: str | Path) -> Samples:
     """A force for each point: of one number, of one for each sweep, or as it is."""
     if values.size == 1:
         return np.full((n, 1), values.reshape(-1)[0])
@@ -297,7 +250,7 @@ def _spread(values: Array, n: int, k: int, role: str, file: str | Path) -> Sampl
     return found
 
 
-def _matrix(values: Array, n: int, role: str, file: str | Path) -> Samples:
+def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
     """An array as (n, k): points along the first axis, sweeps along the second."""
     squeezed = np.squeeze(values)
     if squeezed.ndim == 0:
@@ -317,7 +270,7 @@ def _matrix(values: Array, n: int, role: str, file: str | Path) -> Samples:
     )
 
 
-def _same(values: Array, n: int, like: Samples, role: str, file: str | Path) -> Samples:
+def _same(values: Samples, n: int, like: Samples, role: str, file: str | Path) -> Samples:
     found = _matrix(values, n, role, file)
     if found.shape != like.shape:
         raise InputError(f"array of {role} has the shape {found.shape}", file=file, expected=f"{like.shape}")
@@ -341,7 +294,7 @@ def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
     return found
 
 
-def _column(values: Array, n: int, role: str, file: str | Path) -> FloatArray:
+def _column(values: Samples, n: int, role: str, file: str | Path) -> FloatArray:
     found = _real(_matrix(values, n, role, file), role, file)
     if found.shape[1] != 1:
         raise InputError(f"array of {role} has {found.shape[1]} columns", file=file, expected="one")

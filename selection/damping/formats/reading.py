@@ -8,16 +8,27 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from damping.errors import InputError
-from damping.formats.arrays import Array, Arrays, read_arrays
+from damping.formats.arrays import list_array_series
 from damping.formats.columns import read_columns
-from damping.formats.layout import DECIMALS, DELIMITERS
-from damping.formats.named import COLUMNS as LOCKIN_COLUMNS
-from damping.formats.named import ROLES, Said, once, to_series
-from damping.formats.quantity import SYSTEMS, unit
-from damping.formats.series import RESPONSES, SCALINGS, Found, Series, Stated, Summary
+from damping.formats.headers import ABSCISSAS, DECIMALS, DELIMITERS
+from damping.formats.named import to_series
+from damping.formats.quantity import SYSTEMS
+from damping.formats.series import (
+    LOCKIN_NAMES,
+    OWN_NAMES,
+    RESPONSES,
+    ROLES,
+    SCALINGS,
+    UNIT_OF,
+    Said,
+    Series,
+    Stated,
+    Summary,
+    drop_repeated,
+    list_units,
+    require_response,
+)
 from damping.formats.uff import read_uff
 from damping.records.keys import describe_nearest
 from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes
@@ -26,17 +37,6 @@ FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
-#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
-_OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
-    "x": ("x", "real", "re"),
-    "y": ("y", "imag", "im"),
-}
-#: What the unit in the header of a role's column belongs to.
-_UNIT_OF = (
-    dict.fromkeys(("force", "force_x", "force_y"), "force")
-    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
-    | {"energy": "energy", "mass": "mass"}
-)
 
 
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
@@ -51,41 +51,32 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     kind = _format(path, stated, summary)
     _heeded(stated, kind, path)
     if kind in _ARRAYS:
-        return _list_arrays(path, kind, stated, summary, max_size), summary
+        return list_array_series(path, kind, stated, summary, max_size), summary
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, path, summary, stated.datasets, stated.labels), summary
-    known = LOCKIN_COLUMNS if kind == "lock-in" else _OWN_NAMES
+    known = LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
     found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
         by = "no header, columns by number" if found.layout.numbered else "columns by name"
         layout = f"{found.layout.delimiter} between cells, decimal {found.layout.decimal}, {by}"
         summary.add("table", layout, "found in the file")
-    numbers = found.numbers if stated.columns or kind == "csv" else once(found.numbers)
+    numbers = found.numbers if stated.columns or kind == "csv" else drop_repeated(found.numbers)
     for role, header in found.headers.items():
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in found.headers.items() if role in numbers}
+    if kind == "csv":
+        require_response({role: header.text for role, header in headers.items()}, found.layout.names, stated, path)
     said = Said(
-        units=_units({role: header.unit for role, header in headers.items() if header.unit}),
+        units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=found.response,
-        scaling=next(
-            (h.scaling for role, h in headers.items() if _UNIT_OF.get(role) == "response" and h.scaling), None
-        ),
+        scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
     return to_series(numbers, found.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
-
-
-def _units(of_roles: Mapping[str, str]) -> dict[str, str]:
-    """The first unit of each quantity that the columns or arrays of some roles name."""
-    units: dict[str, str] = {}
-    for role, text in of_roles.items():
-        if role in _UNIT_OF:
-            units.setdefault(_UNIT_OF[role], text)
-    return units
 
 
 def check(stated: Stated) -> None:
@@ -101,7 +92,7 @@ def check(stated: Stated) -> None:
         raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
     for option, known, given in (
         ("--column", tuple(ROLES), stated.columns),
-        ("--unit", ("force", "response", "energy", "mass"), stated.units),
+        ("--unit", ("force", "response", "energy", "mass", *ABSCISSAS), stated.units),
         ("--scale", ("force", "response"), stated.scale),
     ):
         for key in given:
@@ -195,105 +186,3 @@ def _start(path: str | Path) -> bytes:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
     raise InputError("is no regular file", file=path, expected="a file")
-
-
-def _list_arrays(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
-    """Series of a file of named arrays or channels."""
-    channels = kind in ("tdms", "lvm")
-    own = [name for names in _OWN_NAMES.values() for name in names]
-    wanted = [] if channels else list(stated.columns.values()) or own
-    found = read_arrays(path, kind, wanted, max_size)
-    if channels or not found.arrays:
-        everything = found if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else found
-        if everything.steps or channels:
-            return _list_channels(everything, stated, path, summary)
-    arrays, known = found.arrays, found.known
-    names = dict(stated.columns)
-    if stated.columns:
-        missing = next((name for name in wanted if name not in arrays), None)
-        if missing is not None:
-            raise InputError(f"no array {describe_shortened(missing)!r}", file=path, expected=_has(known))
-        names = _with_setting(names, known)
-        if len(names) > len(stated.columns):
-            arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
-    else:
-        names = {role: name for role, own in _OWN_NAMES.items() for name in own if name in arrays}
-        if not names:
-            raise InputError(
-                "no array has the name of a role", file=path, expected=f"--column ROLE=NAME; it has {_has(known)}"
-            )
-    for role, name in names.items():
-        shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
-        many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
-        whence = "stated" if role in stated.columns else "by its name"
-        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
-    said = Said(units=_units({role: found.units[name] for role, name in names.items() if name in found.units}))
-    return _list_each(names, arrays, said, path, summary)
-
-
-def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
-    """The roles with the abscissa that the file has by its own name, where none is stated."""
-    abscissas = ("frequency", "omega", "time")
-    if set(abscissas) & set(names):
-        return names
-    return names | {role: role for role in abscissas if known.get(role)}
-
-
-def _list_each(
-    names: Mapping[str, str],
-    arrays: Mapping[str, list[Array]],
-    said: Said,
-    path: str | Path,
-    summary: Summary,
-) -> list[Series]:
-    """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
-    count = max(len(arrays[name]) for name in names.values())
-    odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
-    if odd is not None:
-        number = len(arrays[names[odd]])
-        raise InputError(f"{number} arrays of {odd} beside {count} of others", file=path, expected=f"1 or {count}")
-    stem, series = Path(path).stem, []
-    for k in range(count):
-        of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
-        label = stem if count == 1 else f"{stem} {k + 1}"
-        labels = None
-        if "sweep" in of_role:
-            labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
-        series += to_series(of_role, labels, said, path, label, summary, peak=True)
-    return series
-
-
-def _list_channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
-    """Time histories of a file that says the time step of each of its channels."""
-    unheeded = next((role for role in stated.columns if role != "response"), None)
-    if unheeded:
-        raise InputError(f"--column {unheeded} of a file of channels", file=path, expected="--column response=NAME")
-    asked = stated.columns.get("response")
-    names = [name for name in found.arrays if asked in (None, name) or name.split("/")[-1] == asked]
-    if not names:
-        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(found.known))
-    for name in names:
-        if name not in found.steps:
-            raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
-        summary.add(
-            f"channel {describe_shortened(name)!r}",
-            f"{found.arrays[name][0].size} samples, step {found.steps[name][1]:g} s",
-            "found in the file",
-        )
-    kinds = {unit(found.units[name]).powers for name in names if name in found.units} if not stated.units else set()
-    if len(kinds) > 1:
-        listed = ", ".join(f"{name} ({found.units.get(name, 'no unit')})" for name in names[:8])
-        raise InputError(f"channels of several kinds: {listed}", file=path, expected="--column response=NAME")
-    series = []
-    for name in names:
-        start, step = found.steps[name]
-        values = np.asarray(found.arrays[name][0], dtype=np.float64).reshape(-1)
-        said = Found(units={"response": found.units[name]} if name in found.units else {})
-        t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
-        series.append(Series(name, t, values, is_time=True, has_phase=False, found=said))
-    return series
-
-
-def _has(known: Mapping[str, tuple[int, ...]]) -> str:
-    listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
-    return listed or "arrays of numbers"

@@ -1,19 +1,23 @@
-"""What a file holds, before it is a record: series with what the file says of them, and what the user stated.
+"""What a file holds, before it is a record: series, what the file and the user say of them, roles of columns.
 
 What was understood of a file: a table of fact and whence, and notes on what was left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy.typing as npt
 import pandas as pd
 
 from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.headers import ABSCISSAS, parse_header
 from damping.records.record import Record
+from damping.records.text import describe_shortened
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
@@ -136,3 +140,120 @@ class Imported:
 
     record: Record
     summary: Summary
+
+
+#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
+LOCKIN_NAMES: dict[str, tuple[str, ...]] = {
+    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
+    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
+    "y": ("y", "quadrature", "y1", "ch1 y"),
+    "amplitude": ("r", "mag", "magnitude", "r1"),
+    "lead_deg": ("theta", "phase", "theta1"),
+    "force_x": ("x2", "ch2 x", "reference x", "force x"),
+    "force_y": ("y2", "ch2 y", "reference y", "force y"),
+    "force": ("force", "r2", "force r"),
+    "force_lead_deg": ("theta2", "force theta"),
+}
+
+
+def drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
+    twice = set()
+    if {"x", "y"} <= set(columns):
+        twice |= {"amplitude", "lead_deg"}
+    if {"force_x", "force_y"} <= set(columns):
+        twice |= {"force", "force_lead_deg"}
+    return {role: values for role, values in columns.items() if role not in twice}
+
+
+#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
+ROLES: dict[str, str] = {
+    "sweep": "label of the sweep of each row",
+    "frequency": "forcing frequency, Hz",
+    "omega": "forcing frequency, rad/s",
+    "time": "time of a time history, s",
+    "response": "complex response, or the signal of a time history",
+    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
+    "y": "imaginary part of the response, or quadrature reading",
+    "amplitude": "amplitude of the response",
+    "phase": "lag of the response behind the force, rad",
+    "lag_deg": "lag of the response behind the force, degrees",
+    "lead": "lead of the response before the force or the reference, rad",
+    "lead_deg": "the same in degrees",
+    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
+    "force": "amplitude of the force, or complex force",
+    "force_x": "real part or in-phase reading of the force",
+    "force_y": "imaginary part or quadrature reading of the force",
+    "force_lead_deg": "lead of the force before the reference, degrees",
+    "energy": "energy per cycle",
+    "mass": "generalized mass",
+    "amplitude_sd": "standard uncertainty of the amplitude",
+    "phase_sd": "standard uncertainty of the phase, rad",
+    "force_sd": "standard uncertainty of the force",
+}
+
+
+@dataclass(frozen=True)
+class Said:
+    """What names and headers say beside the numbers: units as texts by quantity, the type of response, scalings.
+
+    ``degrees``: roles whose header says degrees.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict)
+    response: str | None = None
+    scaling: str | None = None
+    force_scaling: str | None = None
+    degrees: Sequence[str] = ()
+
+
+#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
+OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
+    "x": ("x", "real", "re"),
+    "y": ("y", "imag", "im"),
+}
+
+
+#: What the unit in the header of a role's column belongs to.
+UNIT_OF = (
+    dict.fromkeys(("force", "force_x", "force_y"), "force")
+    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
+    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
+)
+
+
+#: Names of a column beside x and y that make them readings of an amplifier.
+_MODULI = {"r", "mag", "magnitude", "theta"}
+
+
+_MOTIONS = ("response", "x", "y", "amplitude")
+
+
+def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, path: str | Path) -> None:
+    """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
+    own = {parse_header(name.strip()).name.lower() for name in names}
+    if not set(_MOTIONS) & set(of_role):
+        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
+        unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
+        raise InputError(
+            f"which column is the response? {describe_shortened(', '.join(free), 80)}",
+            file=path,
+            expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
+        )
+    halves = {role: of_role.get(role, "") for role in ("x", "y")}
+    guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
+    if guessed and not own & _MODULI:
+        raise InputError(
+            "are x and y the parts of one complex response, or two motions?",
+            file=path,
+            expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
+        )
+
+
+def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
+    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
+    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
+    for role, text in of_roles.items():
+        if role in UNIT_OF:
+            units.setdefault(UNIT_OF[role], text)
+    return units

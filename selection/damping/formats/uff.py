@@ -232,7 +232,7 @@ def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Pat
         raise InputError(
             f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)",
             file=file,
-            expected="--dataset numbers of the sweeps of one point",
+            expected="--dataset numbers of the sweeps of one point, or damping campaign for all",
         )
 
 

@@ -16,8 +16,10 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
+from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
-from damping.gap.model import Part, within_tolerance
+from damping.gap.model import Part
+from damping.gap.simulation import within_tolerance
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import importance
 from damping.infer.law import by_blocks
@@ -43,6 +45,49 @@ def effect_values(one: ModelFit) -> dict[str, dict[str, float]]:
     return found
 
 
+#: Draws from which intervals are taken; their content.
+_DRAWS = 400
+CONTENT = 0.9
+
+
+def effect_intervals(one: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
+    """Intervals of the parameters of every effect of a fit, of `CONTENT`, from its Gaussian posterior.
+
+    Parameters that are not free (which sweep it is) have none.
+    """
+    draws = np.random.default_rng(0).multivariate_normal(one.y, one.covariance, size=_DRAWS, method="cholesky")
+    start = len(one.model.problem.simulation.names)
+    found = {}
+    for part in one.model.parts:
+        values = [value[:, 0] for value in part.values(draws[:, start : start + part.size])]
+        start += part.size
+        tail = 0.5 - 0.5 * CONTENT
+        found[part.form.effect] = {
+            name: (float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail)))
+            for name, drawn in part.form.report(*values).items()
+            if np.ndim(drawn) == 1 and np.ptp(drawn) > 0.0
+        }
+    return found
+
+
+#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
+#: counts as one at the end of its range.
+_FAR = 2.5
+_FULL = 0.9
+
+
+def list_ends(one: ModelFit) -> list[str]:
+    """Effects of a fit whose best values lie at the end of what was thought possible, in words."""
+    start, found = len(one.model.problem.simulation.names), []
+    for part in one.model.parts:
+        x = one.y[start : start + part.size]
+        start += part.size
+        strength = float(part.values(x[np.newaxis])[0][0, 0])
+        if strength > _FULL * part.form.largest or np.any(np.abs(x[1:]) > _FAR):
+            found.append(f"the best fit of {part.form.effect} ends at the end of its range: no estimate, but a finding")
+    return found
+
+
 def reported(part: Part, x: np.ndarray) -> dict[str, float]:
     """Parameters of one part at its variables x (size,)."""
     values = [float(value[0, 0]) for value in part.values(x[np.newaxis])]
@@ -63,7 +108,7 @@ def corrected_mode(one: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         effect = effects[name]
         if effect.corrects:
             relative[effect.corrects] = values["relative"]
-        elif effect.damping:
+        elif effect.damping and set(values) <= set(list_parameter_names(effect.damping)):
             added[effect.damping] = values
         else:
             others[name] = values

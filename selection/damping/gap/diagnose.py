@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, ranked_tests
-from damping.gap.problem import Setting, guess_unit, record_cautions, refuse_other_mode, rescaled, setting
-from damping.gap.rows import spread
+from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
+from damping.gap.problem import (
+    NOISE_ERROR,
+    Setting,
+    State,
+    exclude_effects,
+    guess_unit,
+    record_cautions,
+    refuse_other_mode,
+    rescaled,
+    setting,
+)
+from damping.gap.rows import read_rows
 from damping.gap.search import Hypothesis, Search
-from damping.gap.size import Gap, HeldOut, hold_levels_out, measure_gap
-from damping.gap.unnamed import Group, UnnamedCause, fit_unnamed_causes, group_equivalent_effects
+from damping.gap.simulation import Simulate
+from damping.gap.size import (
+    Gap,
+    HeldOut,
+    LevelDeviation,
+    describe_repeatability,
+    hold_levels_out,
+    list_levels,
+    measure_gap,
+)
+from damping.gap.unknowns import spread
+from damping.gap.weighing import (
+    Explanation,
+    Group,
+    blend_probabilities,
+    cover_probability,
+    describe_held_out,
+    estimate_in_library,
+    group_equivalent_effects,
+    weigh_hypotheses,
+)
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
@@ -31,8 +62,6 @@ from damping.gap.where import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Probability that the list of explanations reaches.
-COVER = 0.95
 #: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
@@ -40,15 +69,6 @@ MOST_DISPERSIONS = 3
 FEW_ROWS = 40
 #: Rows that are diagnosed at most: it takes minutes, not hours.
 MOST_ROWS = 5_000
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """A hypothesis with its probability among all that were fitted."""
-
-    effects: tuple[str, ...]
-    probability: float
-    hypothesis: Hypothesis
 
 
 @dataclass(frozen=True)
@@ -60,8 +80,9 @@ class Diagnosis:
         hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
-        strangers: causes that the library does not name, the most probable first.
-        unexplained: more than noise is left. gap, where, footprint, held_out: see the modules of those names.
+        unexplained: more than noise is left. in_library: calibrated chance that the library holds the cause at all.
+        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint,
+        held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
         cautions: what the record cannot say.
     """
@@ -73,8 +94,9 @@ class Diagnosis:
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     tests: tuple[Test, ...]
-    strangers: tuple[UnnamedCause, ...]
     unexplained: bool
+    in_library: float
+    levels: tuple[LevelDeviation, ...]
     gap: Gap
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
@@ -92,7 +114,8 @@ class Diagnosis:
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        return ranked_tests(self.leading.best, rivals(self.hypotheses))
+        files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
+        return rank_tests(self.leading.best, list_rivals(self.hypotheses), f"damping gap {files[0]} {files[1]}")
 
     @property
     def next_test(self) -> NextTest | None:
@@ -100,23 +123,33 @@ class Diagnosis:
         return self.next_tests[0] if self.next_tests else None
 
 
-def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = None) -> Diagnosis:
+def diagnose(
+    record: Record,
+    mode: Mode,
+    effects: Mapping[str, Effect] | None = None,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+) -> Diagnosis:
     """Diagnose the gap between a simulation and a record.
 
     Args:
         effects: the library, by name; all of `CATALOGUE` where not given.
+        states: records of further states of the structure with their modes; effects are shared.
+        simulate: the user's own simulation in the place of the mode, see `damping.gap.model.Simulator`.
 
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    if len(record) > MOST_ROWS:
+    count = len(record) + sum(len(own) for own, _ in states)
+    if count > MOST_ROWS:
         raise AnalysisError(
-            f"{record.source}: {len(record)} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+            f"{record.source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
         )
-    library = CATALOGUE if effects is None else effects
-    start = setting(record, mode)
+    for own, state in ((record, mode), *states):
+        refuse_other_mode(read_rows(own, state), state)
+    start = setting(record, mode, states, simulate)
     rows = start.problem.rows
-    refuse_other_mode(rows, mode)
+    library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     guess = guess_unit(rows, start.problem.simulation)
     if guess is not None:
@@ -126,8 +159,14 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     hypotheses = weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    others = fit_unnamed_causes(known.problem, known.unknowns, leading)
-    local = local_estimates(known.problem.rows, mode)
+    held_out = hold_levels_out(known, search, leading.best)
+    gap = measure_gap(leading.best)
+    levels = describe_repeatability(known, leading.best)
+    more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
+    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
+    hypotheses = blend_probabilities(hypotheses, in_library)
+    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
         record=record,
@@ -135,16 +174,15 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
         setting=known,
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([one.hypothesis for one in hypotheses]),
+        groups=group_equivalent_effects([one.hypothesis for one in hypotheses], library),
         tests=tests,
-        strangers=tuple(others),
-        unexplained=known.dispersion > 1.0
-        or unexplained(leading.best, tests, library)
-        or any(one.log_odds > 0.0 for one in others),
-        gap=measure_gap(leading.best),
+        unexplained=more,
+        in_library=in_library,
+        levels=list_levels(leading.best),
+        gap=gap,
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
-        held_out=hold_levels_out(known, search, leading.best),
+        held_out=held_out,
         local=local,
         damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
         frequency_trend=trend(
@@ -154,9 +192,9 @@ def diagnose(record: Record, mode: Mode, effects: Mapping[str, Effect] | None = 
     )
 
 
-def rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
-    """The explanations beside the leading one that are alive; the most probable of the others where none is."""
-    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE] or list(hypotheses[1:2])
+def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
+    """The explanations beside the leading one that are alive."""
+    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE]
     return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 
@@ -201,26 +239,11 @@ def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
     return search
 
 
-def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
-    """Probabilities among all hypotheses that were fitted, most probable first."""
-    logarithms = np.array([one.log_posterior for one in hypotheses])
-    weights = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
-    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
-    return tuple(sorted(found, key=lambda one: -one.probability))
-
-
-def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
-    """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
-    reached = np.cumsum([one.probability for one in hypotheses])
-    return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
-
-
 def _much_the_same(one: Setting, other: Setting) -> bool:
-    """Whether two settings have the same noise within a tenth."""
+    """Whether two settings have the same noise within what is integrated over anyway."""
     a, b = one.problem.rows, other.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    return bool(np.sqrt(np.mean(changes**2)) < 0.1)
+    return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)
 
 
 def _describe_unit_caution(name: str, factor: float) -> str:

@@ -19,16 +19,14 @@ Both are quadratic splines of ln A added to a fit to first order; with M and g o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.effects.contract import Effect
-from damping.effects.terms import ComplexArray
-from damping.gap.fit import ModelFit
+from damping.gap.fit import ModelFit, decorrelate
 from damping.gap.model import Residuals
 from damping.gap.rows import Rows
 
@@ -58,8 +56,14 @@ class Test:
 
 def directed_tests(one: ModelFit) -> list[Test]:
     """All tests of what a fit leaves, in no order."""
-    found = [_linear(one, name, columns(one)) for name, columns in FAMILIES.items()]
-    return [*found, _windows(one), _neighbours(one)]
+    rho = one.model.scatter.correlation
+
+    def white(columns: FloatArray) -> FloatArray:
+        return decorrelate(columns, one.model, rho)[0]
+
+    own = replace(one, r=white(one.r), J=white(one.J))
+    found = [_linear(own, name, white(columns(one).T).T) for name, columns in FAMILIES.items()]
+    return [*found, _windows(own), _neighbours(own)]
 
 
 def smallest_p(tests: Sequence[Test]) -> float:
@@ -77,6 +81,8 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, len(inner)) * span)
     knots = np.concatenate([[inner[0]] * 2, inner, [inner[-1]] * 2])
     place = np.clip(x if at is None else at, inner[0], inner[-1])
+    from scipy.interpolate import BSpline  # noqa: PLC0415 - slow to import
+
     return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
@@ -123,12 +129,11 @@ def _transfer(one: ModelFit) -> FloatArray:
 def _drift(one: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
     rows, found = _at(one)
-    whole = rows.row / max(len(rows) - 1, 1) - 0.5
     within = np.zeros(len(rows))
     for number in range(len(rows.sweeps)):
         own = rows.sweep == number
-        within[own] = (rows.row[own] - rows.row[own].mean()) / max(np.ptp(rows.row[own]), 1)
-    time = np.stack([whole, within])
+        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
+    time = np.stack([rows.time, within])
     return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
 
 
@@ -177,13 +182,13 @@ def _linear(one: ModelFit, name: str, D: FloatArray) -> Test:
     seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
     gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))
     freedom = int(seen.sum())
-    return Test(name, gain, freedom, float(chi2.sf(gain, freedom)) if freedom else 1.0)
+    return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
 def _clipped(one: ModelFit) -> tuple[FloatArray, float, float]:
     """Squares of clipped residuals with their mean and standard deviation under noise."""
     x = np.linspace(-8.0, 8.0, 4001)
-    p = norm.pdf(x) * (x[1] - x[0])
+    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
     square = np.minimum(x * x, CLIP**2)
     mean = float(p @ square)
     return np.minimum(one.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
@@ -193,8 +198,9 @@ def _windows(one: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = one.model.problem.rows
     squares, mean, sd = _clipped(one)
-    excess = ((squares - mean) / sd).reshape(-1, len(rows)).sum(axis=0)[np.argsort(rows.omega)]
-    quantities = len(one.r) // len(rows)
+    quantities = 1 + rows.has_phase
+    excess = ((squares - mean) / sd)[: quantities * len(rows)].reshape(-1, len(rows)).sum(axis=0)
+    excess = excess[np.argsort(rows.omega)]
     total = np.concatenate([[0.0], np.cumsum(excess)])
     best, tried = 0.0, 1
     for width in _WINDOWS:
@@ -202,7 +208,7 @@ def _windows(one: ModelFit) -> Test:
             z = (total[width:] - total[:-width]) / np.sqrt(width * quantities)
             best, tried = max(best, float(z.max())), tried + 2 * len(z) // width
     freedom = min(_WINDOWS) * quantities
-    p = chi2.sf(freedom + best * np.sqrt(2.0 * freedom), freedom)  # skew as a sum of so many squares
+    p = chdtrc(freedom, freedom + best * np.sqrt(2.0 * freedom))  # skew as a sum of so many squares
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 
@@ -213,7 +219,7 @@ def _neighbours(one: ModelFit) -> Test:
     same = rows.sweep[1:] == rows.sweep[:-1]
     product = (r[:, 1:] * r[:, :-1])[:, same]
     z = float(product.sum() / np.sqrt(max(product.size, 1)))
-    return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(norm.sf(z)))
+    return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(ndtr(-z)))
 
 
 def unexplained(one: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:

@@ -14,14 +14,12 @@ integral in closed form, with the fit's robust weights.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from damping.arrays import FloatArray
-from damping.gap.model import Model, Scatter
+from damping.gap.model import Model
 
 #: Share of wild points and their standard deviation in units of noise.
 WILD = 0.02
@@ -40,6 +38,9 @@ _FAR_OFF = 1.5
 _TRIED = 4
 _PATIENCE = 5
 _SURVIVORS = 2
+#: ... of which none costs more than this factor, and so much in ln p, above the best.
+_HOPELESS = 1.3
+_BEHIND = 15.0
 
 
 @dataclass(frozen=True)
@@ -70,24 +71,32 @@ class ModelFit:
 def fit_model(
     model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
 ) -> list[ModelFit]:
-    """Distinct modes reached from starts x (starts, size), best first.
+    """Distinct modes reached from starts x (starts, size), best first, with predictions at the motion found.
 
     Args:
         z: deviations of the sweeps to start from, (starts, 2 sweeps); zero where not given.
         weights: of the residuals (m,), for plain least squares; robust ones where not given.
     """
+    return polish_fits(fit_roughly(model, x, z, weights), weights)
+
+
+def fit_roughly(
+    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
+) -> list[ModelFit]:
+    """The same with predictions at the measured amplitudes."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
-    rough = [_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))]
-    found = [_polished(one, weights) for one in _list_distinct(rough)]
+    return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
+
+
+def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> list[ModelFit]:
+    """Fits made again with predictions at the motion that they found: free of the noise of measured amplitudes."""
+    found = []
+    for one in rough:
+        model = one.model.at_motion(one.y)
+        y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
+        found.append(_fit(model, y[0], r[0], J[0], weights))
     return _list_distinct(found)
-
-
-def _polished(one: ModelFit, weights: FloatArray | None) -> ModelFit:
-    """The fit made again with predictions at the motion that it found: free of the noise of measured amplitudes."""
-    model = one.model.at_motion(one.y)
-    y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
-    return _fit(model, y[0], r[0], J[0], weights)
 
 
 def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
@@ -95,9 +104,15 @@ def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
     found = sorted(found, key=lambda one: -one.log_posterior)
     distinct: list[ModelFit] = []
     for one in found:
-        if all(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5 for other in distinct):
+        if all(_differ(one, other) for other in distinct):
             distinct.append(one)
-    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - 15.0]
+    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - _BEHIND]
+
+
+def _differ(one: ModelFit, other: ModelFit) -> bool:
+    if one.model.parts != other.model.parts:
+        return True
+    return bool(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:
@@ -124,21 +139,23 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
-        r = model.residuals(y).r
+        r = _white_jacobian(model, y)[0] if model.scatter.correlation else model.residuals(y).r
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
-    r, J = model.jacobian(y)
+    r, J = _white_jacobian(model, y)
     damping = np.full(len(y), 1e-2)
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
         if step == _PATIENCE:
-            keep = np.argsort(_cost(r, y, np.ones(len(y)), weights))[:_SURVIVORS]
+            cost = _cost(r, y, np.ones(len(y)), weights)
+            keep = np.argsort(cost)[:_SURVIVORS]
+            keep = keep[cost[keep] < cost.min() * _HOPELESS + _BEHIND]
             y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
         at = np.flatnonzero(active)
         if at.size == 0:
             break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
-        new_r, new_J = model.jacobian(new)
+        new_r, new_J = _white_jacobian(model, new)
         cost = _cost(r[at], y[at], scale, weights)
         gain = cost - _cost(new_r, new, scale, weights)
         better = gain > 0.0
@@ -148,7 +165,17 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
         little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
         settled = (better & (gain < little)) | (damping[at] > 1e6)
         active[at[settled & (scale == 1.0)]] = False
-    return y, r, J
+    return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
+
+
+def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (batch, m) and their Jacobian (batch, m, .), freed of the correlation of neighbours."""
+    r, J = model.jacobian(y)
+    if not model.scatter.correlation:
+        return r, J
+    columns = np.moveaxis(np.concatenate([r[:, :, np.newaxis], J], axis=2), 0, 1)
+    white = np.moveaxis(decorrelate(columns, model, model.scatter.correlation)[0], 1, 0)
+    return white[:, :, 0], white[:, :, 1:]
 
 
 def _spread(r: FloatArray) -> FloatArray:
@@ -182,7 +209,8 @@ def _step(
 def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:
     posterior = -float(_cost(r[np.newaxis], y[np.newaxis], np.ones(1), weights)[0])
     counts = robust_weights(r) if weights is None else weights
-    H = (J * counts[:, np.newaxis]).T @ J + np.eye(len(y))
+    rooted = decorrelate(J * np.sqrt(counts)[:, np.newaxis], model, model.scatter.correlation)[0]
+    H = rooted.T @ rooted + np.eye(len(y))
     return ModelFit(
         model,
         y,
@@ -195,92 +223,14 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
     )
 
 
-#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
-AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
-FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
-#: Nodes and weights of N(0, 1) in five points (Gauss-Hermite).
-_NODES = ((-2.857, 0.01126), (-1.3556, 0.22208), (0.0, 0.53333), (1.3556, 0.22208), (2.857, 0.01126))
-
-
-@dataclass(frozen=True)
-class Unknowns:
-    """Every scatter and noise considered with its prior probability; one where both are stated.
-
-    Attributes:
-        all: the candidates. log_prior: logarithms of their probabilities. first: the one that a search begins with.
-    """
-
-    all: tuple[Scatter, ...]
-    log_prior: FloatArray
-    first: Scatter
-
-    @property
-    def known(self) -> bool:
-        """Whether there is nothing to choose."""
-        return len(self.all) == 1
-
-
-def unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float, dispersion: float) -> Unknowns:
-    """The candidates.
-
-    Args:
-        scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
-        noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
-        dispersion: by how much every explanation misses the record by more than noise.
-    """
-    noises = [(float(np.exp(noise_error * x)), p) for x, p in _NODES] if noise_error > 0.0 else [(1.0, 1.0)]
-    if scatter is not None:
-        found = [(replace(scatter, noise=s, dispersion=dispersion), p) for s, p in noises]
-        first = replace(scatter, dispersion=dispersion)
-    else:
-        found = [
-            (Scatter(a, f * bandwidth, s, dispersion), p_a * p_f * p_s)
-            for (a, p_a), (f, p_f), (s, p_s) in product(AMPLITUDE_GRID, FREQUENCY_GRID, noises)
-        ]
-        first = Scatter(0.003, 0.03 * bandwidth, 1.0, dispersion)
-    return Unknowns(tuple(one for one, _ in found), np.log([p for _, p in found]), first)
-
-
-def evidences(one: ModelFit, scatters: tuple[Scatter, ...]) -> FloatArray:
-    """ln evidence of the model of a fit with each scatter and noise, (scatters,)."""
-    k, sweeps = one.model.size, one.model.sweeps
-    own = _scales(one.model.scatter, k, sweeps)
-    J = one.J / own
-    weighted = J * one.weights[:, np.newaxis]
-    start = one.r - J @ (one.y * own)  # residuals at x = 0, b = 0
-    N, h = weighted.T @ J, weighted.T @ start
-    scale = np.stack([_scales(scatter, k, sweeps) for scatter in scatters])
-    precision = (one.model.scatter.noise / np.array([scatter.noise for scatter in scatters])) ** 2
-    H = N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :] * precision[:, np.newaxis, np.newaxis] + np.eye(len(own))
-    g = h * scale * precision[:, np.newaxis]
-    solved = np.linalg.solve(H, g[:, :, np.newaxis])[:, :, 0]
-    regular = float(np.sum(one.weights > WILD_WEIGHT))
-    robust = float(log_likelihood(one.r)) + 0.5 * float(one.weights @ one.r**2) + 0.5 * regular * np.log(precision)
-    least = 0.5 * float(one.weights @ start**2) * precision - 0.5 * np.sum(g * solved, axis=1)
-    return np.asarray(robust - least - 0.5 * np.linalg.slogdet(H)[1] - regular * np.log(one.model.scatter.noise))
-
-
-def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
-    """The fit at the most probable scatter and noise, its evidence averaged over all of them.
-
-    It is made again at these where its evidence comes up to ``least``: others do not matter.
-    """
-    if unknown.known:
-        return one
-    found = evidences(one, unknown.all) + unknown.log_prior
-    best = unknown.all[int(np.argmax(found))]
-    if best != one.model.scatter and float(logsumexp(found)) > least:
-        one = _refitted(one, best)
-        found = evidences(one, unknown.all) + unknown.log_prior
-    return replace(one, log_evidence=float(logsumexp(found)))
-
-
-def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
-    k, sweeps = one.model.size, one.model.sweeps
-    z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
-    model = replace(one.model, scatter=scatter)
-    return fit_model(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
-
-
-def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:
-    return np.repeat([1.0, scatter.amplitude, scatter.frequency], [variables, sweeps, sweeps])
+def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
+    """Columns (m, ..) as they are without the correlation of neighbours, and ln of the determinant of the change."""
+    if rho == 0.0:
+        return columns, 0.0
+    sweep = np.tile(model.problem.rows.sweep, len(columns) // len(model.problem.rows))
+    follows = np.concatenate([[False], sweep[1:] == sweep[:-1]])
+    follows[:: len(model.problem.rows)] = False
+    size = np.sqrt(1.0 - rho**2)
+    white = columns.copy()
+    white[follows] = (columns[follows] - rho * columns[np.flatnonzero(follows) - 1]) / size
+    return white, -float(follows.sum()) * float(np.log(size))

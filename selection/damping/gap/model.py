@@ -1,6 +1,4 @@
-"""The simulation that is judged: its terms, with omega_n, M and every damping coefficient free within tolerance.
-
-A hypothesis as a model of the record: standard normal variables in, whitened residuals and their Jacobian out.
+"""A hypothesis as a model of the record: standard normal variables in, whitened residuals and their Jacobian out.
 
 Variables y = (x, z): x are the simulation's parameters in units of tolerance and the effects' strengths and shapes,
 z the deviations of gain and frequency of every sweep in units of repeatability. All have the prior N(0, 1).
@@ -17,63 +15,16 @@ Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.effects import with_effects
-from damping.effects.contract import Form, Scales
-from damping.effects.terms import ComplexArray, Prediction, Terms, predict
-from damping.forces import list_parameter_names, make
+from damping.effects.contract import Form, Scales, Terms
+from damping.effects.terms import Prediction, cross_motion, predict, third_harmonic
 from damping.gap.rows import Rows, wrapped
-from damping.records.mode import Mode
-
-#: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
-MOST_TOLERANCES = 3.0
-_SHARPNESS = 8
-
-
-def within_tolerance(x: FloatArray) -> FloatArray:
-    """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
-    return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
-
-    The variables are those of ``names``: ``frequency``, ``mass`` and the damping forces of the mode by name (their
-    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping).
-    """
-
-    mode: Mode
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the variables."""
-        return ("frequency", "mass", *self.mode.damping)
-
-    @property
-    def tolerance(self) -> FloatArray:
-        """Relative standard uncertainty of each variable."""
-        stated = self.mode.tolerance
-        return np.array([stated.frequency, stated.mass] + [stated.viscous] * len(self.mode.damping))
-
-    def terms(self, x: FloatArray) -> Terms:
-        """The terms at variables x (batch, k), as arrays (batch, 1)."""
-        factor = np.exp(within_tolerance(x) * self.tolerance)[..., np.newaxis]
-        forces = []
-        for number, (name, parameters) in enumerate(self.mode.damping.items()):
-            leading, *others = list_parameter_names(name)
-            values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
-            forces.append(make(name, **values))
-        return Terms(
-            M=self.mode.mass * factor[:, 1],
-            omega_n=self.mode.omega_n * factor[:, 0],
-            forces=tuple(forces),
-            simulated=len(forces),
-        )
-
+from damping.gap.simulation import Simulation
 
 #: Least |d| that counts: noise of force and frequency hides a sharper fold.
 FOLD = 0.05
@@ -86,22 +37,19 @@ TYPICAL_GAP = 3.0
 SPREAD = 1.5
 
 
-#: Stands for none, where one divides by it.
-NO_SCATTER = 1e-9
-
-
 @dataclass(frozen=True)
 class Scatter:
     """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
 
     ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
-    explanation misses by more than noise.
+    explanation misses by more than noise. ``correlation``: of the errors of neighbouring rows.
     """
 
     amplitude: float
     frequency: float
     noise: float = 1.0
     dispersion: float = 1.0
+    correlation: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -143,19 +91,21 @@ class Part:
 class Sensitivity:
     """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
 
-    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T.
+    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T;
+    ``further`` residuals of each row stay what they are: other channels say nothing of such a change.
     """
 
     per_sd: FloatArray
     follow: FloatArray
     sd_phase: FloatArray | None
+    further: int = 0
 
     def columns(self, T: ComplexArray) -> FloatArray:
         """Changes of the residuals, (.., m), by changes T (.., n) of ln(prediction)."""
-        amplitude = -T.real * self.per_sd
-        if self.sd_phase is None:
-            return amplitude
-        return np.concatenate([amplitude, (T.imag + self.follow * T.real) / self.sd_phase], axis=-1)
+        found = [-T.real * self.per_sd]
+        if self.sd_phase is not None:
+            found.append((T.imag + self.follow * T.real) / self.sd_phase)
+        return np.concatenate(found + [np.zeros_like(found[0])] * self.further, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -249,15 +199,39 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     sd_phase = rows.sd_phase * scatter.factor
     per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
     follow = found.by_u.imag * d / squared
-    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None)
+    further = 4 * rows.has_further
+    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
     by_frequency = answer.columns(found.by_frequency)
-    amplitude, by_gain = (misfit + (rows.u - u0) * d) * per_sd, -d * per_sd
-    if not rows.has_phase:
-        return Residuals(amplitude, by_gain, by_frequency, answer, found, motion)
-    phase = wrapped(rows.phase + found.P.imag - follow * misfit) / sd_phase
-    both = np.concatenate([amplitude, phase], axis=1)
-    by_gain = np.concatenate([by_gain, np.zeros_like(phase)], axis=1)
-    return Residuals(both, by_gain, by_frequency, answer, found, motion)
+    parts = [(misfit + (rows.u - u0) * d) * per_sd]
+    phase = -found.P.imag + follow * misfit
+    if rows.has_phase:
+        parts.append(wrapped(rows.phase - phase) / sd_phase)
+    if rows.has_further:
+        parts += _further(terms, rows, motion, phase, scatter)
+    by_gain = np.concatenate([-d * per_sd] + [np.zeros_like(d)] * (len(parts) - 1), axis=1)
+    return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, answer, found, motion)
+
+
+#: Largest part of the motion that a channel across it picks up because it is not square to it.
+_SKEW = 0.1
+
+
+def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
+    """Residuals of the third harmonic and of the motion across, (batch, n) each: real parts, then imaginary ones.
+
+    Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
+    """
+    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
+    third = (third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third) / (rows.sd_third * scatter.factor)
+    seen = 1.0 / (rows.sd_cross * scatter.factor)
+    across = cross_motion(terms, A, rows.drive) * seen
+    along, measured = A * np.exp(-1j * phase) * seen, rows.cross * seen
+    way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    left = measured - way * across
+    size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
+    skew = np.clip(np.sum((left * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
+    left = left - skew * along
+    return [third.real, third.imag, left.real, left.imag]
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
@@ -265,3 +239,33 @@ def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms
     sweeps = len(rows.sweeps)
     gain = terms.gain + scatter.amplitude * z[:, :sweeps][:, rows.sweep]
     return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))
+
+
+_MOST_STEPS = 40
+_LONGEST = 0.5
+_SETTLED = 1e-10
+
+
+class Motion(NamedTuple):
+    """ln of the amplitude and the phase lag (rad) of a steady state, (n,) each."""
+
+    u: FloatArray
+    phase: FloatArray
+
+
+def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
+    """The steady states nearest to ln amplitudes u, (n,): Newton's method on u = Re P(u), steps bounded.
+
+    ``terms`` holds values (1, 1) or (1, n). Where there is none near, the amplitude of least misfit on the way.
+    """
+    best, least = u.copy(), np.full(len(u), np.inf)
+    for _ in range(_MOST_STEPS):
+        found = predict(terms, u, rows.drive)
+        misfit = u - found.P.real[0]
+        closer = np.abs(misfit) < least
+        best, least = np.where(closer, u, best), np.where(closer, np.abs(misfit), least)
+        if np.all(least < _SETTLED):
+            break
+        d = 1.0 - found.by_u.real[0]
+        u = u - np.clip(misfit * d / (d * d + FOLD**4), -_LONGEST, _LONGEST)
+    return Motion(best, -predict(terms, best, rows.drive).P.imag[0])

@@ -5,25 +5,28 @@ What a record cannot say, and inputs that look wrong: found before any fit, said
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log, pi
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.effects.contract import Scales
+from damping.effects.contract import Effect, Scales
 from damping.effects.terms import predict
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
-from damping.gap.fit import ModelFit, Unknowns, unknowns
-from damping.gap.model import NO_SCATTER, Problem, Scatter, Simulation
-from damping.gap.rows import Rows, is_stated, read_rows, roughness, stated_noise
+from damping.gap.fit import ModelFit
+from damping.gap.model import Problem, Scatter
+from damping.gap.rows import UNSEEN, Rows, join_states, read_rows
+from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
+from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Standard deviation of the ln of a noise that is no more than a guess.
-GUESS_ERROR = 0.2
+#: Standard deviation of the ln of a noise that was estimated from roughness, at least.
+NOISE_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,10 @@ class Setting:
 
     @property
     def unknowns(self) -> Unknowns:
-        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n)."""
+        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
-        error = 0.0 if self.noise_known else GUESS_ERROR if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))
-        return unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
+        error = 0.0 if self.noise_known else max(NOISE_ERROR, float(np.sqrt(2.0 / len(rows))))
+        return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:
@@ -61,15 +64,45 @@ class Setting:
         if not self.amplitude_noise:
             rows = replace(rows, sd_amplitude=roughness(rows, reference.r[:n] * rows.sd_amplitude * factor))
         if rows.has_phase and not self.phase_noise:
-            rows = replace(rows, sd_phase=roughness(rows, reference.r[n:] * rows.sd_phase * factor))
+            rough = roughness(rows, reference.r[n : 2 * n] * rows.sd_phase * factor)
+            rows = replace(rows, sd_phase=np.where(rows.sd_phase < UNSEEN, rough, UNSEEN))
         return replace(self, problem=replace(self.problem, rows=rows))
 
 
-def setting(record: Record, mode: Mode) -> Setting:
-    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess."""
-    rows = stated_noise(read_rows(record, mode), record)
-    problem = Problem(rows, Simulation(mode), scales(rows, mode))
-    return Setting(problem, _scatter(mode, rows), *is_stated(record))
+#: A further state of the structure: its record and the mode that simulates it.
+State = tuple[Record, Mode]
+
+
+def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: Simulate | None = None) -> Setting:
+    """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
+
+    Args:
+        states: further states of the same structure, whose effects are shared. simulate: the user's own simulation.
+
+    Raises:
+        AnalysisError: states that simulate different damping forces.
+    """
+    rows = [stated_noise(read_rows(own, state), own) for own, state in ((record, mode), *states)]
+    joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
+    further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
+    simulator = None if simulate is None else Simulator.read(simulate, mode)
+    problem = Problem(joined, Simulation(mode, further, simulator), scales(joined, mode))
+    stated = [is_stated(own) for own, _ in ((record, mode), *states)]
+    return Setting(problem, _scatter(mode, joined), *(all(part) for part in zip(*stated, strict=True)))
+
+
+def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
+    """The library without what is known of the rig, and what the simulation claims no knowledge of."""
+    out = set()
+    if mode.rig.planes == 1:
+        out.add("planar-coupling")
+    if mode.rig.force == "measured":
+        out.add("force-dropout")
+    if mode.rig.rate is not None or np.any(rows.rate != 0.0):
+        out.add("sweep-rate")
+    if mode.tolerance.from_record:
+        out |= {"viscous-coefficient", "natural-frequency"}
+    return {name: effect for name, effect in effects.items() if name not in out}
 
 
 def scales(rows: Rows, mode: Mode) -> Scales:
@@ -88,6 +121,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         reach=float(np.abs(rows.omega / mode.omega_n - 1.0).max()),
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
+        sweeps=len(rows.sweeps),
     )
 
 

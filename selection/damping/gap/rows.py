@@ -5,13 +5,15 @@ Noise of every row: as stated, else from how roughly the residuals of a referenc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
-from damping.effects.terms import Drive
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
+from damping.effects.contract import Drive
+from damping.errors import AnalysisError
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
@@ -23,12 +25,16 @@ class Rows:
 
     Attributes:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
-            each sweep, (sweeps,), lowest first; repeats of one level share it.
-        F: force. omega: rad/s. u: ln of the amplitude. phase: lag, rad (pi/2 where none was measured).
-        mass: the row's generalized mass over that of the model.
-        sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad.
-        has_phase: whether the phases were measured. at_resonance: whether every row is the phase resonance of its
-            sweep, as in a record whose sweeps are single rows without a phase.
+            each sweep, (sweeps,), lowest first; repeats of one level share it. u: ln of the amplitude. phase: lag, rad
+            (pi/2 where none was measured).
+        F, omega, mass, resonant, time, label, up, rate, added, state, ratio, own: what the rig does there, see `Drive`
+            (``label`` is its ``sweep``: the number in the whole record, from 1). Rows are ``resonant`` where their
+            sweep has no other and no phase.
+        sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad,
+            ``UNSEEN`` where no phase was measured.
+        third, cross: phasors of the third harmonic, and of the motion across the measured axis, at the phase of the
+            force; sd_third, sd_cross: their noise, ``UNSEEN`` where there are none.
+        has_phase, has_further: whether phases, and phasors of other channels, are compared.
     """
 
     row: IntArray
@@ -40,10 +46,23 @@ class Rows:
     u: FloatArray
     phase: FloatArray
     mass: FloatArray
+    resonant: BoolArray
+    time: FloatArray
+    label: FloatArray
+    up: FloatArray
+    rate: FloatArray
+    added: FloatArray
+    state: FloatArray
+    ratio: FloatArray
+    own: FloatArray
     sd_amplitude: FloatArray
     sd_phase: FloatArray
+    third: ComplexArray
+    cross: ComplexArray
+    sd_third: FloatArray
+    sd_cross: FloatArray
     has_phase: bool
-    at_resonance: bool = False
+    has_further: bool = False
 
     def __len__(self) -> int:
         return len(self.F)
@@ -55,13 +74,27 @@ class Rows:
 
     @property
     def drive(self) -> Drive:
-        """Force, frequency and mass factor."""
-        return Drive(self.F, self.omega, self.mass, self.at_resonance)
+        """What the rig does at each row."""
+        names = ("F", "omega", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio", "own")
+        return Drive(*(getattr(self, name) for name in names))
+
+    @property
+    def at_resonance(self) -> bool:
+        """Whether every row is at phase resonance: none lies beside it."""
+        return bool(self.resonant.all())
+
+    @property
+    def seen(self) -> BoolArray:
+        """Which residuals (values,) are measured at all."""
+        parts = [self.sd_amplitude]
+        parts += [self.sd_phase] if self.has_phase else []
+        parts += [self.sd_third, self.sd_third, self.sd_cross, self.sd_cross] if self.has_further else []
+        return np.concatenate(parts) < UNSEEN
 
     @property
     def values(self) -> int:
-        """Number of residuals: amplitudes, and phases where there are any."""
-        return len(self) * (2 if self.has_phase else 1)
+        """Number of residuals: amplitudes, then phases and phasors of other channels where there are any."""
+        return len(self) * (1 + self.has_phase + 4 * self.has_further)
 
     @property
     def levels(self) -> int:
@@ -71,129 +104,149 @@ class Rows:
     def where(self, keep: BoolArray) -> Rows:
         """The rows marked in ``keep``, sweeps without any row dropped and numbered anew."""
         kept, sweep = np.unique(self.sweep[keep], return_inverse=True)
-        by_row = ("row", "F", "omega", "u", "phase", "mass", "sd_amplitude", "sd_phase")
-        chosen = {name: getattr(self, name)[keep] for name in by_row}
-        return replace(self, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept], **chosen)
+        rows = self.taken(np.flatnonzero(keep))
+        return replace(rows, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept])
+
+    def taken(self, index: IntArray, **changed: FloatArray) -> Rows:
+        """Rows by their places (k,), which may repeat, some of their fields ``changed``."""
+        chosen = {name: getattr(self, name)[index] for name in (*BY_ROW, "sweep")}
+        return replace(self, **(chosen | changed))
+
+
+#: Fields of `Rows` with one entry a row, but for its sweep.
+BY_ROW = (
+    *("row", "F", "omega", "u", "phase", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio"),
+    *("own", "sd_amplitude", "sd_phase", "third", "cross", "sd_third", "sd_cross"),
+)
+#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
+UNSEEN = 1e9
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:
     """The rows of a record, noise not yet known (ones): see `damping.gap.rows`."""
-    sweeps = record.sweeps
-    label = record.table["sweep"].astype(str).to_numpy()
-    sweep = np.array([sweeps.index(str(s)) for s in label])
+    sweeps, n = record.sweeps, len(record)
+    names = record.table["sweep"].astype(str).to_numpy()
+    sweep = np.array([sweeps.index(str(s)) for s in names])
     omega = RAD_S_PER_HZ * record.column("frequency")
-    order = np.lexsort((np.arange(len(record)), omega, sweep))
-    F, A = record.column("force"), record.column("amplitude")
-    at_resonance = not record.has_phase and len(sweeps) == len(record)
-    phase = record.column("phase") if record.has_phase else np.full(len(record), 0.5 * pi)
+    order = np.lexsort((np.arange(n), omega, sweep))
+    time = _order_taken(record)
+
+    def optional(name: str, default: float = 0.0) -> FloatArray:
+        if name not in record.table.columns:
+            return np.full(n, default)[order]
+        values = record.column(name)[order]
+        return np.where(np.isfinite(values), values, default)
+
+    third, cross = (optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in "3y")
+    rate = optional("sweep_rate", mode.rig.rate or 0.0)
     return Rows(
         row=order,
         sweep=sweep[order],
         sweeps=sweeps,
         level=number_levels(tabulate_resonances(record)["force"].to_numpy()),
-        F=F[order],
+        F=record.column("force")[order],
         omega=omega[order],
-        u=np.log(A[order]),
-        phase=phase[order],
+        u=np.log(record.column("amplitude")[order]),
+        phase=optional("phase", 0.5 * pi),
         mass=(record.masses(mode.mass) / mode.mass)[order],
-        sd_amplitude=np.ones(len(record)),
-        sd_phase=np.ones(len(record)),
+        resonant=np.full(n, not record.has_phase and len(sweeps) == n),
+        time=time[order],
+        label=1.0 + sweep[order],
+        up=_find_direction(sweep, time, omega)[order],
+        rate=RAD_S_PER_HZ * rate,
+        added=optional("added_mass"),
+        state=np.zeros(n),
+        ratio=np.ones(n),
+        own=np.ones(n),
+        sd_amplitude=np.ones(n),
+        sd_phase=np.full(n, 1.0 if record.has_phase else UNSEEN),
+        third=np.nan_to_num(third),
+        cross=np.nan_to_num(cross),
+        sd_third=np.where(np.isfinite(third), 1.0, UNSEEN),
+        sd_cross=np.where(np.isfinite(cross), 1.0, UNSEEN),
         has_phase=record.has_phase,
-        at_resonance=at_resonance,
+        has_further=bool(np.isfinite(third).any() or np.isfinite(cross).any()),
     )
+
+
+def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> FloatArray:
+    """1 in sweeps whose frequency rises in the order taken, -1 where it falls."""
+    up = np.ones(len(sweep))
+    for number in range(int(sweep.max()) + 1):
+        own = sweep == number
+        up[own] = np.sign(np.sum((time[own] - time[own].mean()) * (omega[own] - omega[own].mean()))) or 1.0
+    return up
+
+
+#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
+SAME_STIFFNESS = 1e-3
+
+
+def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
+    """The rows of several states of one structure, each beside the mode that simulates it, as one record.
+
+    States of one stiffness differ by a known mass: their frequencies follow from it.
+
+    Raises:
+        AnalysisError: states with damping forces that the first one does not simulate.
+    """
+    (first, base), *_ = states
+    if len(states) == 1:
+        return first
+    rows = [first]
+    for number, (own, mode) in enumerate(states[1:], 1):
+        if list(mode.damping) != list(base.damping):
+            raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
+        stiffness = mode.mass * mode.omega_n**2 / (base.mass * base.omega_n**2)
+        n = len(own)
+        place: dict[str, FloatArray] = {"state": np.full(n, float(number))}
+        if abs(stiffness - 1.0) < SAME_STIFFNESS:
+            place["added"] = own.added + (mode.mass - base.mass)
+        else:
+            place |= {
+                "mass": own.mass * mode.mass / base.mass,
+                "ratio": np.full(n, mode.omega_n / base.omega_n),
+            }
+        place["own"] = np.full(n, _damping_ratio(mode, base))
+        rows.append(replace(own, **place))
+    return _joined(rows)
+
+
+def _damping_ratio(mode: Mode, base: Mode) -> float:
+    """Simulated damping of a state over that of the first, by its first force."""
+    name = next(iter(base.damping), None)
+    if name is None:
+        return 1.0
+    leading = next(iter(base.damping[name]))
+    return mode.damping[name][leading] / base.damping[name][leading]
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    """Records one after the other; sweeps are named by their state too."""
+    before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
+    numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
+    names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)
+    forces = np.array([float(np.median(rows.F[rows.sweep == k])) for rows in parts for k in range(len(rows.sweeps))])
+    return replace(
+        parts[0],
+        **{name: np.concatenate([getattr(rows, name) for rows in numbered]) for name in BY_ROW},
+        sweep=np.concatenate([rows.sweep + k for rows, k in zip(parts, before, strict=False)]),
+        sweeps=names,
+        level=number_levels(forces),
+        has_phase=any(rows.has_phase for rows in parts),
+        has_further=any(rows.has_further for rows in parts),
+    )
+
+
+def _order_taken(record: Record) -> FloatArray:
+    """When each row was taken, -1/2 to 1/2 over the record; by the order of the rows where no time is given."""
+    time = np.arange(len(record), dtype=float)
+    if "time" in record.table.columns and np.isfinite(record.column("time")).all():
+        time = record.column("time")
+    span = float(np.ptp(time))
+    return np.asarray((time - time.min()) / span - 0.5) if span > 0.0 else np.zeros(len(record))
 
 
 def wrapped(angle: FloatArray) -> FloatArray:
     """An angle between -pi and pi."""
     return np.asarray(angle - 2.0 * pi * np.round(angle / (2.0 * pi)))
-
-
-#: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
-_TRIMMED = 0.15
-_OF_NORMAL = 0.7215
-#: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
-SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
-_PRICE = 2.0
-#: Deviations count as so large at most.
-CLIP = 3.0
-#: Noise that is assumed before anything is known: of the order of a careful sine test.
-FIRST_GUESS = 0.02
-#: Smallest noise that is believed, so that computed records do not divide by zero.
-LEAST = 1e-6
-
-
-def stated_noise(rows: Rows, record: Record) -> Rows:
-    """The rows with the record's standard uncertainties; ``FIRST_GUESS`` for those that it does not state."""
-    A, F = rows.A, rows.F
-    relative = _filled(_column(record, "amplitude_sd", rows.row) / A)
-    if "force_sd" in record.table.columns:
-        relative = np.hypot(relative, _column(record, "force_sd", rows.row) / F)
-    return replace(rows, sd_amplitude=relative, sd_phase=_filled(_column(record, "phase_sd", rows.row)))
-
-
-def is_stated(record: Record) -> tuple[bool, bool]:
-    """Whether the noise of amplitudes, and of phases, is stated."""
-    names = ("amplitude_sd", "phase_sd")
-    amplitude, phase = (name in record.table.columns and bool(np.any(record.column(name) > 0.0)) for name in names)
-    return amplitude, phase
-
-
-def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
-    """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
-
-    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
-    fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
-    a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
-    point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
-    """
-    runs = [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
-    width = next((w for w in (4, 2) if max(map(len, runs)) >= w), 1)
-    if rows.at_resonance or width == 1:
-        return np.full(len(rows), FIRST_GUESS)
-    weights, places = zip(
-        *(_combinations(rows.omega[own], own, width) for own in runs if len(own) >= width), strict=True
-    )
-    w, at = np.concatenate(weights), np.concatenate(places)
-    combined = np.sum(w * residual[at], axis=1)
-    found = []
-    for rho in SHARES:
-        shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
-        of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
-        s = max(spread(combined / of_shape), LEAST)
-        price = _PRICE if rho else 0.0
-        found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
-    return max(found, key=lambda one: one[0])[1]
-
-
-def spread(values: FloatArray) -> float:
-    """Standard deviation of normal values of which some are wild."""
-    dropped = int(_TRIMMED * len(values))
-    kept = np.sort(values**2)[: len(values) - dropped]
-    return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
-
-
-def _log_likelihood(values: FloatArray, s: float) -> float:
-    return -float(len(values) * np.log(s) + 0.5 * np.sum(np.minimum((values / s) ** 2, CLIP**2)))
-
-
-def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:
-    """Weights of unit norm that annul every polynomial of degree width - 2 over ``width`` neighbours; their rows."""
-    places = np.arange(len(x) - width + 1)[:, np.newaxis] + np.arange(width)
-    t = x[places]
-    t = (t - t.mean(axis=1, keepdims=True)) / max(float(np.ptp(x)), 1e-300)
-    vandermonde = np.stack([t**k for k in range(width - 1)], axis=1)
-    return np.linalg.svd(vandermonde)[2][:, -1, :], own[places]  # orthogonal to all rows
-
-
-def _column(record: Record, name: str, row: IntArray) -> FloatArray:
-    """A column in the order of the rows, NaN where it is absent or not above zero (none stated)."""
-    if name not in record.table.columns:
-        return np.full(len(row), np.nan)
-    values = record.column(name)[row]
-    return np.where(values > 0.0, values, np.nan)
-
-
-def _filled(values: FloatArray) -> FloatArray:
-    """Missing values replaced by the median of the others, or by ``FIRST_GUESS`` where there is none."""
-    known = values[np.isfinite(values)]
-    return np.where(np.isfinite(values), values, np.median(known) if known.size else FIRST_GUESS)

@@ -1,7 +1,4 @@
-"""Where to start the fit of one more effect, and how much it could gain: its direction at a fit already made.
-
-Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them.
-"""
+"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them."""
 
 from __future__ import annotations
 
@@ -12,108 +9,48 @@ from itertools import chain
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, Unknowns, fit_model, marginalise_scatter
-from damping.gap.model import SPREAD, TYPICAL_GAP, Model, Part, Problem
-
-#: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
-_SMALL = 1e-3
-_NONE = -60.0
-#: Range of start values of the gap an effect opens, in units of noise.
-_LOW = 0.3
-_HIGH = 60.0
-
-
-@dataclass(frozen=True)
-class Start:
-    """A form tried at a fit: its part, the variables to start from, and its linear gain in ln p."""
-
-    part: Part
-    x: FloatArray
-    gain: float
-
-
-def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]:
-    """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
-
-    The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
-    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d). ``unit`` is the strength that opens
-    a gap of one unit of noise, d.d unit^2 = number of residuals; found here when not given.
-    """
-    shapes = _grid(form)
-    r, d = _direction(base, form, shapes)
-    squared, pull = _projected(base, form, r, d)
-    strength = -pull / squared
-    gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
-    if unit is None:
-        middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        unit = float(np.sqrt(base.r.size / squared[middle]))
-    s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
-    part = Part(form, unit)
-    found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
-    return sorted(found, key=lambda start: -start.gain)
-
-
-def at_gap(start: Start, gap: float) -> FloatArray:
-    """Variables of a start with the strength that opens a gap of so many units of noise."""
-    return np.array([np.log(np.clip(gap, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
-
-
-def _grid(form: Form) -> FloatArray:
-    """All combinations of the shapes' start values, (starts, shapes)."""
-    if not form.shapes:
-        return np.zeros((1, 0))
-    axes = np.meshgrid(*(shape.starts for shape in form.shapes), indexing="ij")
-    return np.column_stack([axis.ravel() for axis in axes])
-
-
-def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
-    k = base.model.size
-    model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
-    y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
-    strengths = [np.full((len(shapes), 1), size / SPREAD) for size in (np.log(_SMALL), _NONE)]
-    small, none = (model.residuals(np.hstack([y[:, :k], s, shapes, y[:, k:]])).r for s in strengths)
-    return none, (small - none) / (_SMALL * form.natural)
-
-
-def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
-    keep = np.ones(len(base.y), dtype=bool)
-    if form.replaces:
-        keep[base.model.problem.simulation.names.index(form.replaces)] = False
-    J = base.J[:, keep]
-    weighted_J = J * base.weights[:, np.newaxis]
-    inverse = np.linalg.inv(weighted_J.T @ J + np.eye(J.shape[1]))
-    weighted = d * base.weights
-    along = weighted @ J
-    squared = np.einsum("bm,bm->b", weighted, d) - np.einsum("bk,kl,bl->b", along, inverse, along)
-    gradient = r @ weighted_J + base.y[keep]
-    pull = np.einsum("bm,bm->b", weighted, r) - np.einsum("bk,kl,bl->b", along, inverse, gradient)
-    return np.maximum(squared, 1e-9 / form.natural**2), pull
-
+from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
+from damping.gap.model import Model, Part, Problem
+from damping.gap.starts import Start, at_gap, starts
+from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
 #: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
 #: so near the best.
 _GAIN = 2.5
+#: The same beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
+#: errors, 0.8/sqrt(m), of 1.
+_GAIN_BEYOND_NOISE = 4.5
+_FITTING = 1.6
 _NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
-_MOST_FITS = 14
+_MOST_FITS = 10
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
-_WORTH = 15.0
+_WORTH = 30.0
+#: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
+_AGAIN = 6
+_AGAIN_SIMPLE = 3
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
+#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
+_MOST_FORMS = 8
+_MOST_FORMS_BESIDE = 3
+#: Modes of a hypothesis that are gone on from.
+_MOST_BASES = 2
+_FAR = 0.2
 _ROUGH = 1.5
+#: Deviation of a sweep, in units of repeatability, beyond which it hides something.
+_APART = 3.0
 _SLIGHT = 0.2
 #: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
 _HOPELESS = 0.01
@@ -194,17 +131,21 @@ class Search:
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
                 self._extend(null, name, some)
 
-    def again(self, problem: Problem, unknown: Unknowns) -> Search:
-        """The same hypotheses fitted to another problem, from the modes found: no other is tried.
+    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
+        """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
 
-        Strengths keep their units, so that priors stay what they are.
+        Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        for one in sorted(self.found.values(), key=lambda one: len(one.effects)):
-            models = [replace(near.model, problem=problem, scatter=unknown.first, at=None) for near in one.near]
-            fits = [
-                fit_model(model, near.y[np.newaxis, : model.size]) for model, near in zip(models, one.near, strict=True)
-            ]
+        ranked = self.ranked()
+        simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
+        worth = {one.key: one for one in (self.found[frozenset()], *simple, *ranked[:_AGAIN])}
+        for one in sorted(worth.values(), key=lambda one: len(one.effects)):
+            fits = []
+            for near in one.near:
+                at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
+                model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
+                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size]))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -234,6 +175,7 @@ class Search:
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+            least = _GAIN if spread(base.plain.r) > 1.0 + _FITTING / np.sqrt(base.plain.r.size) else _GAIN_BEYOND_NOISE
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
@@ -241,7 +183,7 @@ class Search:
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + 2.0 * gain - price
-                if gain > _GAIN and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                if gain > least and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
             self._extend(base, name, tried)
@@ -249,23 +191,35 @@ class Search:
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
-        promising = [tried for tried in candidates if rough > _ROUGH or tried[0].gain > _SLIGHT]
-        found = [fits for tried in promising for one in base.near for fits in self._fits(one, tried, rough, base)]
+        if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
+            rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
+        candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
+        count = len(candidates)
+        most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
+        least = candidates[0][0].gain * _FAR - _SURE
+        jumps = [tried for tried in candidates[most:] if tried[0].part.form.sizes and rough > _ROUGH]
+        candidates = [tried for tried in candidates[:most] if tried[0].gain > least or tried[0].part.form.sizes]
+        promising = [tried for tried in candidates + jumps if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        near = base.near[:_MOST_BASES]
+        found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
-            self._store((*base.effects, name), found, len(candidates))
+            top = max(one.log_evidence for one in found)
+            near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
+            self._store((*base.effects, name), polish_fits(near), count)
 
     def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
+            own += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
         head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
         parts = (*one.model.parts, tried[0].part)
         models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
-        return list(chain.from_iterable(fit_model(model, x) for model in models))
+        return list(chain.from_iterable(fit_roughly(model, x) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
@@ -276,6 +230,7 @@ class Search:
         first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        prior += sum(np.log(self.effects[name].prior) for name in effects)
         others = _list_other_forms(plain[first], plain) if effects else ()
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis

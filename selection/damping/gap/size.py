@@ -8,11 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from damping.arrays import BoolArray, FloatArray
+from damping.effects.contract import Terms
 from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
-from damping.gap.model import Model, Problem
+from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
@@ -45,9 +46,10 @@ def measure_gap(leading: ModelFit) -> Gap:
 
 
 def regular_values(one: ModelFit) -> BoolArray:
-    """Values (m,) that a fit does not take for wild points; all, where they would be more than a few."""
-    found = one.weights > WILD_WEIGHT
-    return found if found.mean() >= 1.0 - MOST_WILD else np.ones_like(found)
+    """Values (m,) that are measured and that a fit does not take for wild points; all, where these are many."""
+    seen = one.model.problem.rows.seen
+    found = seen & (one.weights > WILD_WEIGHT)
+    return found if found.sum() >= (1.0 - MOST_WILD) * seen.sum() else seen
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:
@@ -71,6 +73,21 @@ def refitted(leading: ModelFit) -> ModelFit:
     return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
 
 
+def fitted_terms(one: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
+    """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
+    model = one.model if effects else Model(one.model.problem, (), one.model.scatter)
+    k = len(one.model.problem.simulation.names)
+    x = one.y[: one.model.size] if effects else np.where(_replaced(one, k), 0.0, one.y[:k])
+    z = one.y[one.model.size :] * float(deviations)
+    return deviated(model.terms(x[np.newaxis]), one.model.problem.rows, z[np.newaxis], one.model.scatter)
+
+
+def _replaced(one: ModelFit, k: int) -> FloatArray:
+    """Variables of the simulation that an effect took the place of."""
+    names = one.model.problem.simulation.names[:k]
+    return np.array([any(part.form.replaces == name for part in one.model.parts) for name in names])
+
+
 def nominal_residuals(leading: ModelFit) -> FloatArray:
     """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
     model = _alone(leading)
@@ -91,6 +108,62 @@ def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
     """
     U, S, _ = np.linalg.svd(C, full_matrices=False)
     return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))
+
+
+@dataclass(frozen=True)
+class LevelDeviation:
+    """What was taken as repeatability of one sweep: relative deviations of gain and frequency, and in their units."""
+
+    sweep: str
+    gain: float
+    gain_sigma: float
+    frequency: float
+    frequency_sigma: float
+
+
+#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
+OUTLYING = 3.3
+
+
+def list_levels(one: ModelFit) -> tuple[LevelDeviation, ...]:
+    """The deviations of every sweep at a fit."""
+    model, sweeps = one.model, one.model.sweeps
+    gain, frequency = one.y[model.size :].reshape(2, sweeps)
+    scatter = model.scatter
+    return tuple(
+        LevelDeviation(
+            sweep,
+            float(np.expm1(gain[k] * scatter.amplitude)),
+            float(gain[k]),
+            float(np.expm1(frequency[k] * scatter.frequency)),
+            float(frequency[k]),
+        )
+        for k, sweep in enumerate(model.problem.rows.sweeps)
+    )
+
+
+def describe_repeatability(setting: Setting, one: ModelFit) -> list[str]:
+    """What the deviations of the sweeps say: levels that are outlying, estimates that end at the edge of their grid."""
+    found = []
+    for level in list_levels(one):
+        for what, size, sigma in (
+            ("readings", level.gain, level.gain_sigma),
+            ("frequency", level.frequency, level.frequency_sigma),
+        ):
+            if abs(sigma) > OUTLYING:
+                found.append(
+                    f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
+                )
+    unknown = setting.unknowns
+    if len(unknown.scatters) > 1:
+        largest = np.max(unknown.scatters, axis=0)
+        for what, own, most in zip(("amplitude", "frequency"), vars(one.model.scatter).values(), largest, strict=False):
+            if own >= most:
+                found.append(
+                    f"the repeatability of the {what} was estimated at the edge of what is usual ({own:.2g}): "
+                    "something else may hide in it"
+                )
+    return found
 
 
 #: Most levels held out, the highest first; content of the interval.
@@ -159,7 +232,7 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
         return None, None, None
     gained = before**2 - 1.0
     error = np.hypot(after**2, (1.0 - middle) * before**2) * np.sqrt(2.0 / values) / gained
-    reach = float(norm.ppf(0.5 + 0.5 * CONTENT) * error)
+    reach = float(ndtri(0.5 + 0.5 * CONTENT) * error)
     raw = 1.0 - (after**2 - 1.0) / gained
     return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
 
@@ -170,7 +243,7 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
     out = whole.rows.level[whole.rows.sweep] == level
     train = replace(whole, rows=whole.rows.where(~out))
     test = replace(whole, rows=whole.rows.where(out))
-    chosen = search.again(train, setting.unknowns).ranked()[0].best
+    chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)
     before = _predicted(refitted(chosen), test)

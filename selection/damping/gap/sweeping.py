@@ -10,14 +10,17 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects import CATALOGUE, find_effect
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
+from damping.effects import CATALOGUE, find_effect, with_effects
+from damping.effects.contract import Drive, Terms
+from damping.effects.terms import Prediction, predict
 from damping.errors import AnalysisError, InputError
 from damping.forces import Force, Sum, from_damping
-from damping.gap.steady import swept
+from damping.gap.simulation import Simulation
+from damping.predict.branches import Branches, brackets, by_row, finely, followed
 from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.integrate import sweep_in_time
-from damping.predict.steady import SteadyState
+from damping.predict.steady import SteadyState, bracketed_newton
 from damping.progress import Progress, silent
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -134,3 +137,45 @@ def _label(number: int) -> str:
         label = chr(ord("A") + number % 26) + label
         number = number // 26 - 1
     return label
+
+
+#: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
+_GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
+
+
+def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "down"] = "up") -> SteadyState:
+    """The readings of a slow sweep of a mode with its effects at ``omega`` (increasing, rad/s, (n,)), with its jumps.
+
+    Force F is the recorded one. NaN where there is no stable steady state.
+
+    Raises:
+        InputError: an effect that is not known, or its table is not.
+    """
+    simulation = Simulation(mode)
+    terms = with_effects(simulation.terms(np.zeros((1, len(simulation.names)))), mode.effects)
+    fine, between = finely(np.asarray(omega, dtype=float))
+    return followed(states(terms, F, fine), between, direction)
+
+
+def states(terms: Terms, F: float, omega: FloatArray) -> Branches:
+    """All roots of u = Re P(u), u = ln A, at each frequency; stable where the left side grows faster."""
+    u = np.log(F / (float(np.ravel(terms.M)[0]) * float(np.ravel(terms.omega_n)[0]) ** 2)) + _GRID
+
+    def found(points: FloatArray, rows: IntArray) -> Prediction:
+        at = np.broadcast_to(omega[rows], np.broadcast_shapes(points.shape, rows.shape))
+        return predict(terms, np.broadcast_to(points, at.shape), Drive(np.full(at.shape, F), at))
+
+    def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        shape = np.broadcast_shapes(points.shape, rows.shape)
+        one = found(points, rows)
+        return (points - one.P.real).reshape(shape), (1.0 - one.by_u.real).reshape(shape)
+
+    with np.errstate(all="ignore"):
+        value, derivative = level(u, np.arange(omega.size)[:, np.newaxis])
+        row, low, high = brackets(level, u, value, derivative)
+        roots = bracketed_newton(lambda points: level(points, row), low, high)
+    order = np.lexsort((roots, row))
+    row, roots = row[order], roots[order]
+    phase, slope = -found(roots, row).P.imag.ravel(), level(roots, row)[1]
+    tables = [by_row(row, values, omega.size) for values in (np.exp(roots), phase, slope)]
+    return Branches(omega, tables[0], tables[1], np.nan_to_num(tables[2], nan=-1.0) > 0.0)

@@ -19,9 +19,9 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.gap.fit import ModelFit
+from damping.gap.model import steady
 from damping.gap.rows import Rows, wrapped
-from damping.gap.size import nominal_residuals, regular_values
-from damping.gap.steady import fitted_terms, steady
+from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 
 #: Cells of a sweep, each of at least so many rows.
@@ -101,8 +101,8 @@ def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
 
 def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
     """Values (m,) split into amplitude and, where there are any, phase."""
-    parts = values.reshape(-1, len(rows))
-    return dict(zip(("amplitude", "phase"), parts, strict=False))
+    names = ["amplitude", *(["phase"] if rows.has_phase else [])]
+    return dict(zip(names, values.reshape(-1, len(rows)), strict=False))
 
 
 def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float, str]:

@@ -5,21 +5,21 @@ from it (:func:`damping.infer.law.residuals`) is
 
     n_i = (D_i - C_i)/sqrt(g_i^2 + R_i^2),      g = dC/d ln A.
 
-Its sum of squares over the variance of each row is minimised over c >= 0 by non-negative least squares (Lawson and
-Hanson 1974), the weights taken again from the fit until they stay; shapes are searched over their prior's range.
+Its sum of squares over the variance of each row is minimised over c >= 0 by least squares on every set of terms (of
+those whose coefficients are >= 0 the best), or by Lawson and Hanson's method (1974) where there are many terms; the
+weights are taken again from the fit until they stay. Shapes are searched over their prior's range, many at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import minimize, minimize_scalar, nnls
 from scipy.special import ndtri
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law, residuals
@@ -36,11 +36,16 @@ SHARE_RANGE = (0.02, 0.98)
 LARGEST_SCORE = 3.0
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
-#: Stands for the squares of a fit that cannot be, in searches that need finite numbers.
-HOPELESS = 1e12
-#: Prior probabilities between which a shape is refined; step at which its search ends, standard normal variable.
+#: Prior probabilities between which a shape is refined; width at which its search ends, standard
+#: normal variables: squares are then known to a millionth.
 EXTREME = (0.001, 0.999)
-SHAPE_STEP = 1e-5
+SHAPE_STEP = 2e-3
+#: Points of each axis that a refinement tries at once, from one neighbour of the best to the other.
+REFINED_POINTS = 9
+#: Terms up to which all sets of them are tried.
+FEW_TERMS = 3
+#: Relative ridge of normal equations, which keeps columns that are multiples of each other apart from an error.
+DEPENDENT = 1e-13
 
 
 @dataclass(frozen=True)
@@ -115,14 +120,7 @@ def fit_law(law: Law, data: Observations) -> BestFit:
     """
     scaled = data.scaled()
     pure = Coordinates.of(law, scaled)
-    free = len(law.free_shapes)
-    point = np.zeros(0)
-    if free:
-        grid = [np.array(at) for at in product(ndtri(SHAPE_GRID), repeat=free)]
-        squares = [_solve(at, pure, scaled)[1] for at in grid]
-        start = grid[int(np.argmin(squares))]
-        point = min(start, _refine(start, squares, pure, scaled), key=lambda at: _solve(at, pure, scaled)[1])
-    solved, squares_left = _solve(point, pure, scaled)
+    point, solved, squares_left = _search_shapes(pure, scaled)
     coordinates = Coordinates.of(law, data)
     x = _place(point, coordinates)
     per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
@@ -133,64 +131,107 @@ def fit_law(law: Law, data: Observations) -> BestFit:
     return BestFit(coordinates, coefficients, shapes, point, n, squares_left if np.isfinite(n).all() else np.inf)
 
 
-def _place(point: FloatArray, coordinates: Coordinates) -> FloatArray:
-    """Variables x (dimension,), zero but for the shapes."""
-    x = np.zeros(coordinates.dimension)
+def _place(points: FloatArray, coordinates: Coordinates) -> FloatArray:
+    """Variables x (..., dimension), zero but for the shapes (..., shapes)."""
+    x = np.zeros((*points.shape[:-1], coordinates.dimension))
     parts = len(coordinates.law.parts)
-    x[parts : parts + point.size] = point
+    x[..., parts : parts + points.shape[-1]] = points
     return x
 
 
-def _refine(start: FloatArray, squares: Sequence[float], coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Shapes of least squares near the best of the grid: a bounded search in one variable, a simplex in several."""
+def _search_shapes(coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray, float]:
+    """Shapes of least squares, standard normal variables (shapes,), with their coefficients and the squares left.
 
-    def distance(point: Floats) -> float:
-        return min(_solve(np.atleast_1d(np.asarray(point)), coordinates, data)[1], HOPELESS)
+    The best of a grid over the prior; then grids around the best, each a neighbour's distance wide.
+    """
+    free = len(coordinates.law.free_shapes)
+    axes = [ndtri(SHAPE_GRID)] * free
+    best, low, high = None, ndtri(EXTREME[0]), ndtri(EXTREME[1])
+    while True:
+        points = np.array(list(product(*axes)), dtype=float)
+        solved, squares = _solve(points, coordinates, data)
+        i = int(np.argmin(squares))
+        if best is None or squares[i] < best[2]:
+            best = points[i], solved[i], float(squares[i])
+        # the neighbours of the best on each axis, and how far off the farther is
+        spans = [_span(axis, value, low, high) for axis, value in zip(axes, best[0], strict=True)]
+        if all(end - start < SHAPE_STEP for start, end in spans):
+            return best
+        axes = [np.linspace(start, end, REFINED_POINTS) for start, end in spans]
 
-    if start.size == 1:
-        best = int(np.argmin(squares))
-        low, high = (float(x) for x in ndtri(np.clip((best + np.array([-0.5, 1.5])) / len(SHAPE_GRID), *EXTREME)))
-        nearest = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": SHAPE_STEP})
-        return np.array([nearest.x])
-    simplex = np.vstack([start, start + 0.1 * np.eye(start.size)])
-    most = 100 * start.size
-    refined = minimize(
-        distance,
-        start,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": SHAPE_STEP, "fatol": 1e-9, "maxiter": most},
-    )
-    return np.asarray(refined.x)
+
+def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[float, float]:
+    """From the neighbour below ``value`` on an axis to the one above, within ``low`` and ``high``."""
+    below, above = axis[axis < value], axis[axis > value]
+    return float(below[-1] if below.size else low), float(above[0] if above.size else high)
 
 
-def _solve(point: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, float]:
-    """Coefficients >= 0 at given shapes, standard normal variables (shapes,), and the squares they leave.
+def _solve(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
+    """Coefficients >= 0 (points, parts) at given shapes (points, shapes), and the squares they leave (points,).
 
-    A coefficient that carries less than ``NOTHING`` of the force is 0.
+    A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients.
     """
     law = coordinates.law
-    shapes = coordinates.shapes(_place(point, coordinates))
-    units = [
-        part.build(1.0, **{name: float(value) for name, value in values.items()})
-        for part, values in zip(law.parts, shapes, strict=True)
-    ]
-    columns = np.stack([np.asarray(unit.quadrature(data.A, data.omega)) for unit in units], axis=1)
-    slopes = np.stack([np.asarray(unit.slope(data.A, data.omega)) for unit in units], axis=1)
-    if data.amplitude_is_input:
-        slopes = columns
-    scale = columns.max(axis=0)
+    columns, slopes = _tabulate_units(points, coordinates, data)
+    scale = columns.max(axis=1)
     if not np.all(scale > 0.0):
         raise AnalysisError(f"{law.name}: a part of it is never met at the tested amplitudes")
-    g, carried, squares = np.abs(data.D), np.zeros(len(units)), np.inf
+    columns, slopes = columns / scale[:, None, :], slopes / scale[:, None, :]
+    g = np.broadcast_to(np.abs(data.D), columns.shape[:2])
+    carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     for _ in range(REWEIGHTINGS):
         weight = 1.0 / np.sqrt(_variance(g, data))
-        carried = nnls(columns / scale * weight[:, None], data.D * weight)[0]
-        carried[carried < NOTHING * carried.max()] = 0.0
-        g = slopes @ (carried / scale)
-        previous, squares = squares, float(np.sum((data.D - columns @ (carried / scale)) ** 2 / _variance(g, data)))
-        if abs(squares - previous) <= STEADY * squares:
+        carried = solve_nonnegative(columns * weight[:, :, None], data.D * weight)
+        carried[carried < NOTHING * carried.max(axis=1, keepdims=True)] = 0.0
+        g = np.einsum("kij,kj->ki", slopes, carried)
+        left = data.D - np.einsum("kij,kj->ki", columns, carried)
+        previous, squares = squares, np.sum(left**2 / _variance(g, data), axis=1)
+        if np.all(np.abs(squares - previous) <= STEADY * squares):
             break
-    return carried / scale, squares
+    return carried / scale, np.where(np.isfinite(squares), squares, np.inf)
+
+
+def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
+    """C and dC/d ln A of each part with coefficient 1, each (points, rows, parts); C twice where amplitude is input."""
+    shapes = coordinates.shapes(_place(points, coordinates))
+    units = [
+        part.build(1.0, **{name: value[:, None] for name, value in values.items()})
+        for part, values in zip(coordinates.law.parts, shapes, strict=True)
+    ]
+    size = (len(points), len(data.A))
+    columns = np.stack([np.broadcast_to(unit.quadrature(data.A, data.omega), size) for unit in units], axis=-1)
+    if data.amplitude_is_input:
+        return columns, columns
+    return columns, np.stack([np.broadcast_to(unit.slope(data.A, data.omega), size) for unit in units], axis=-1)
+
+
+def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Least squares with coefficients >= 0 of many problems, (k, terms); NaN where none exist.
+
+    Args:
+        columns: (k, rows, terms). target: (k, rows).
+    """
+    terms = columns.shape[2]
+    if terms > FEW_TERMS or len(columns) == 1:
+        from scipy.optimize import nnls  # noqa: PLC0415 - a third of a second to import
+
+        return np.array([nnls(X, y)[0] for X, y in zip(columns, target, strict=True)])
+    product = columns.transpose(0, 2, 1) @ columns
+    moment = (columns.transpose(0, 2, 1) @ target[..., None])[..., 0]
+    best, most = np.zeros(moment.shape), np.zeros(len(moment))
+    for size in range(terms, 0, -1):
+        for chosen in combinations(range(terms), size):
+            among = list(chosen)
+            ridge = DEPENDENT * np.eye(size) * np.diagonal(product, axis1=1, axis2=2)[:, among, None]
+            fit = np.linalg.solve(product[:, among][:, :, among] + ridge, moment[:, among, None])[..., 0]
+            explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
+            better = explained > most
+            if size == terms and better.all():  # the best of all, wherever its coefficients are >= 0
+                return fit
+            most = np.where(better, explained, most)
+            best[better] = 0.0
+            best[np.ix_(better, among)] = fit[better]
+    return best
 
 
 def _variance(g: FloatArray, data: Observations) -> FloatArray:

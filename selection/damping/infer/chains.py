@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import emcee
 import numpy as np
 
 from damping.arrays import FloatArray
@@ -21,6 +20,9 @@ from damping.infer.evidence import Evidence
 from damping.infer.importance import Proposal
 from damping.infer.law import Coordinates, log_posterior
 from damping.infer.observations import Observations
+
+if TYPE_CHECKING:
+    import emcee
 
 #: Named functions of x (points, dimension) -> (points,): what the reader is told, so what must have converged.
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
@@ -180,6 +182,8 @@ def _sampler(
     target: Target, start: ChainStart, seed: int, ensemble: int, settings: Settings, checkpoint: Checkpoint
 ) -> tuple[emcee.EnsembleSampler, emcee.State]:
     """One ensemble, fresh or as its checkpoint left it, and the state to start from."""
+    import emcee  # noqa: PLC0415 - bands of importance draws need no chains
+
     # emcee copies numpy's global random state unless it is given one: give it one
     random = np.random.RandomState(np.random.SeedSequence([seed, ensemble]).generate_state(4))
     # independent proposals make long jumps, the ensemble's own moves explore what they miss

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from emcee.autocorr import integrated_time
 
 from damping.arrays import FloatArray
 
@@ -48,11 +47,14 @@ def assess_convergence(name: str, values: FloatArray, thin: int = 1) -> Converge
         values: (ensembles, steps, walkers), every ``thin``-th step after burn-in.
         thin: steps between two entries, so that times are in steps.
     """
+    from emcee.autocorr import integrated_time  # noqa: PLC0415 - chains alone need it
+
     arviz = load_arviz()
     ensembles, steps, walkers = values.shape
     # in order of steps, so that the halves of split R-hat are early and late
     r_hat = float(arviz.rhat(values.reshape(ensembles, steps * walkers)))
-    tau = float(np.max([integrated_time(v, tol=0, quiet=True) for v in values]))
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a quantity that stays where it is
+        tau = float(np.max([integrated_time(v, tol=0, quiet=True) for v in values]))
     by_walker = np.moveaxis(values, 1, 2).reshape(ensembles * walkers, steps)
     sizes = [ensembles * steps * walkers / max(tau, 1.0)]
     sizes += [float(arviz.ess(by_walker, method=method)) for method in ("bulk", "tail")]

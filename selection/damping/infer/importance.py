@@ -1,25 +1,21 @@
-"""A mixture of multivariate t distributions that covers a posterior: some adapted to it, one as wide as the prior.
-
-It is both the proposal of importance sampling and an independence move of the Markov chains.
-
-Marginal likelihood of any log density by importance sampling with an adapted proposal.
+"""Marginal likelihood of any log density by importance sampling with an adapted proposal.
 
     Z = int exp(log density) dx ~ mean of w,   w = exp(log density)/q,   x ~ q,
 
-with ``q`` on scrambled Sobol points a mixture of multivariate t (see ``proposal``): one as wide as the prior, the
-others started from the Gaussian at the mode and adapted to the weighted draws until enough of them count. The draws,
-resampled by weight, also start the Markov chains.
+with ``q`` a mixture of multivariate t that covers the posterior: one part as wide as the prior, the others started from
+the Gaussian at the mode and adapted to the weighted draws until enough of them count (Cappe et al. 2008, adaptive
+importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, whose
+independence move the mixture is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import gammaln, ndtri
-from scipy.stats import chi2, qmc
+from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -27,9 +23,11 @@ from damping.errors import AnalysisError
 #: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
 #: Share of the part as wide as the prior.
-WIDE_SHARE = 0.15
+WIDE_SHARE = 0.3
 #: Shares a posterior is cut into, across its longest axis each time: enough to follow a funnel or two modes.
 PARTS = 8
+#: Share of the whole covariance added to each part's, so that few different draws still reach around themselves.
+BLUR = 0.1
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,10 @@ class Proposal:
         while len(parts) < PARTS:
             halves = _halve(parts.pop(0))
             parts += halves
+        whole = np.cov(draws.T).reshape(d, d)
+        least = BLUR * whole + np.diag(1e-6 * np.diag(whole) + 1e-16)
         # a part is cut off where the next begins: twice its covariance lets them overlap
-        covariances = np.array([_widened(np.cov(p.T).reshape(d, d)) for p in parts])
+        covariances = np.array([2.0 * np.cov(p.T).reshape(d, d) + least for p in parts])
         shares = np.array([len(p) / len(draws) for p in parts])
         return cls._with_wide(shares, np.array([p.mean(axis=0) for p in parts]), covariances)
 
@@ -90,13 +90,14 @@ class Proposal:
     def log_density(self, x: FloatArray) -> FloatArray:
         """Log density at x (n, d)."""
         d, nu = x.shape[1], DEGREES_OF_FREEDOM
-        z = self._inverse_roots @ (x[:, None, :] - self.means)[..., None]
-        parts = self._log_norms - 0.5 * (nu + d) * np.log1p(np.sum(z[..., 0] ** 2, axis=2) / nu)
+        white = [(x - mean) @ inverse.T for mean, inverse in zip(self.means, self._inverse_roots, strict=True)]
+        squares = np.stack([np.einsum("ni,ni->n", z, z) for z in white], axis=1)
+        parts = self._log_norms - 0.5 * (nu + d) * np.log1p(squares / nu)
         top = parts.max(axis=1)
         return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
 
-    def sobol(self, power: int, seed: int) -> FloatArray:
-        """2^power draws on scrambled Sobol points."""
+    def draw(self, power: int, seed: int) -> FloatArray:
+        """2^power draws on points that fill space."""
         z, chi_square, u = _standard_draws(self.means.shape[1], power, seed)
         return self.transform(z, chi_square, self._part(u))
 
@@ -115,11 +116,6 @@ class Proposal:
         return np.searchsorted(edges, u).astype(np.int64)
 
 
-def _widened(covariance: FloatArray) -> FloatArray:
-    """Twice a covariance, its diagonal raised a little so that few different draws still give a density."""
-    return 2.0 * covariance + np.diag(1e-6 * np.diag(covariance) + 1e-16)
-
-
 def _halve(draws: FloatArray) -> list[FloatArray]:
     """Two equal shares of draws (n, d), cut across their longest axis."""
     centred = draws - draws.mean(axis=0)
@@ -130,21 +126,32 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
 
 @lru_cache(maxsize=32)  # every law of as many parameters asks for the same points
 def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard normals (n, d), chi-squares (n,) and uniforms (n,) on one set of Sobol points."""
-    u = sobol(dimension + 2, power, seed)
-    return ndtri(u[:, 2:]), chi2.ppf(u[:, 1], DEGREES_OF_FREEDOM), u[:, 0]
+    """Standard normals (n, d), chi-squares (n,) and uniforms (n,) on one set of points that fill space."""
+    u = fill_cube(dimension + 2, power, seed)
+    return ndtri(u[:, 2:]), 2.0 * gammaincinv(0.5 * DEGREES_OF_FREEDOM, u[:, 1]), u[:, 0]
 
 
-def sobol(dimension: int, power: int, seed: int) -> FloatArray:
-    """2^power scrambled Sobol points strictly inside the unit cube, (2^power, dimension)."""
-    points = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)
+def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
+    """2^power points that fill the unit cube evenly, (2^power, dimension): a shifted Kronecker sequence.
+
+    x_n = s + n (g^-1, ..., g^-d) modulo 1 with g^(d + 1) = g + 1, the golden ratio of d dimensions (Roberts 2018, the
+    unreasonable effectiveness of quasirandom sequences); s is uniform, so that means over the points are unbiased.
+    """
+    ratio = 2.0
+    for _ in range(50):  # a contraction by (d + 1) at least
+        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1.0))
+    shift = np.random.default_rng(seed).random(dimension)
+    points = (shift + np.arange(2**power)[:, None] * ratio ** -np.arange(1.0, dimension + 1.0)) % 1.0
     return np.clip(points, 1e-12, 1.0 - 1e-12)
 
 
-_POWER = 13  # 8192 draws a round: 1 % of standard error in Z for a posterior close to a t
-_MOST_ROUNDS = 8  # of adaptation
-_ENOUGH = 2000  # effective draws at which to stop
-_LARGEST_POWER = 22  # of two: draws that still fit a small memory
+#: Draws of each round, as a power of two: more where few have not sufficed.
+ROUND_POWERS = (10, 10, 11, 12, 13)
+#: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
+BRIEF_DRAWS = 250
+FULL_DRAWS = 1000
+#: Draws, as a power of two, that still fit a small memory.
+LARGEST_POWER = 22
 
 
 @dataclass(frozen=True)
@@ -154,7 +161,7 @@ class Evidence:
     Attributes:
         log_z: natural logarithm of the marginal likelihood. standard_error: its Monte Carlo standard error.
         mode: x of largest posterior density, (dimension,). proposal: adapted to the posterior.
-        draws: resampled by weight, (8192, dimension).
+        draws: resampled by weight, (draws, dimension).
         effective_draws: 1/sum of squared normalised weights.
     """
 
@@ -171,34 +178,52 @@ def importance(
     mode: FloatArray,
     covariance: FloatArray,
     seed: int = 0,
-    least_rounds: int = 3,
+    least_rounds: int = 2,
+    wanted: float = FULL_DRAWS,
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
+
+    Rounds of draws are pooled, each weighed against the mixture of all proposals so far (Cornuet, Marin, Mira and
+    Robert 2012, adaptive multiple importance sampling): none is lost, and none can have a large weight where any
+    proposal was likely to draw it.
 
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
-            first and enough later.
+            first and enough later. wanted: effective draws at which to stop, at the latest after all ``ROUND_POWERS``.
     """
-    proposal = Proposal.around(mode, covariance)
-    rng = np.random.default_rng(seed)
-    for round_ in range(_MOST_ROUNDS):
-        x = proposal.sobol(_POWER, seed + round_)
-        log_w = log_density(x) - proposal.log_density(x)
-        w = np.exp(log_w - log_w.max())
-        draws = x[rng.choice(len(x), size=len(x), p=w / w.sum())]
-        effective = float(w.sum() ** 2 / np.sum(w**2))
-        if round_ == _MOST_ROUNDS - 1 or (round_ >= least_rounds - 1 and effective > _ENOUGH):
+    proposals, sizes = [Proposal.around(mode, covariance)], np.empty(0)
+    x, log_p = np.empty((0, len(mode))), np.empty(0)
+    log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
+    for round_, power in enumerate(ROUND_POWERS):
+        new = proposals[-1].draw(power, seed + round_)
+        of_old = proposals[-1].log_density(x)[:, None]
+        log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
+        x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
+        weighed = _weigh(x, log_p - logsumexp(log_q, axis=1, b=sizes / len(x)), mode, proposals[-1], seed)
+        proposals.append(Proposal.through(weighed.draws))
+        if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
             break
-        proposal = Proposal.through(draws)
+    return replace(weighed, proposal=proposals[-1])
+
+
+def _weigh(x: FloatArray, log_w: FloatArray, mode: FloatArray, proposal: Proposal, seed: int) -> Evidence:
+    """Draws x (n, d) of log weights (n,), resampled."""
+    w = np.exp(log_w - log_w.max())
     return Evidence(
         log_z=float(log_w.max() + np.log(np.mean(w))),
         standard_error=float(np.std(w) / np.mean(w) / np.sqrt(len(w))),
         mode=mode,
         proposal=proposal,
-        draws=draws,
-        effective_draws=effective,
+        draws=x[_resample(w, seed)],
+        effective_draws=float(w.sum() ** 2 / np.sum(w**2)),
     )
+
+
+def _resample(w: FloatArray, seed: int) -> IntArray:
+    """Indices of draws in proportion to their weights, as many as there are, with equal spacing (systematic)."""
+    edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
+    return np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(w) - 1).astype(np.int64)
 
 
 def more_draws(
@@ -206,21 +231,17 @@ def more_draws(
 ) -> tuple[FloatArray, float]:
     """Posterior draws (n, dimension) that are worth ``wanted`` independent ones, n a power of two, and their worth.
 
-    From the adapted proposal of ``start``, resampled by weight with equal spacing (systematic), which adds next to
-    nothing to the error.
+    From the adapted proposal of ``start``; resampling with equal spacing adds next to nothing to the error.
 
     Raises:
         AnalysisError: 2^22 draws are worth less.
     """
     efficiency = start.effective_draws / len(start.draws)
     power = int(np.ceil(np.log2(1.1 * wanted / efficiency)))
-    while power <= _LARGEST_POWER:
-        x = start.proposal.sobol(power, seed)
-        log_w = log_density(x) - start.proposal.log_density(x)
-        w = np.exp(log_w - log_w.max())
-        effective = float(w.sum() ** 2 / np.sum(w**2))
-        if effective >= wanted:
-            edges = (np.arange(len(x)) + np.random.default_rng(seed).random()) / len(x)
-            return x[np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(x) - 1)], effective
+    while power <= LARGEST_POWER:
+        x = start.proposal.draw(power, seed)
+        weighed = _weigh(x, log_density(x) - start.proposal.log_density(x), start.mode, start.proposal, seed)
+        if weighed.effective_draws >= wanted:
+            return weighed.draws, weighed.effective_draws
         power += 1
-    raise AnalysisError(f"importance draws worth {wanted:g} would need more than 2^{_LARGEST_POWER}")
+    raise AnalysisError(f"importance draws worth {wanted:g} would need more than 2^{LARGEST_POWER}")

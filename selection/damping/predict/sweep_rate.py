@@ -18,12 +18,12 @@ from math import log, pi
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
+from damping.records.implied import sense_rate
 from damping.records.record import Record
+from damping.records.runs import runs_of
 
 Complex = npt.NDArray[np.complex128]
 
@@ -34,7 +34,6 @@ NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
 #: A rate is believed where it is so many standard errors, and looked for where a first look says so many octaves/min.
 _KNOWN = 5.0
-_LEAST_SENSED = 0.1
 #: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
 _BETTER = 0.6
 _FEWEST = 5  # rows of a sweep
@@ -131,6 +130,8 @@ def correct_rate(record: Record, mass: float) -> Record:
 def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     rows = rows.sort_values("frequency").reset_index(drop=True)
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
+    if not rows["sweep_rate"].any():
+        return rows
     if len(rows) < _FEWEST:
         raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
@@ -146,6 +147,8 @@ def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
     size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
     logarithm = np.log(size) - 1j * np.unwrap(lag)
     a = np.exp(logarithm)
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as below
+
     return a, a * CubicSpline(w, logarithm)(w, 1)
 
 
@@ -185,6 +188,8 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
             rest = np.log(envelope(f, rate, force, mass, f_n, ratio, growth)[near] / a[near])
             parts += [rest.real, rest.imag]
         return np.concatenate(parts)
+
+    from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
     found = least_squares(
         left,
@@ -226,6 +231,8 @@ def _steady_misfit(
         return np.concatenate(parts)
 
     bounds = ([-0.05, log(1e-4), -0.5, -0.5], [0.05, log(0.3), 20.0, 0.5])
+    from scipy.optimize import least_squares  # noqa: PLC0415 - as above
+
     found = least_squares(left, [0.0, log(0.01), 0.5, 0.0], bounds=bounds, x_scale=[0.002, 0.2, 0.5, 0.01])
     return float(np.sqrt(np.mean(found.fun**2)))
 
@@ -247,17 +254,17 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     if not record.has_phase:
         return record, ()
     if "sweep_rate" in record.table.columns:
-        rates = np.abs(record.table["sweep_rate"].to_numpy(dtype=float))
-        if not np.isfinite(rates).all() or not rates.any():
+        known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
+        if not known["sweep_rate"].any():
             return record, ()
-        return correct_rate(record, mass), (
+        return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",
         )
     counts = record.table.groupby("sweep")["force"].size()
     if counts.min() < _FEWEST or len(record) > _MOST_ROWS:
         return record, ()
-    sense = _sensed(record, mass)
-    if abs(sense) < _LEAST_SENSED:
+    sense = sense_rate(runs_of(record))
+    if sense is None:
         return record, ()
     rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
     found = abs(rate.octaves_a_minute)
@@ -272,25 +279,3 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         "state sweep_rate (Hz/s) to be sure"
     )
     return correct_rate(Record(record.table.assign(sweep_rate=hertz), record.source), mass), (said,)
-
-
-def _sensed(record: Record, mass: float) -> float:
-    """Octaves a minute, up or down, by linear regression: Re(F/(m a)) + omega^2 = omega_n^2 + r Re(2 i omega^2 a'/a).
-
-    Noise of the slope makes it too small; it only says whether a closer look is worth it.
-    """
-    design, target, weight = [], [], []
-    for _, rows in record.table.groupby("sweep", sort=False):
-        ordered = rows.sort_values("frequency").drop_duplicates("frequency")
-        w = RAD_S_PER_HZ * ordered["frequency"].to_numpy(dtype=float)
-        if len(w) < _FEWEST:
-            return 0.0
-        a, slope = _slope(w, ordered)
-        force = ordered["force"].to_numpy(dtype=float)
-        near = np.abs(a) >= NEAR * np.abs(a).max()
-        design.append(np.column_stack([np.ones_like(w), (2j * w**2 * slope / a).real])[near])
-        target.append(((force / (mass * a)).real + w**2)[near])
-        weight.append((np.abs(a) / force)[near])
-    scale = np.concatenate(weight)
-    found = np.linalg.lstsq(np.concatenate(design) * scale[:, None], np.concatenate(target) * scale, rcond=None)[0]
-    return float(found[1] * 60.0 / log(2.0))

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from damping.arrays import FloatArray, IntArray
 from damping.infer.best_fit import BestFit
@@ -102,7 +102,7 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
         hh = np.sum(h[rows] ** 2 / variance[:, rows], axis=1)
         hn = np.sum(h[rows] * n[rows] / variance[:, rows], axis=1)
         discrepancy -= level**2 * hn**2 / (1.0 + level**2 * hh)
-    return float(np.mean(chi2.sf(discrepancy, freedom)))
+    return float(np.mean(chdtrc(freedom, discrepancy)))
 
 
 def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]:
@@ -124,7 +124,7 @@ def _runs_probability(n: FloatArray, data: Observations) -> float:
         mean = 1.0 + 2.0 * plus * minus / total
         excess += 1.0 + float(np.sum(above[1:] != above[:-1])) - mean
         variance += (mean - 1.0) * (mean - 2.0) / (total - 1.0)
-    return float(norm.cdf(excess / np.sqrt(variance))) if variance > 0.0 else 1.0
+    return float(ndtr(excess / np.sqrt(variance))) if variance > 0.0 else 1.0
 
 
 def _list_along_sweeps(data: Observations) -> list[IntArray]:

@@ -1,4 +1,4 @@
-"""Checks of units and energies: record and mode in one system, force and response in their columns, E <= pi F A."""
+"""Checks of units, energies and phases: one system, columns not exchanged, E <= pi F A, a lag in radians."""
 
 from __future__ import annotations
 
@@ -89,6 +89,9 @@ LARGEST_RATIO = 0.5
 OTHER_SYSTEM = 3.0
 #: Between 2 and that, where it is so near (in the logarithm) to a known factor.
 NEAR_FACTOR = 0.05
+#: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
+LARGEST_PARTICIPATION = 3.0
+SMALLEST_PARTICIPATION = 0.003
 #: The same where the resonance is bent and has no phases: its parabola is off by a factor of 2 to 3.
 OTHER_SYSTEM_BENT = 5.0
 
@@ -106,10 +109,15 @@ def check_units(view: View) -> Finding | None:
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     wrong = None if bent else guess_unit(ratio)
+    if view.mode.drive == "base" and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION:
+        wrong = None
     impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
     if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
-    parts = [] if np.isnan(ratio) else [f"the rows imply {ratio:.4g} times the mass of the mode file"]
+    implied = f"{ratio:.4g} times the mass of the mode file"
+    if view.mode.drive == "base":
+        implied = f"a participation of {1.0 / ratio:.4g}, shape included"
+    parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
     name = name_factor(ratio) if wrong else name_damping_factor(view, zeta)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
@@ -164,7 +172,7 @@ def check_beyond_model(view: View) -> Finding | None:
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
     far_mass = FAR_MASS if all(lag is not None for lag in view.lags) else FAR_MASS_WITHOUT_PHASE
-    base = getattr(view.mode, "drive", "force") == "base"
+    base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
@@ -178,3 +186,69 @@ def check_beyond_model(view: View) -> Finding | None:
     other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
     advice = "model and record are of different modes" if other else "check the gain of the sensor and the mode file"
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
+
+
+def check_phase_unit(view: View) -> Finding | None:
+    """Phases that are no radians: they turn far more than a mode can, or have nothing to do with the amplitudes."""
+    if not view.incoherent or not view.curve:
+        return None
+    what = f"the phases of {name_sweeps(view.incoherent)} jump or turn as no lag in radians does"
+    what += ", though the amplitudes do not"
+    advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be saved: import the file anew)"
+    return Finding("phase-unit", "refuse", what, advice, view.incoherent)
+
+
+_KINDS = {
+    "negated": (
+        "falls through -pi/2: it is the lead of the displacement, or of force over displacement",
+        "negate it",
+    ),
+    "minus pi": (
+        "runs from -pi to 0: half a turn too small, as of a sensor mounted backwards or an acceleration's lag",
+        "add pi, or reverse the sensor",
+    ),
+    "acceleration": ("falls from pi to 0: it is the lead of the acceleration", "take pi - phase"),
+}
+
+
+def check_phase_sign(view: View) -> Finding | None:
+    """Phases by which the structure would give energy."""
+    if not view.wrong_sign:
+        return None
+    kinds = list(dict.fromkeys(view.wrong_sign.values()))
+    what = " and ".join(f"the phase {_KINDS[kind][0]}" for kind in kinds)
+    what += ", so that the structure would give energy; wanted is the lag of displacement behind force, 0 to pi"
+    advice = "; ".join(dict.fromkeys(_KINDS[kind][1] for kind in kinds)) + " (lead_deg where the file is imported)"
+    return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
+
+
+#: A constant offset is one beyond this, rad, in the mean and in most sweeps: phase meters are good to 2 degrees.
+OFFSET = 0.04
+#: It is one beyond so many standard errors, too.
+OFFSET_ERRORS = 3.0
+
+
+def check_phase_offset(view: View) -> Finding | None:
+    """A constant that all phases carry: they are not pi/2 where rows of like amplitude say the resonance is."""
+    turns = [(run, turn) for run, turn in zip(view.runs, view.turns, strict=True) if turn and turn.both_sides]
+    turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
+    if not turns:
+        return None
+    offsets = np.array([turn.offset for _, turn in turns])
+    middle = float(np.median(offsets))
+    spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
+    other_law = float(np.median([turn.damping for _, turn in turns]))
+    if (
+        abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread)
+        or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5
+    ):
+        return None
+    sweeps = label_sweeps(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
+    way = "large" if middle > 0.0 else "small"
+    what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
+    what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
+    far = abs(middle) > 0.25 * pi
+    advice = (
+        f"correct the delay of the channels (lead_deg = {np.degrees(middle):.1f}), or look for a second mode beside"
+    )
+    return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)

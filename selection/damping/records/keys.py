@@ -25,11 +25,14 @@ if TYPE_CHECKING:
 #: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
 REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
 #: Columns of a record with a meaning that may be absent.
-OPTIONAL_COLUMNS = ("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
+OPTIONAL_COLUMNS = (
+    *("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd"),
+    *("amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time"),
+)
 #: Columns of a record that hold text.
 TEXT_COLUMNS = ("sweep",)
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
-BLANK_COLUMNS = ("mass",)
+BLANK_COLUMNS = ("mass", "amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time")
 
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50
@@ -58,9 +61,8 @@ def record_schema() -> pa.DataFrameSchema:
         checks = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
         return pa.Column(checks=checks, nullable=True, required=required)
 
-    def uncertainty() -> pa.Column:
-        checks = [pa.Check.ge(0.0, error="a standard uncertainty >= 0"), magnitude]
-        return pa.Column(checks=checks, nullable=True, required=False)
+    def magnitude_of(meaning: str) -> pa.Column:
+        return pa.Column(checks=[pa.Check.ge(0.0, error=f"{meaning} >= 0"), magnitude], nullable=True, required=False)
 
     radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
     return pa.DataFrameSchema(
@@ -71,9 +73,14 @@ def record_schema() -> pa.DataFrameSchema:
             "phase": pa.Column(checks=radians, nullable=True, required=False),
             "energy": positive("an energy per cycle"),
             "mass": positive("a generalized mass"),
-            "amplitude_sd": uncertainty(),
-            "phase_sd": uncertainty(),
-            "force_sd": uncertainty(),
+            "amplitude_sd": magnitude_of("a standard uncertainty"),
+            "phase_sd": magnitude_of("a standard uncertainty"),
+            "force_sd": magnitude_of("a standard uncertainty"),
+            "phase_3": pa.Column(checks=radians, nullable=True, required=False),
+            "phase_y": pa.Column(checks=radians, nullable=True, required=False),
+            "amplitude_3": magnitude_of("an amplitude"),
+            "amplitude_y": magnitude_of("an amplitude"),
+            "added_mass": magnitude_of("an added mass"),
         }
     )
 
@@ -121,7 +128,7 @@ class TomlTable:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                raise self._error(
+                raise self.error(
                     key, f"unknown key{where}", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
                 )
 
@@ -131,14 +138,21 @@ class TomlTable:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            raise self._error(key, f"is {_describe_kind(value)}", expected)
+            raise self.error(key, f"is {_describe_kind(value)}", expected)
         return TomlTable(value, (*self.path, key), self.file, self.content)
 
     def text(self, key: str, *, default: str) -> str:
         """The text under ``key``, or ``default``."""
         value = self.values.get(key, default)
         if not isinstance(value, str):
-            raise self._error(key, f"is {_describe_kind(value)}", "a text in quotes")
+            raise self.error(key, f"is {_describe_kind(value)}", "a text in quotes")
+        return value
+
+    def truth(self, key: str) -> bool:
+        """Whether ``key`` is set to true; false where it is not there."""
+        value = self.values.get(key, False)
+        if not isinstance(value, bool):
+            raise self.error(key, f"is {_describe_kind(value)}", "true or false")
         return value
 
     def number(
@@ -160,18 +174,19 @@ class TomlTable:
                 f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
             )
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self._error(key, f"is {_describe_kind(value)}", expected)
+            raise self.error(key, f"is {_describe_kind(value)}", expected)
         try:
             number = float(value)
         except OverflowError:  # an integer of more than 308 digits
             number = math.inf
         if not (math.isfinite(number) and above < number < below and number >= least):
-            raise self._error(key, f"is {number:g}", expected)
+            raise self.error(key, f"is {number:g}", expected)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
-            raise self._error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+            raise self.error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
         return number
 
-    def _error(self, key: str, message: str, expected: str) -> InputError:
+    def error(self, key: str, message: str, expected: str) -> InputError:
+        """What is wrong with the value under ``key``, with its line."""
         line = line_of(self.content, (*self.path, key))
         return InputError(message, file=self.file, line=line, column=describe_shortened(key), expected=expected)
 

@@ -17,14 +17,32 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
+#: What shakes a structure: a force, or the motion of its base.
+DRIVES = ("force", "base")
+
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Relative standard uncertainty of what the simulation assumes."""
+    """Relative standard uncertainty of what the simulation assumes.
+
+    ``from_record``: the values were taken from the rows that they are compared with, and are no knowledge beside them.
+    """
 
     frequency: float = 0.001
     mass: float = 0.02
     viscous: float = 0.05
+    from_record: bool = False
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is known of the rig: principal ``planes`` that can move (1 or 2), ``force`` ``measured`` at the structure or
+    ``prescribed``, ``rate`` of the frequency in Hz/s (0 for dwells); None or empty where it is not known.
+    """
+
+    planes: int | None = None
+    force: str = ""
+    rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -55,8 +73,10 @@ class Mode:
     ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``source`` says where it is from, for messages. The tables may be given as in a mode file: mappings,
-    and a bare coefficient of a force that has no other parameter.
+    parameters. ``drive`` is ``force``, or ``base`` where the base's acceleration stands in the column ``force`` and the
+    motion relative to it in ``amplitude``; the mass then counts for nothing but its damping forces. ``source`` says
+    where it is from. The tables may be given as in a mode file: mappings, and a bare coefficient of a force that
+    has no other parameter.
 
     Raises:
         InputError: what :func:`read_mode` refuses.
@@ -65,17 +85,19 @@ class Mode:
     name: str
     frequency: float
     mass: float
+    drive: str = "force"
     tolerance: Tolerance = Tolerance()
     repeatability: Repeatability = Repeatability()
     units: Units = Units()
+    rig: Rig = Rig()
     damping: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     source: str = ""
 
     def __post_init__(self) -> None:
         written = {
-            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "tolerance")},
-            **{name: getattr(self, name) for name in ("repeatability", "units", "damping", "effects")},
+            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")},
+            **{name: getattr(self, name) for name in ("repeatability", "units", "rig", "damping", "effects")},
         }
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, value)
@@ -100,18 +122,23 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
 
 def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
-    top.only("mode", "repeatability", "units", "damping", "effects")
+    top.only("mode", "repeatability", "units", "rig", "damping", "effects")
     mode = top.table("mode", required=True)
-    mode.only("name", "frequency", "mass", "tolerance")
+    mode.only("name", "frequency", "mass", "drive", "tolerance")
+    drive = mode.text("drive", default="force")
+    if drive not in DRIVES:
+        raise mode.error("drive", f"is {drive!r}", '"force" or "base"')
     units = top.table("units")
     units.only("force", "length", "time")
     return {
         "name": mode.text("name", default=name),
         "frequency": mode.number("frequency", above=0.0),
-        "mass": mode.number("mass", above=0.0),
+        "mass": mode.number("mass", above=0.0, default=1.0 if drive == "base" else None),
+        "drive": drive,
         "tolerance": _tolerance(mode.table("tolerance")),
         "repeatability": _repeatability(top.table("repeatability")),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
+        "rig": _rig(top.table("rig")),
         "damping": _damping(top.table("damping")),
         "effects": _effects(top.table("effects")),
     }
@@ -119,17 +146,31 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
 
 def _as_written(value: Any) -> Any:
     """A field as it stands in a mode file: tables as dictionaries without what is not stated, plain numbers."""
-    if isinstance(value, Tolerance | Repeatability | Units):
-        value = {key: stated for key, stated in vars(value).items() if stated is not None}
+    if isinstance(value, Tolerance | Repeatability | Units | Rig):
+        value = {key: stated for key, stated in vars(value).items() if stated is not None and stated != ""}
     if isinstance(value, Mapping):
         return {key: _as_written(inner) for key, inner in value.items()}
     return value.item() if isinstance(value, np.generic) else value
 
 
 def _tolerance(table: TomlTable) -> Tolerance:
-    table.only("frequency", "mass", "viscous")
-    default = Tolerance()
-    return Tolerance(**{key: table.number(key, default=value, least=0.0) for key, value in vars(default).items()})
+    table.only("frequency", "mass", "viscous", "from_record")
+    numbers = {
+        key: table.number(key, default=getattr(Tolerance(), key), least=0.0) for key in ("frequency", "mass", "viscous")
+    }
+    return Tolerance(**numbers, from_record=table.truth("from_record"))
+
+
+def _rig(table: TomlTable) -> Rig:
+    table.only("planes", "force", "rate")
+    planes = table.number("planes", default=0.0, least=0.0, below=3.0) or None
+    force = table.text("force", default="")
+    if planes not in (None, 1.0, 2.0):
+        raise table.error("planes", f"is {planes:g}", "1 or 2")
+    if force not in ("", "measured", "prescribed"):
+        raise table.error("force", f"is {force!r}", '"measured" or "prescribed"')
+    rate = table.number("rate", least=-np.inf) if "rate" in table.values else None
+    return Rig(None if planes is None else int(planes), force, rate)
 
 
 def _repeatability(table: TomlTable) -> Repeatability:
@@ -170,10 +211,12 @@ def _number(table: TomlTable, key: str, shape: Shape) -> float:
 def describe_mode_to_toml(mode: Mode) -> str:
     """The TOML file of a mode; reading it gives the same mode (but for ``source``), to the last digit."""
     groups = {
-        "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass},
-        "mode.tolerance": vars(mode.tolerance),
+        "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass}
+        | ({"drive": mode.drive} if mode.drive != "force" else {}),
+        "mode.tolerance": {key: value for key, value in vars(mode.tolerance).items() if value is not False},
         "repeatability": {key: value for key, value in vars(mode.repeatability).items() if value is not None},
         "units": {key: unit for key, unit in vars(mode.units).items() if unit},
+        "rig": {key: value for key, value in vars(mode.rig).items() if value not in (None, "")},
         "damping": {name: _inline(parameters) for name, parameters in mode.damping.items()},
         **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
     }
@@ -200,7 +243,7 @@ def _describe_value(value: str | float | Mapping[str, float]) -> str:
         return (
             "{" + ", ".join(f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items()) + "}"
         )
-    return repr(float(value))
+    return "true" if value is True else repr(float(value))
 
 
 def _describe_key(key: str) -> str:

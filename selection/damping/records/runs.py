@@ -9,7 +9,6 @@ from math import log
 
 import numpy as np
 import pandas as pd
-from scipy.signal import find_peaks, medfilt
 
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
@@ -149,6 +148,8 @@ def find_peaks_of(run: Run) -> IntArray:
     """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
+    from scipy.signal import find_peaks, medfilt  # noqa: PLC0415 - slow to import, and needed for long sweeps alone
+
     smooth = medfilt(run.compliance, 3)
     smooth[[0, -1]] = run.compliance[[0, -1]]
     places = find_peaks(smooth, prominence=max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
@@ -168,6 +169,8 @@ def count_beats(run: Run) -> int:
     """Humps on one side of the peak, lower and lower and closer and closer, as a resonance passed fast leaves them."""
     if len(run) < 10 * FEWEST_ROWS:
         return 0
+    from scipy.signal import find_peaks, medfilt  # noqa: PLC0415 - as above
+
     smooth = medfilt(run.compliance, 5)[2:-2]
     peaks, shape = find_peaks(smooth, prominence=max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
     if len(peaks) < 2:

@@ -18,6 +18,7 @@ from damping.records.implied import (
     estimate_mass_without_phase,
     find_implied,
     is_incoherent,
+    sense_rate,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -147,6 +148,11 @@ class View:
         return lags
 
     @cached_property
+    def sensed(self) -> float | None:
+        """Rate of sweeping (d omega/dt)/omega, 1/s, that the phases show; None where they show none."""
+        return sense_rate([run for run, lag in zip(self.runs, self.lags, strict=True) if lag is not None])
+
+    @cached_property
     def resonant(self) -> list[bool]:
         """Whether each run holds a resonance; a run of few rows is taken at its word."""
         return [
@@ -198,7 +204,7 @@ class View:
             mass.setdefault(run.sweep, []).append(value)
         implied = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
         implied["mass"] = [take_median(mass.get(sweep, [])) for sweep in table["sweep"]]
-        stated = self.mode.mass if self.mode else np.nan
+        stated = self.mode.mass if self.mode and self.mode.drive == "force" else np.nan
         used = self.right.masses(stated)[table["row"].to_numpy()] if len(table) else np.array([])
         used = np.where(np.isnan(used), implied["mass"], used)
         omega = RAD_S_PER_HZ * implied["frequency"]
@@ -212,7 +218,7 @@ class View:
             return float("nan")
         own = self.record.masses(self.mode.mass)
         stated = np.array([float(np.median(own[run.rows])) for run in self.runs])
-        if getattr(self.mode, "drive", "force") == "base":
+        if self.mode.drive == "base":
             stated = np.ones(len(self.runs))
         return take_median(self.masses / stated)
 

@@ -17,7 +17,7 @@ from damping.extrapolation.curve import Curve
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.extrapolation.what_if import NextLevel
-from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
+from damping.gap.corrected import EffectPosterior, effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
@@ -234,7 +234,7 @@ def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
 
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
-    """The form ``gap/1``; tests, strangers, local estimates, posterior and cautions are extra keys."""
+    """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     leading = diagnosis.leading
     return {
         "format": "gap/1",
@@ -242,6 +242,8 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "explanations": [{"effects": list(e.effects), "probability": e.probability} for e in diagnosis.explanations],
         "equivalents": [list(group.effects) for group in diagnosis.groups],
         "unexplained": diagnosis.unexplained,
+        "in_library": diagnosis.in_library,
+        "levels": [asdict(level) for level in diagnosis.levels],
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
         "gap": {
@@ -252,9 +254,12 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
             "held_out": _held_out(diagnosis),
         },
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
+        "intervals": {
+            effect: {name: list(interval) for name, interval in values.items()}
+            for effect, values in effect_intervals(leading.best).items()
+        },
         "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
         "tests": [asdict(test) for test in diagnosis.tests],
-        "strangers": [asdict(stranger) for stranger in diagnosis.strangers],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),

@@ -8,17 +8,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects.terms import Terms, complex_stiffness
+from damping.effects.contract import Drive, Terms
+from damping.effects.terms import complex_stiffness
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
-from damping.gap.model import Model, deviated
+from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
-from damping.gap.size import nominal_residuals, refitted, regular_values
-from damping.gap.steady import fitted_terms, steady
+from damping.gap.size import fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import LocalEstimate, by_quantity, footprint
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
@@ -104,11 +104,8 @@ def tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     order = np.argsort(rows.F)
     F = np.linspace(0.9 * rows.F.min(), 1.1 * rows.F.max(), _POINTS)
     filled = {name: np.interp(F, rows.F[order], getattr(rows, name)[order]) for name in ("omega", "u", "mass")}
-    unit = np.ones(_POINTS)
-    dense = replace(
-        rows, row=np.arange(_POINTS), sweep=np.zeros(_POINTS, dtype=np.int64), F=F, phase=unit, sd_amplitude=unit,
-        sd_phase=unit, **filled,
-    )  # fmt: skip
+    nearest = np.argmin(np.abs(rows.F[:, np.newaxis] - F), axis=0)
+    dense = rows.taken(nearest, F=F, sweep=np.zeros(_POINTS, dtype=np.int64), **filled)
     nominal = Model(leading.model.problem, (), leading.model.scatter)
     models = {
         "nominal": nominal.terms(np.zeros((1, nominal.size))),
@@ -193,21 +190,15 @@ def _on(one: ModelFit, rows: Rows) -> Terms:
 
 def _dense(rows: Rows) -> Rows:
     """Rows on a fine grid of frequencies in every sweep, force and amplitude interpolated."""
-    parts: dict[str, list[FloatArray]] = {name: [] for name in ("F", "omega", "u", "mass")}
+    parts = []
     for number in range(len(rows.sweeps)):
         own = np.flatnonzero(rows.sweep == number)
         grid = np.linspace(rows.omega[own[0]], rows.omega[own[-1]], _POINTS)
-        parts["omega"].append(grid)
-        for name in ("F", "u", "mass"):
-            parts[name].append(np.interp(grid, rows.omega[own], getattr(rows, name)[own]))
-    joined = {name: np.concatenate(values) for name, values in parts.items()}
-    n = _POINTS * len(rows.sweeps)
-    sweep = np.repeat(np.arange(len(rows.sweeps)), _POINTS)
-    unit = np.ones(n)
-    return replace(
-        rows, row=np.arange(n), sweep=sweep, phase=0.0 * unit, sd_amplitude=unit, sd_phase=unit,
-        F=joined["F"], omega=joined["omega"], u=joined["u"], mass=joined["mass"],
-    )  # fmt: skip
+        nearest = own[np.argmin(np.abs(rows.omega[own][:, np.newaxis] - grid), axis=0)]
+        filled = {name: np.interp(grid, rows.omega[own], getattr(rows, name)[own]) for name in ("F", "u", "mass")}
+        parts.append((nearest, filled | {"omega": grid}))
+    joined = {name: np.concatenate([filled[name] for _, filled in parts]) for name in parts[0][1]}
+    return rows.taken(np.concatenate([nearest for nearest, _ in parts]), **joined)
 
 
 def _map(rows: Rows, values: dict[str, FloatArray]) -> pd.DataFrame:
@@ -232,8 +223,8 @@ def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
     for name, one in (("refitted", refitted(leading)), ("explained", leading)):
         terms = fitted_terms(one, deviations=False)
         M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
-        at = replace(rows, F=np.ones(80), omega=np.full(80, omega_n), mass=np.ones(80))
-        Z = complex_stiffness(replace(terms, M=M, omega_n=omega_n), A, at.drive)[0][0]
+        drive = Drive(np.ones(80), np.full(80, omega_n))
+        Z = complex_stiffness(replace(terms, M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
         frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
         damping = Z.imag / (2.0 * M * omega_n**2)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
@@ -246,7 +237,7 @@ def _tabulate_free_curves(leading: ModelFit, explained: pd.DataFrame) -> pd.Data
     """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
     free = free_form(leading)
     f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))
-    reach = float(norm.ppf(0.95))
+    reach = float(ndtri(0.95))
     return pd.DataFrame(
         {
             "model": "free",

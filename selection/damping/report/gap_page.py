@@ -36,8 +36,6 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     """One sentence: what it is, how sure, and whether it is all."""
     gap, leading = diagnosis.gap, diagnosis.hypotheses[0]
     if not leading.effects:
-        if list_outside(diagnosis):
-            return f"Nothing in the library explains how the test differs; {_describe_likeliest(diagnosis)} would."
         if diagnosis.unexplained:
             return (
                 f"The test differs from the refitted simulation by more than noise ({number(gap.before)} sigma), and "
@@ -49,15 +47,13 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
         )
     size = f"{number(gap.before)} sigma" if gap.shrinkage is not None else "hardly more than noise"
     effects = format_joined(_describe_sentence(name) for name in leading.effects)
+    among = " of what is known here" if diagnosis.unexplained else ""
     said = (
         f"The test differs from the refitted simulation by {size}: {effects} (probability "
-        f"{format_share(leading.probability)})"
+        f"{format_share(leading.probability)}{among})"
     )
-    return said + (", but that is not all." if diagnosis.unexplained else ".")
-
-
-def _describe_likeliest(diagnosis: Diagnosis) -> str:
-    return max(diagnosis.strangers, key=lambda one: one.log_odds).name
+    said += ", but that is not all." if diagnosis.unexplained else "."
+    return f"{said} The chance that the cause is in the library at all is {format_share(diagnosis.in_library)}."
 
 
 def place(diagnosis: Diagnosis) -> str:
@@ -71,21 +67,17 @@ def place(diagnosis: Diagnosis) -> str:
 
 def list_doubts(diagnosis: Diagnosis) -> list[str]:
     """What cannot be told apart."""
-    return [
-        f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
-        f"{number(group.distance, 2)} sigma in all."
-        for group in diagnosis.groups
-    ]
-
-
-def list_outside(diagnosis: Diagnosis) -> list[str]:
-    """Causes that the library does not name and that are more probable than the leading explanation."""
-    likelier = [one for one in diagnosis.strangers if one.log_odds > 0.0]
-    return [
-        f"More probable than anything the library names: {one.name} (log odds {number(one.log_odds, 2)}). The leading "
-        "explanation may only imitate it."
-        for one in likelier
-    ]
+    found = []
+    for group in diagnosis.groups:
+        said = (
+            f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
+            f"{number(group.distance, 2)} sigma in all."
+        )
+        rig = [name for name in group.effects if CATALOGUE[name].kind == "instrument"]
+        if rig and len(rig) < len(group.effects):
+            said += f" Look at the rig first: {format_joined(rig)} needs no change of the structure."
+        found.append(said)
+    return found
 
 
 def reach(diagnosis: Diagnosis) -> str:
@@ -108,11 +100,18 @@ def reach(diagnosis: Diagnosis) -> str:
 def describe_following(diagnosis: Diagnosis) -> str:
     """What to test next."""
     if diagnosis.next_test is None:
-        return "No further test is needed to choose between explanations."
+        return "No further test that a record can hold is worth its time to choose between explanations."
     test = diagnosis.next_test
+    runs = "; ".join(
+        f"{row['points']:g} points from {number(row['frequency_low'], 4)} to {number(row['frequency_high'], 4)} Hz at "
+        f"force {number(row['force'], 3)}"
+        + (f", added mass {number(row['added_mass'], 3)}" if row["added_mass"] else "")
+        for row in test.rows
+    )
     return (
         f"Next, measure {test.what}: {test.why} (expected log odds {number(test.expected_log_odds, 2)} for the leading "
-        "explanation against its rivals)."
+        f"explanation against its rivals). Run {runs}; append the rows with the columns {format_joined(test.columns)} "
+        f"and read them with: {test.command}"
     )
 
 
@@ -179,7 +178,7 @@ def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
         (_describe_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
     ]
     blocks: list[Block] = [Text(describe_verdict(diagnosis), lead=True), Facts(facts)]
-    said = [place(diagnosis), *list_doubts(diagnosis), *list_outside(diagnosis)]
+    said = [place(diagnosis), *list_doubts(diagnosis)]
     said += list_trends(diagnosis)
     blocks.append(List([*said, reach(diagnosis), describe_following(diagnosis)]))
     if diagnosis.cautions:
@@ -223,9 +222,6 @@ def _build_which(
     blocks.append(
         Table(tests, "Is more than noise left? Directed tests of the residuals", headings={"gain": "chi-square"})
     )
-    if diagnosis.strangers:
-        others = pd.DataFrame([asdict(one) for one in diagnosis.strangers])
-        blocks.append(Table(others, "Causes outside the library in the place of the leading explanation"))
     return blocks
 
 

@@ -51,6 +51,8 @@ _FEWEST_SAMPLES = 8  # a period must have so many
 _PART = 1_000_000  # samples looked at together
 _LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
 _UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
+_PARTS = 10  # of a record whose mean steps are compared
+_STRETCHED = 5.0  # standard errors of a mean step by which it is another
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -180,7 +182,9 @@ def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) 
 def _evened(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, list[str]]:
     """Times that jitter about an even spacing without a gap: a cubic spline through the samples, taken evenly.
 
-    With n samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20.
+    With n samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or
+    shrink along the record by more than their scatter explains are no jitter but a stretch, which would pass for a
+    change of frequency: those times stay as they are.
     """
     step = np.diff(t)
     dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
@@ -188,6 +192,9 @@ def _evened(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray,
     off = float(np.max(np.abs(t - even))) if np.isfinite(t).all() else np.inf
     gap = min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_SAMPLES * frequency))
     if off <= _UNEVEN * dt or not (np.all(step > 0.0) and np.max(step) <= gap and np.isfinite(off)):
+        return t, x, []
+    stretched = [abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in np.array_split(step, _PARTS) if len(part)]
+    if max(stretched) > _STRETCHED * np.std(step):
         return t, x, []
     said = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
     return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [said]

@@ -1,0 +1,218 @@
+"""What acts on the main coordinate of a true structure: forces, joints with memory, and coordinates coupled with it.
+
+Forces without memory are functions of displacement q and velocity v. ``sign`` is the sign of the velocity, smoothed or
+not: the integration in time passes one that is smoothed over a few of its steps, the averages pass the true one.
+
+Joints are elastic until they slip; their state moves with the displacement alone, not with time. A joint of stiffness k
+carries k * sum_i w_i z_i, where z_i is the stretch of its part i; without any slip z = q, so the force beside the stuck
+structure is k (sum_i w_i z_i - q).
+
+- ``jenkins``: the stretch stops at the limit (one part is a Jenkins element, many are an Iwan joint).
+- ``bouc-wen``: dz/dq = 1 - (z/limit) where the motion stretches the joint further, 1 where it relieves it
+  (Bouc and Wen's law with n = 1 and beta = gamma), solved exactly for a monotonic step of q.
+
+Coordinates coupled with the main one: an absorber, a gyroscopic partner, an electric circuit, a fluid, a heated spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+Function = Callable[[Array, Array, Array, float], Array]
+
+
+@dataclass(frozen=True)
+class TrueLaw:
+    """A force ``coefficient * function(q, v, sign, parameter)`` on the main coordinate; ``kind`` names the function."""
+
+    kind: str
+    coefficient: float
+    parameter: float = 0.0
+
+    def force(self, q: Array, v: Array, sign: Array) -> Array:
+        """The force, in the shape of ``q`` and ``v``."""
+        return self.coefficient * FUNCTIONS[self.kind](q, v, sign, self.parameter)
+
+
+def _clearance(q: Array, v: Array, sign: Array, gap: float) -> Array:
+    return q - np.clip(q, -gap, gap)
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "displacement": lambda q, v, sign, p: np.abs(q) * sign,
+    "velocity-squared": lambda q, v, sign, p: v * np.abs(v),
+    "displacement-velocity": lambda q, v, sign, p: np.abs(q) * v,
+    "quadratic-displacement": lambda q, v, sign, p: q * q * v,
+    "coulomb": lambda q, v, sign, p: sign,
+    "cubic": lambda q, v, sign, p: q * q * q,
+    "quadratic": lambda q, v, sign, p: q * q,
+    "odd-square": lambda q, v, sign, p: q * np.abs(q),
+    "quintic": lambda q, v, sign, p: q * q * q * q * q,
+    "clearance": _clearance,
+    "power-spring": lambda q, v, sign, p: np.sign(q) * np.abs(q) ** p,
+    "stop": lambda q, v, sign, p: np.maximum(q - p, 0.0),
+    "slap": lambda q, v, sign, p: np.maximum(q - p, 0.0) * (0.75 + 0.25 * sign),
+    "velocity-cubed": lambda q, v, sign, p: v * v * v,
+    "hysteretic-square": lambda q, v, sign, p: q * q * sign,
+    "rub": lambda q, v, sign, p: sign * np.clip((np.abs(q) / p - 1.0) / _BUILD_UP, 0.0, 1.0),
+    "dithered-friction": lambda q, v, sign, p: 2 / np.pi * np.arcsin(np.clip(v / p, -1.0, 1.0)),
+    "stribeck": lambda q, v, sign, p: sign * np.exp(-np.abs(v) / p),
+    "eddy-current": lambda q, v, sign, p: v / (1.0 + (v / p) ** 2),
+    "squeeze-film": lambda q, v, sign, p: v / (1.0 - np.minimum((q / p) ** 2, _CLOSEST)) ** 1.5,
+}
+#: Square of the largest displacement over the film's thickness that a squeeze film lets come about.
+_CLOSEST = 0.9
+#: Way over which a rubbing contact builds up, of the place where it begins.
+_BUILD_UP = 0.3
+
+#: Power of the velocity in each force: at frequency omega its averages are omega**power times those at omega = 1.
+VELOCITY_POWER: Mapping[str, int] = {
+    "velocity-squared": 2,
+    "displacement-velocity": 1,
+    "quadratic-displacement": 1,
+    "velocity-cubed": 3,
+    "squeeze-film": 1,
+}
+
+#: Degree of each force in amplitude, where it is homogeneous.
+DEGREE: Mapping[str, int] = {
+    "displacement": 1,
+    "velocity-squared": 2,
+    "displacement-velocity": 2,
+    "quadratic-displacement": 3,
+    "coulomb": 0,
+    "cubic": 3,
+    "quadratic": 2,
+    "odd-square": 2,
+    "quintic": 5,
+    "hysteretic-square": 2,
+    "velocity-cubed": 3,
+}
+
+#: Forces that jump when the velocity changes sign.
+JUMPS = frozenset({"displacement", "coulomb", "hysteretic-square", "rub", "stribeck", "slap"})
+#: Forces that change with velocity otherwise than by a power: their averages are taken at the natural frequency.
+RATE_BOUND = frozenset({"dithered-friction", "stribeck", "eddy-current"})
+#: Forces under which two steady states may exist at one frequency.
+ELASTIC = frozenset({"cubic", "quadratic", "odd-square", "quintic", "clearance", "power-spring", "stop", "slap"})
+
+
+@dataclass(frozen=True)
+class TrueJoint:
+    """Stiffness (force/length), limits of the parts' stretch (length) and their weights (sum 1)."""
+
+    kind: str
+    stiffness: float
+    limits: tuple[float, ...]
+    weights: tuple[float, ...]
+
+    @cached_property
+    def _limits(self) -> Array:
+        return np.array(self.limits)
+
+    def start(self, q: Array) -> Array:
+        """Stretch of the parts, shape (parts, *q.shape), after a first loading to ``q``."""
+        return self.move(np.zeros((len(self.limits), *q.shape)), q)
+
+    def move(self, z: Array, dq: Array) -> Array:
+        """The stretch after a monotonic change ``dq`` of the displacement."""
+        limits = self._limits.reshape(-1, *[1] * dq.ndim)
+        if self.kind == "jenkins":
+            stretched: Array = np.minimum(np.maximum(z + dq, -limits), limits)
+            return stretched
+        way, distance = np.sign(dq), np.abs(dq)
+        along = way * z
+        relieved = np.minimum(distance, np.maximum(-along, 0.0))
+        along = along + relieved
+        rest = limits - (limits - along) * np.exp(-(distance - relieved) / limits)
+        return np.where(along < 0.0, along, rest) * way + np.where(way == 0.0, z, 0.0)
+
+    def force(self, z: Array, q: Array) -> Array:
+        """The joint's force less that of the same joint stuck."""
+        carried = z[0] if len(self.limits) == 1 else np.tensordot(np.array(self.weights), z, axes=1)
+        return self.stiffness * (carried - q)
+
+
+@dataclass(frozen=True)
+class Partner:
+    """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``COUPLINGS``.
+
+    Attributes:
+        omega, zeta: of the partner alone, rad/s and damping ratio. strength: of the coupling, dimensionless (mass
+            ratio of an absorber). cubic: of its spring, over omega^2, 1/length^2.
+    """
+
+    kind: str
+    omega: float
+    zeta: float
+    strength: float
+    cubic: float = 0.0
+
+    def accelerations(self, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+        """x'' and what the partner adds to q'' (per unit of the main mass), from q, q', x and x'."""
+        return COUPLINGS[self.kind](self, q, v, x, w)
+
+    def follow(self, omega: Array) -> Array:
+        """Phasor of x over that of q, of the linear partner: -omega^2 x = f(q, q', 0, 0) + x f(0, 0, 1, i omega)."""
+        if self.stand_in:
+            return np.zeros(omega.size, complex)
+        linear, v = replace(self, cubic=0.0), 1j * omega
+        unit, none = np.ones(omega.size, complex), np.zeros(omega.size, complex)
+        pulled, own = (linear.accelerations(*at)[0] for at in ((unit, v, none, none), (none, none, unit, v)))
+        return pulled / (-(omega**2) - own)
+
+    def push(self, omega: Array) -> Array:
+        """Phasor of what the linear partner adds to q'' over that of q."""
+        x, unit, v = self.follow(omega), np.ones(omega.size, complex), 1j * omega
+        return np.zeros_like(x) if self.stand_in else replace(self, cubic=0.0).accelerations(unit, v, x, v * x)[1]
+
+    @property
+    def stand_in(self) -> TrueLaw | None:
+        """What acts like it on the main mode to first order where it is not linear at all, over the main mass."""
+        if self.kind == "heated-spring":  # mean square A^2/2 against 3/4 A^2 of a cubic spring
+            return TrueLaw("cubic", 2.0 / 3.0 * self.strength)
+        return None
+
+
+def _absorber(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    """A mass on spring and dashpot upon the main one; ``strength`` is its share of the main mass."""
+    spring = p.omega**2 * ((x - q) + p.cubic * (x - q) ** 3) + 2 * p.zeta * p.omega * (w - v)
+    return -spring, p.strength * spring
+
+
+def _gyroscopic(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    """The same mass across the axis of a rotor: g w and -g v do no work together, g = strength omega."""
+    g = p.strength * p.omega
+    return g * v - 2 * p.zeta * p.omega * w - p.omega**2 * x, -g * w
+
+
+def _circuit(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    """Charge in a coil, a resistor and a piezo patch of energy -strength omega^2 q x."""
+    pull = p.strength * p.omega**2
+    return pull * q - 2 * p.zeta * p.omega * w - p.omega**2 * x, pull * x
+
+
+def _memory(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    """A spring behind a dashpot, omega^2 strength (q - x), whose far end x follows q with a lag (a fluid's memory)."""
+    return p.omega**2 * (q - x) - 2 * p.zeta * p.omega * w, -p.strength * p.omega**2 * (q - x)
+
+
+def _heated(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    """A spring -strength x q whose temperature x follows q^2 slowly."""
+    return p.omega**2 * (q**2 - x) - 2 * p.zeta * p.omega * w, -p.strength * x * q
+
+
+COUPLINGS: Mapping[str, Callable[[Partner, Array, Array, Array, Array], tuple[Array, Array]]] = {
+    "absorber": _absorber,
+    "gyroscopic": _gyroscopic,
+    "circuit": _circuit,
+    "memory": _memory,
+    "heated-spring": _heated,
+}

@@ -1,0 +1,195 @@
+"""What changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from damping.arrays import RAD_S_PER_HZ, Floats
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
+from damping.forces.shapes import TIME, Shape
+
+#: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
+_SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
+#: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
+_MOST_DRIFT = 0.1
+_MOST_WARMING = 2.0
+
+
+def drift_forms(scales: Scales) -> tuple[Form, ...]:
+    """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
+    found = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
+    for sign in (1.0, -1.0):
+        found += [
+            _drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT),
+            _drift_form("damping", sign, 0.2, _MOST_WARMING),
+            _drift_form("settling", sign, scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
+        ]
+        sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
+        found += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
+    return tuple(found)
+
+
+#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
+_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
+#: Sweeps up to which the frequency of each may be its own.
+_MOST_JUMPS = 8
+
+
+def _jumping_form(scales: Scales) -> Form:
+    """The frequency of each sweep is its own; strength: their root mean square deviation, shapes: each over it."""
+    patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
+    shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
+
+    def change(terms: Terms, size: Floats, *jumps: Floats) -> Terms:
+        for sweep, jump in enumerate(jumps, 1):
+            terms = drifting(terms, "frequency", size * jump, 0.0, sweep)
+        return terms
+
+    def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
+        return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
+
+    sizes = tuple(scales.bandwidth * share for share in _DRIFTS)
+    return Form("drift", change, report, scales.bandwidth, shapes, _MOST_DRIFT, "level to level", sizes=sizes)
+
+
+def _drift_form(
+    kind: str, sign: float, natural: float, most: float, shapes: tuple[FormVariable, ...] = (), sweep: int = 0
+) -> Form:
+    quantity = "damping" if kind == "damping" else "frequency"
+
+    def report(change: Floats, *settling: Floats) -> dict[str, Floats]:
+        values = {quantity: sign * change} | ({"settling": settling[0]} if settling else {})
+        return values | ({"sweep": np.zeros_like(change) + sweep} if sweep else {})
+
+    def change(terms: Terms, change: Floats, *settling: Floats) -> Terms:
+        return drifting(terms, quantity, sign * change, settling[0] if settling else 0.0, sweep)
+
+    label = f"{kind}{f' of sweep {sweep}' if sweep else ''}, {sign:+.0f}"
+    sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
+    return Form("drift", change, report, natural, shapes, largest=most, label=label, sizes=sizes)
+
+
+def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
+    """ln of the frequency or the damping changed by ``change`` from the first row to the last, or in one sweep only."""
+
+    def part(drive: Drive) -> Floats:
+        if sweep:
+            return change * (drive.sweep == sweep)
+        if np.any(settling):
+            return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
+        return change * drive.time
+
+    if quantity == "damping":
+        return replace(terms, damped=(*terms.damped, part))
+    return replace(terms, detuned=(*terms.detuned, part))
+
+
+def simulate_drift(terms: Terms, table: Mapping[str, float]) -> Terms:
+    """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
+
+    ``frequency_1`` and so on: of each sweep.
+    """
+    for quantity in ("frequency", "damping"):
+        if table[quantity] != 0.0:
+            terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
+    for sweep in range(1, _MOST_JUMPS + 1):
+        if table[f"frequency_{sweep}"] != 0.0:
+            terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
+    return terms
+
+
+DRIFT = Effect(
+    name="drift",
+    kind="structure",
+    sentence="the structure changes in the course of the test",
+    forms=drift_forms,
+    simulate=simulate_drift,
+    shapes=(
+        Shape("frequency", default=0.0),
+        Shape("damping", default=0.0),
+        Shape("settling", least=0.0, default=0.0),
+        Shape("sweep", least=0.0, default=0.0),
+        *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
+    ),
+    need="sweep",
+)
+
+
+def offset_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |ln(factor)| of the readings, or of the force, of one sweep."""
+    if scales.sweeps < 2:
+        return ()
+    return tuple(
+        _offset_form(sweep, sign, force)
+        for sweep in range(1, scales.sweeps + 1)
+        for sign in (1.0, -1.0)
+        for force in ((False,) if scales.sweeps > _MANY_SWEEPS else (False, True))
+    )
+
+
+#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
+_MANY_SWEEPS = 6
+
+
+def _offset_form(sweep: int, sign: float, force: bool) -> Form:
+    def change(terms: Terms, size: Floats) -> Terms:
+        return one_sweep(terms, sweep, sign * size, force)
+
+    def report(size: Floats) -> dict[str, Floats]:
+        values = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
+        return values | ({"force": np.ones_like(size)} if force else {})
+
+    label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"
+    return Form("level-offset", change, report, 0.1, largest=log(3.0), label=label)
+
+
+def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
+    """ln of the readings, or of the force, of one sweep changed by ``size``."""
+
+    def part(drive: Drive) -> Floats:
+        return size * (drive.sweep == sweep)
+
+    if force:
+        return replace(terms, received=(*terms.received, part))
+    return replace(terms, offset=(*terms.offset, part))
+
+
+LEVEL_OFFSET = Effect(
+    name="level-offset",
+    kind="instrument",
+    sentence="the readings or the force of one level are off by a factor",
+    forms=offset_forms,
+    simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
+    shapes=(Shape("factor", above=0.0), Shape("sweep", least=1.0), Shape("force", least=0.0, default=0.0)),
+)
+
+
+def rate_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |d omega/dt| over the squared bandwidth, in the direction of the rows or against it."""
+    unit = (scales.bandwidth * scales.omega_n) ** 2
+
+    def side(sign: float) -> Form:
+        def change(terms: Terms, size: Floats) -> Terms:
+            return replace(terms, rate=terms.rate + sign * size * unit)
+
+        def report(size: Floats) -> dict[str, Floats]:
+            return {"rate": sign * size * unit / RAD_S_PER_HZ}
+
+        return Form("sweep-rate", change, report, 0.1, largest=30.0, label=f"{sign:+.0f}", sizes=(0.1, 0.4, 1.5))
+
+    return side(1.0), side(-1.0)
+
+
+SWEEP_RATE = Effect(
+    name="sweep-rate",
+    kind="instrument",
+    sentence="the frequency moved too fast for a steady state",
+    forms=rate_forms,
+    simulate=lambda terms, table: replace(terms, rate=terms.rate + RAD_S_PER_HZ * table["rate"]),
+    shapes=(Shape("rate", TIME**-2.0),),
+    need="sweep",
+)

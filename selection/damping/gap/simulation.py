@@ -1,0 +1,166 @@
+"""The simulation that is judged: a mode within its tolerances, several states of it, or a user's own function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from inspect import signature
+
+import numpy as np
+
+from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
+from damping.effects.contract import Drive, OfDrive, Terms
+from damping.effects.terms import complex_stiffness
+from damping.errors import InputError
+from damping.forces import list_parameter_names, make
+from damping.records.mode import Mode
+
+#: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
+MOST_TOLERANCES = 3.0
+_SHARPNESS = 8
+
+
+#: Stands for none, where one divides by it.
+NO_SCATTER = 1e-9
+
+
+def within_tolerance(x: FloatArray) -> FloatArray:
+    """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
+    return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
+
+
+#: Tolerances of a simulation whose values were taken from the record itself, at least: they are no knowledge.
+NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
+
+    The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
+    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), the frequency of
+    each of the ``further`` states (numbers from 1) whose stiffness is its own, and the parameters of a simulator.
+    """
+
+    mode: Mode
+    further: tuple[int, ...] = ()
+    simulator: Simulator | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        own = () if self.simulator is None else tuple(self.simulator.values)
+        states = (f"frequency of state {number + 1}" for number in self.further)
+        return ("frequency", "mass", *self.mode.damping, *states, *own)
+
+    @property
+    def tolerance(self) -> FloatArray:
+        """Relative standard uncertainty of each variable."""
+        stated = self.mode.tolerance
+        frequency, mass, damping = stated.frequency, stated.mass, stated.viscous
+        if stated.from_record:
+            frequency, mass, damping = map(max, (frequency, mass, damping), NO_KNOWLEDGE.values())
+        own = [] if self.simulator is None else list(self.simulator.tolerances.values())
+        if own:  # what the simulator's own parameters leave open is theirs
+            frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
+        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *[frequency] * len(self.further), *own])
+
+    def terms(self, x: FloatArray) -> Terms:
+        """The terms at variables x (batch, k), as arrays (batch, 1)."""
+        deviation = (within_tolerance(x) * self.tolerance)[..., np.newaxis]
+        factor = np.exp(deviation)
+        forces = []
+        for number, (name, parameters) in enumerate(self.mode.damping.items()):
+            leading, *others = list_parameter_names(name)
+            values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
+            forces.append(make(name, **values))
+        first = 2 + len(forces)
+        own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
+        first += len(self.further)
+        return Terms(
+            M=self.mode.mass * factor[:, 1],
+            omega_n=self.mode.omega_n * factor[:, 0],
+            forces=tuple(forces),
+            simulated=len(forces),
+            detuned=tuple(_of_state(state, value) for state, value in own),
+            beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
+        )
+
+
+def _of_state(state: int, deviation: FloatArray) -> OfDrive:
+    """The frequency of one state changed."""
+    return lambda drive: deviation * (drive.state == state)
+
+
+#: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
+Simulate = Callable[..., tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """A user's own simulation, as what its complex stiffness has beside that of the mode that stands for it.
+
+    Z = F exp(i phase)/A of a simulation changes evenly with its parameters where its resonance does not: Z is taken at
+    their nominal values and, for differences, one tolerance away in each.
+
+    Attributes:
+        function: the simulation; values, tolerances: of its parameters by name, tolerances relative. mode: what
+            stands for it where an effect needs a mass, a frequency, a damping.
+    """
+
+    function: Simulate
+    values: Mapping[str, float]
+    tolerances: Mapping[str, float]
+    mode: Mode
+    _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
+
+    @staticmethod
+    def read(function: Simulate, mode: Mode) -> Simulator:
+        """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
+
+        Raises:
+            InputError: another signature.
+        """
+        parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        values, tolerances = {}, {}
+        for one in parameters:
+            pair = one.default
+            if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
+                raise InputError(f"parameter {one.name} of the simulator", expected="a default (value, tolerance)")
+            values[one.name], tolerances[one.name] = map(float, pair)
+        return Simulator(function, values, tolerances, mode)
+
+    def beside(self, deviation: FloatArray) -> OfDrive:
+        """Z less that of the mode at ln deviations (batch, parameters, 1) of the parameters."""
+
+        def part(drive: Drive) -> ComplexArray:
+            nominal, by_parameter = self._linear(drive)
+            return np.asarray(nominal + np.sum(deviation * by_parameter, axis=1))
+
+        return part
+
+    def _linear(self, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+        """Z less that of the mode, (n,), and dZ/d ln(parameter), (parameters, n)."""
+        key = (drive.F.tobytes(), drive.omega.tobytes())
+        if key not in self._known:
+            A, Z = self._stiffness(drive, {})
+            steps = [
+                (self._stiffness(drive, {name: value * np.exp(self.tolerances[name])})[1] - Z) / self.tolerances[name]
+                for name, value in self.values.items()
+            ]
+            mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
+            self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
+        return self._known[key]
+
+    def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
+        """Amplitude and Z of the simulation with some parameters changed.
+
+        Raises:
+            InputError: it does not return an amplitude and a phase for every row.
+        """
+        found = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        pair = [np.asarray(part, dtype=float) for part in found] if isinstance(found, tuple) else []
+        if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
+            raise InputError("the simulator's answer", expected="(amplitude, phase), a number each for every row")
+        A, phase = pair
+        return A, np.asarray(drive.F * np.exp(1j * phase) / A)

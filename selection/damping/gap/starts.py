@@ -1,0 +1,93 @@
+"""Where to start the fit of one more effect, and how much it could gain: its direction at a fit already made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.effects.contract import Form
+from damping.gap.fit import ModelFit
+from damping.gap.model import SPREAD, TYPICAL_GAP, Part
+
+#: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
+_SMALL = 1e-3
+_NONE = -60.0
+#: Range of start values of the gap an effect opens, in units of noise.
+_LOW = 0.3
+_HIGH = 60.0
+_FARTHEST = 3000.0
+#: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
+_UNSEEN_GAP = 1e-3
+
+
+@dataclass(frozen=True)
+class Start:
+    """A form tried at a fit: its part, the variables to start from, and its linear gain in ln p."""
+
+    part: Part
+    x: FloatArray
+    gain: float
+
+
+def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]:
+    """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
+
+    The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
+    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d). ``unit`` is the strength that opens
+    a gap of one unit of noise, d.d unit^2 = number of residuals; found here when not given.
+    """
+    shapes = _grid(form)
+    r, d = _direction(base, form, shapes)
+    squared, pull = _projected(base, form, r, d)
+    strength = -pull / squared
+    gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
+    if unit is None:
+        middle = int(np.argmin(np.sum(shapes**2, axis=1)))
+        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
+        # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
+        unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
+    s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
+    part = Part(form, unit)
+    found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
+    return sorted(found, key=lambda start: -start.gain)
+
+
+def at_gap(start: Start, gap: float) -> FloatArray:
+    """Variables of a start with the strength that opens a gap of so many units of noise."""
+    return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
+
+
+def _grid(form: Form) -> FloatArray:
+    """All combinations of the shapes' start values, (starts, shapes)."""
+    if not form.shapes:
+        return np.zeros((1, 0))
+    axes = np.meshgrid(*(shape.starts for shape in form.shapes), indexing="ij")
+    return np.column_stack([axis.ravel() for axis in axes])
+
+
+def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
+    k = base.model.size
+    model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
+    y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
+    strengths = [np.full((len(shapes), 1), size / SPREAD) for size in (np.log(_SMALL), _NONE)]
+    small, none = (model.residuals(np.hstack([y[:, :k], s, shapes, y[:, k:]])).r for s in strengths)
+    return none, (small - none) / (_SMALL * form.natural)
+
+
+def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
+    keep = np.ones(len(base.y), dtype=bool)
+    if form.replaces:
+        keep[base.model.problem.simulation.names.index(form.replaces)] = False
+    J = base.J[:, keep]
+    weighted_J = J * base.weights[:, np.newaxis]
+    inverse = np.linalg.inv(weighted_J.T @ J + np.eye(J.shape[1]))
+    weighted = d * base.weights
+    along = weighted @ J
+    squared = np.einsum("bm,bm->b", weighted, d) - np.einsum("bk,kl,bl->b", along, inverse, along)
+    gradient = r @ weighted_J + base.y[keep]
+    pull = np.einsum("bm,bm->b", weighted, r) - np.einsum("bk,kl,bl->b", along, inverse, gradient)
+    return np.maximum(squared, 1e-9 / form.natural**2), pull

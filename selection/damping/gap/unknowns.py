@@ -1,0 +1,241 @@
+"""What is not stated: noise from how roughly residuals run along a sweep; the
+evidence over every scatter and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.special import logsumexp
+
+from damping.arrays import ComplexArray, FloatArray, IntArray
+from damping.gap.fit import WILD_WEIGHT, ModelFit, decorrelate, fit_roughly, log_likelihood
+from damping.gap.model import Scatter
+from damping.gap.rows import UNSEEN, Rows
+from damping.records.record import Record
+
+#: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
+_TRIMMED = 0.15
+_OF_NORMAL = 0.7215
+#: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
+SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
+_PRICE = 2.0
+#: Deviations count as so large at most.
+CLIP = 3.0
+#: Noise that is assumed before anything is known: of the order of a careful sine test.
+FIRST_GUESS = 0.02
+#: Smallest noise that is believed, so that computed records do not divide by zero.
+LEAST = 1e-6
+
+
+def stated_noise(rows: Rows, record: Record) -> Rows:
+    """The rows with the record's standard uncertainties; ``FIRST_GUESS`` for those that it does not state."""
+    A, F = rows.A, rows.F
+    relative = _filled(_column(record, "amplitude_sd", rows.row) / A)
+    if "force_sd" in record.table.columns:
+        relative = np.hypot(relative, _column(record, "force_sd", rows.row) / F)
+    sd_phase = np.where(rows.sd_phase < UNSEEN, _filled(_column(record, "phase_sd", rows.row)), UNSEEN)
+    rows = replace(rows, sd_amplitude=relative, sd_phase=sd_phase)
+    return further_noise(rows) if rows.has_further else rows
+
+
+#: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
+FURTHER_ERROR = 0.05
+
+
+def further_noise(rows: Rows) -> Rows:
+    """Noise of further channels: the roughness along sweeps, and a share of the phasor that is beyond the model."""
+
+    def noise(phasor: ComplexArray, unseen: FloatArray) -> FloatArray:
+        floor = float(np.min(rows.sd_amplitude * rows.A))
+        if not rows.at_resonance:
+            rough = np.hypot(roughness(rows, phasor.real), roughness(rows, phasor.imag)) / np.sqrt(2.0)
+            floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
+        return np.where(unseen < UNSEEN, np.hypot(floor, FURTHER_ERROR * np.abs(phasor)), UNSEEN)
+
+    return replace(rows, sd_third=noise(rows.third, rows.sd_third), sd_cross=noise(rows.cross, rows.sd_cross))
+
+
+def is_stated(record: Record) -> tuple[bool, bool]:
+    """Whether the noise of amplitudes, and of phases, is stated."""
+    names = ("amplitude_sd", "phase_sd")
+    amplitude, phase = (name in record.table.columns and bool(np.any(record.column(name) > 0.0)) for name in names)
+    return amplitude, phase
+
+
+def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
+    """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
+
+    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
+    fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
+    a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
+    point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
+    """
+    runs = [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
+    width = next((w for w in (4, 2) if max(map(len, runs)) >= w), 1)
+    if rows.at_resonance or width == 1:
+        return np.full(len(rows), FIRST_GUESS)
+    weights, places = zip(
+        *(_combinations(rows.omega[own], own, width) for own in runs if len(own) >= width), strict=True
+    )
+    w, at = np.concatenate(weights), np.concatenate(places)
+    combined = np.sum(w * residual[at], axis=1)
+    found = []
+    for rho in SHARES:
+        shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
+        of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
+        s = max(spread(combined / of_shape), LEAST)
+        price = _PRICE if rho else 0.0
+        found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
+    return max(found, key=lambda one: one[0])[1]
+
+
+def spread(values: FloatArray) -> float:
+    """Standard deviation of normal values of which some are wild."""
+    dropped = int(_TRIMMED * len(values))
+    kept = np.sort(values**2)[: len(values) - dropped]
+    return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
+
+
+def _log_likelihood(values: FloatArray, s: float) -> float:
+    return -float(len(values) * np.log(s) + 0.5 * np.sum(np.minimum((values / s) ** 2, CLIP**2)))
+
+
+def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:
+    """Weights of unit norm that annul every polynomial of degree width - 2 over ``width`` neighbours; their rows."""
+    places = np.arange(len(x) - width + 1)[:, np.newaxis] + np.arange(width)
+    t = x[places]
+    t = (t - t.mean(axis=1, keepdims=True)) / max(float(np.ptp(x)), 1e-300)
+    vandermonde = np.stack([t**k for k in range(width - 1)], axis=1)
+    return np.linalg.svd(vandermonde)[2][:, -1, :], own[places]  # orthogonal to all rows
+
+
+def _column(record: Record, name: str, row: IntArray) -> FloatArray:
+    """A column in the order of the rows, NaN where it is absent or not above zero (none stated)."""
+    if name not in record.table.columns:
+        return np.full(len(row), np.nan)
+    values = record.column(name)[row]
+    return np.where(values > 0.0, values, np.nan)
+
+
+def _filled(values: FloatArray) -> FloatArray:
+    """Missing values replaced by the median of the others, or by ``FIRST_GUESS`` where there is none."""
+    known = values[np.isfinite(values)]
+    return np.where(np.isfinite(values), values, np.median(known) if known.size else FIRST_GUESS)
+
+
+#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
+AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
+FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
+#: Nodes of ln noise, in units of its standard deviation.
+_NODES = np.linspace(-2.5, 2.5, 11)
+#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
+#: known of a test is as often a smooth error (a mode shape, a reference) as one that is new at every row.
+CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Every scatter, correlation and noise considered with its prior probability; one of each where all are stated.
+
+    Attributes:
+        scatters: candidates (amplitude, frequency). correlations: of neighbours. noises: factors on the noise.
+        log_prior: logarithms of their probabilities, (scatters, correlations, noises). first: what a search begins
+            with.
+    """
+
+    scatters: tuple[tuple[float, float], ...]
+    correlations: tuple[float, ...]
+    noises: tuple[float, ...]
+    log_prior: FloatArray
+    first: Scatter
+
+    @property
+    def known(self) -> bool:
+        """Whether there is nothing to choose."""
+        return self.log_prior.size == 1
+
+    def scatter(self, index: int) -> Scatter:
+        """The candidate of a flat index."""
+        i, j, k = np.unravel_index(index, self.log_prior.shape)
+        return Scatter(*self.scatters[i], self.noises[k], self.first.dispersion, self.correlations[j])
+
+
+def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float, dispersion: float) -> Unknowns:
+    """The candidates.
+
+    Args:
+        scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
+        noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
+        dispersion: by how much every explanation misses the record by more than noise.
+    """
+    noises, p_noise, correlations = [1.0], np.ones(1), ((0.0, 1.0),)
+    if noise_error > 0.0:
+        noises = [float(factor) for factor in np.exp(noise_error * _NODES)]
+        p_noise = np.exp(-0.5 * _NODES**2) / np.sum(np.exp(-0.5 * _NODES**2))
+        correlations = CORRELATION_GRID
+    if scatter is not None:
+        pairs = [((scatter.amplitude, scatter.frequency), 1.0)]
+        first = replace(scatter, dispersion=dispersion)
+    else:
+        pairs = [((a, f * bandwidth), p_a * p_f) for (a, p_a), (f, p_f) in product(AMPLITUDE_GRID, FREQUENCY_GRID)]
+        first = Scatter(0.003, 0.03 * bandwidth, 1.0, dispersion)
+    p_pair, p_correlation = (np.array([p for _, p in part]) for part in (pairs, correlations))
+    log_prior = np.log(p_pair[:, np.newaxis, np.newaxis] * p_correlation[:, np.newaxis] * p_noise)
+    return Unknowns(
+        tuple(pair for pair, _ in pairs), tuple(rho for rho, _ in correlations), tuple(noises), log_prior, first
+    )
+
+
+def list_evidences(one: ModelFit, unknown: Unknowns) -> FloatArray:
+    """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
+
+    Errors e of neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
+    """
+    k, sweeps = one.model.size, one.model.sweeps
+    own = _scales(one.model.scatter, k, sweeps)
+    root = np.sqrt(one.weights)
+    J = one.J / own * root[:, np.newaxis]
+    start = one.r * root - J @ (one.y * own)  # residuals at x = 0, b = 0
+    scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
+    precision = (one.model.scatter.noise / np.array(unknown.noises)) ** 2
+    regular = float(np.sum(one.weights > WILD_WEIGHT))
+    robust = float(log_likelihood(one.r)) + 0.5 * float(one.weights @ one.r**2)
+    base = robust + 0.5 * regular * np.log(precision) - regular * np.log(one.model.scatter.noise)
+    found = []
+    for rho in unknown.correlations:
+        white, log_det = decorrelate(np.column_stack([start, J]), one.model, rho)
+        h, N = white[:, 1:].T @ white[:, 0], white[:, 1:].T @ white[:, 1:]
+        values, vectors = np.linalg.eigh(N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
+        g = np.einsum("skj,sk->sj", vectors, h * scale)[:, np.newaxis, :]
+        H = 1.0 + np.maximum(values, 0.0)[:, np.newaxis, :] * precision[:, np.newaxis]
+        gained = 0.5 * np.sum((g * precision[:, np.newaxis]) ** 2 / H, axis=2) - 0.5 * np.sum(np.log(H), axis=2)
+        found.append(base + log_det - 0.5 * float(white[:, 0] @ white[:, 0]) * precision + gained)
+    return np.stack(found, axis=1)
+
+
+def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
+    """The fit at the most probable scatter and noise, its evidence averaged over all of them.
+
+    It is made again at these where its evidence comes up to ``least``: others do not matter.
+    """
+    if unknown.known:
+        return one
+    found = list_evidences(one, unknown) + unknown.log_prior
+    best = unknown.scatter(int(np.argmax(found)))
+    if best != one.model.scatter and float(logsumexp(found)) > least:
+        one = _refitted(one, best)
+        found = list_evidences(one, unknown) + unknown.log_prior
+    return replace(one, log_evidence=float(logsumexp(found)))
+
+
+def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
+    k, sweeps = one.model.size, one.model.sweeps
+    z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
+    model = replace(one.model, scatter=scatter)
+    return fit_roughly(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+
+
+def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:
+    return np.repeat([1.0, scatter.amplitude, scatter.frequency], [variables, sweeps, sweeps])

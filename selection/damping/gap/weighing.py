@@ -1,0 +1,160 @@
+"""How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import expit
+
+from damping.arrays import FloatArray
+from damping.effects.contract import Effect
+from damping.gap.directed import Test, smallest_p
+from damping.gap.fit import ModelFit
+from damping.gap.search import Hypothesis
+from damping.gap.size import Gap, HeldOut
+
+#: Probability that the list of explanations reaches.
+COVER = 0.95
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A hypothesis with its probability among all that were fitted."""
+
+    effects: tuple[str, ...]
+    probability: float
+    hypothesis: Hypothesis
+
+
+def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
+    """Probabilities among all hypotheses that were fitted, most probable first."""
+    logarithms = np.array([one.log_posterior for one in hypotheses])
+    weights = np.exp(logarithms - logarithms.max())
+    weights /= weights.sum()
+    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
+    return tuple(sorted(found, key=lambda one: -one.probability))
+
+
+#: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
+#: are not quite the true ones), and where it is not and all of them imitate it.
+TEMPERATURE = 1.3
+TEMPERATURE_OUTSIDE = 8.0
+
+
+def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
+    """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
+    logarithms = np.array([one.hypothesis.log_posterior for one in hypotheses])
+
+    def tempered(temperature: float) -> FloatArray:
+        weights = np.exp((logarithms - logarithms.max()) / temperature)
+        return np.asarray(weights / weights.sum())
+
+    doubt = 1.0 - in_library / float(expit(IN_LIBRARY))  # beyond that of an explanation that leaves noise only
+    p = (1.0 - doubt) * tempered(TEMPERATURE) + doubt * tempered(TEMPERATURE_OUTSIDE)
+    return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
+
+
+#: Log odds that the library holds the cause: of a fit that leaves noise only, less so much for each decade of the
+#: smallest p-value beyond 1.5 (at most six), each e-fold of dispersion, each effect beyond one, and a held-out level
+#: that fails.
+IN_LIBRARY = 2.2
+PER_DECADE = 0.7
+PER_DISPERSION = 3.0
+PER_EFFECT = 0.7
+PER_FAILURE = 1.5
+_NO_DECADES = 1.5
+_MOST_DECADES = 6.0
+#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
+_CLOSED = 0.8
+_FAILED = 0.5
+
+
+#: Effects that speak of single sweeps: those that are held out cannot be predicted.
+_OF_ONE_SWEEP = {"drift", "level-offset"}
+
+
+def fails_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> bool:
+    """Whether an explanation that closes the gap does not on levels that did not choose it."""
+    if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+        return False
+    return gap.shrinkage > _CLOSED and held_out.shrinkage < _FAILED
+
+
+def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
+    """The caution that goes with it."""
+    if not fails_held_out(leading, gap, held_out) or held_out is None or held_out.shrinkage is None:
+        return []
+    return [
+        "the explanation fails on levels that did not choose it: "
+        f"it closes {100.0 * held_out.shrinkage:.0f} % of their gap"
+    ]
+
+
+def estimate_in_library(
+    tests: Sequence[Test], dispersion: float, leading: Hypothesis, gap: Gap, held_out: HeldOut | None
+) -> float:
+    """The chance that the cause is in the library at all.
+
+    A logistic regression on answers to cases whose cause had been taken out of the library, one kind after another.
+    """
+    decades = float(np.clip(-np.log10(max(smallest_p(tests), 1e-30)) - _NO_DECADES, 0.0, _MOST_DECADES))
+    log_odds = IN_LIBRARY - PER_DECADE * decades - PER_DISPERSION * float(np.log(dispersion))
+    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(leading, gap, held_out)
+    return float(expit(log_odds))
+
+
+def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
+    """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
+    reached = np.cumsum([one.probability for one in hypotheses])
+    return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
+
+
+#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
+INDISTINCT = 2.45
+#: Odds below which an effect is no candidate for the place of another, however near its prediction.
+LEAST_ODDS = 0.02
+_MOST_SWAPPED = 2
+
+
+@dataclass(frozen=True)
+class Group:
+    """Effects that may take one another's place in the leading explanation, those of the rig first.
+
+    ``distance``: the largest to the leading one.
+    """
+
+    effects: tuple[str, ...]
+    distance: float
+
+
+def distance(one: ModelFit, other: ModelFit) -> float:
+    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
+    weights = np.sqrt(one.weights * other.weights)
+    return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
+
+
+def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
+    """For each effect of the leading explanation, those that could stand in its place without being told from it.
+
+    ``hypotheses`` are in order of probability. Two effects together may take the place of one: a second plane read with
+    a wrong gain is a second mode.
+    """
+    leading = hypotheses[0]
+    found = []
+    for effect in leading.effects:
+        rest = leading.key - {effect}
+        members, farthest = [effect], 0.0
+        for other in hypotheses[1:]:
+            swapped = other.key - rest
+            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
+            if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
+                apart = distance(leading.best, other.best)
+                if apart < INDISTINCT:
+                    members += [name for name in other.effects if name in swapped and name not in members]
+                    farthest = max(farthest, apart)
+        if len(members) > 1:
+            members.sort(key=lambda name: library[name].kind != "instrument")
+            found.append(Group(tuple(members), farthest))
+    return tuple(found)

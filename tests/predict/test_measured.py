@@ -1,0 +1,118 @@
+"""Base drive and sweep rates before laws are fitted: against motions of known participation and the full equation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import damping as dp
+from damping.predict.measured import as_driven_by_force, prepare
+from damping.records.audit import audit
+from damping.records.mode import Mode, Rig, describe_mode_to_toml
+from damping.records.reading import read_record
+from damping_pipelines.store import write_text
+
+F_N, RATIO, GROWTH, MASS = 25.0, 0.008, 900.0, 3.0
+PARTICIPATION = 0.35
+LEVELS = (1.0, 2.0, 4.0)  # m/s^2 of the base
+FREQUENCY = np.linspace(23.5, 26.5, 25)
+NOISE = 0.01
+
+
+def relative_motion(acceleration: float, frequency: np.ndarray) -> np.ndarray:
+    """Complex motion relative to the base under m q'' + 2 z(A) m w_n q' + m w_n^2 q = p m a, by bisection for |q|."""
+    w, w_n = 2 * np.pi * frequency, 2 * np.pi * F_N
+    low, high = np.zeros_like(w), np.ones_like(w)
+    for _ in range(60):
+        A = 0.5 * (low + high)
+        over = A * np.hypot(w_n**2 - w**2, 2 * RATIO * (1 + GROWTH * A) * w_n * w) > PARTICIPATION * acceleration
+        low, high = np.where(over, low, A), np.where(over, A, high)
+    return PARTICIPATION * acceleration / (w_n**2 - w**2 + 2j * RATIO * (1 + GROWTH * A) * w_n * w)
+
+
+@pytest.fixture(scope="module")
+def record() -> dp.Record:
+    rng = np.random.default_rng(5)
+    tables = []
+    for level in LEVELS:
+        a = relative_motion(level, FREQUENCY) * np.exp(NOISE * (rng.normal(size=25) + 1j * rng.normal(size=25)))
+        columns = {"sweep": f"{level:g} m/s^2", "force": level, "frequency": FREQUENCY, "amplitude": np.abs(a)}
+        tables.append(pd.DataFrame(columns | {"phase": -np.angle(a)}))
+    return dp.Record(pd.concat(tables, ignore_index=True), "shaken.csv")
+
+
+@pytest.fixture(scope="module")
+def mode() -> Mode:
+    c = 2.0 * MASS * RATIO * 2.0 * np.pi * F_N
+    return Mode(name="shaken", frequency=F_N, mass=MASS, drive="base", damping={"viscous": c})
+
+
+def test_the_participation_and_its_uncertainty_come_from_the_rows(record, mode):
+    forced, said = as_driven_by_force(record, mode)
+    assert forced.drive == "force"
+    # rows of 1 % noise: three masses of 25 rows each, three standard errors as stated
+    np.testing.assert_allclose(1.0 / forced.mass, PARTICIPATION, rtol=3.0 * forced.tolerance.mass)
+    assert 0.003 < forced.tolerance.mass < 0.05
+    assert forced.tolerance.from_record
+    assert "participation of 0.3" in said[0]
+    # 2 z w_n = c/m stays: c over p m beside the mass 1/p
+    coefficient = forced.damping["viscous"]["coefficient"]
+    np.testing.assert_allclose(coefficient / forced.mass, 2.0 * RATIO * 2.0 * np.pi * F_N, rtol=1e-12)
+
+
+def test_loads_of_a_base_driven_mode(record, mode):
+    """The steady peak at twice the top acceleration, whatever mass the file states."""
+    loads = [dp.extrapolate(record, replace(mode, mass=mass, damping={}), [8.0]) for mass in (1.0, 50.0)]
+    row = loads[0].table.iloc[0]
+    f = np.linspace(23.5, 26.5, 4001)
+    true = float(np.max(np.abs(relative_motion(8.0, f))))
+    assert row["low"] <= true <= row["high"]
+    np.testing.assert_allclose(row["median"], true, rtol=0.06)  # what is asked of a campaign
+    assert any("participation" in caution for caution in loads[0].to_json()["cautions"])
+    pd.testing.assert_frame_equal(loads[0].table, loads[1].table)
+
+
+@pytest.mark.parametrize(("column", "factor"), [("force", 1 / 9.80665), ("amplitude", 1000.0), ("force", 1000.0)])
+def test_units_of_a_base_are_audited(record, mode, column, factor):
+    """g for m/s^2, mm for m, mm/s^2 for m/s^2: the participation that would follow is none; as measured it is one."""
+    assert audit(record, mode).verdict == "ok"
+    wrong = dp.Record(record.table.assign(**{column: record.table[column] * factor}))
+    found = audit(wrong, mode)
+    assert [finding.check for finding in found.findings] == ["units"]
+    assert "participation" in found.findings[0].what
+
+
+def test_mode_file_of_a_base(mode, tmp_path):
+    path = tmp_path / "m.toml"
+    write_text(path, describe_mode_to_toml(mode))
+    assert replace(dp.read_mode(path), source="") == mode
+    write_text(path, '[mode]\nfrequency = 25.0\ndrive = "base"\n')
+    assert dp.read_mode(path).drive == "base"
+    write_text(path, '[mode]\nfrequency = 25.0\nmass = 1.0\ndrive = "floor"\n')
+    with pytest.raises(dp.InputError, match='\'floor\'; expected "force" or "base"'):
+        dp.read_mode(path)
+    write_text(path, "[mode]\nfrequency = 25.0\n")
+    with pytest.raises(dp.InputError, match="no mass"):
+        dp.read_mode(path)
+
+
+def test_a_steady_record_is_returned_as_it_is(record, mode, tmp_path):
+    path = tmp_path / "r.csv"
+    write_text(path, record.table.to_csv(index=False))
+    read = read_record(path)
+    forced = replace(mode, drive="force", mass=1.0 / PARTICIPATION, damping={})
+    found = prepare(read, forced)
+    assert found.record is read
+    assert found.said == ()
+
+
+def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
+    """A rate of the rig and a column of it are one thing: the same steady states."""
+    forced = replace(mode, drive="force", mass=1.0 / PARTICIPATION, damping={})
+    of_rig = prepare(record, replace(forced, rig=Rig(rate=0.4)))
+    of_rows = prepare(dp.Record(record.table.assign(sweep_rate=0.4)), forced)
+    pd.testing.assert_frame_equal(of_rig.record.table, of_rows.record.table)
+    assert "sweep rate" in of_rig.said[0]

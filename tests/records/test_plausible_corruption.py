@@ -1,0 +1,173 @@
+"""Plausible corruption of right records: what is wrong is named and refused, what a laboratory does by right is not.
+
+Each right record is drawn over laws, sizes, noise and spans (``audit_cases``), each corruption with a strength of its
+own. The audit is judged over all draws; the commands are run on one record of each corruption that refuses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from audit_cases import Bench, clean, measured, record_of, right_benches
+
+from damping.records.audit import audit
+from damping.records.check_units import UNIT_FACTORS
+from damping.records.mode import Mode, describe_mode_to_toml
+from damping_pipelines.store import write_text
+
+Change = Callable[[pd.DataFrame, np.random.Generator], pd.DataFrame]
+#: Records drawn for each corruption.
+DRAWS = 5
+
+
+def scaled(column: str) -> Change:
+    """One quantity in another unit than the mode's."""
+
+    def change(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+        factor = rng.choice(sorted(UNIT_FACTORS.values())) ** rng.choice([-1.0, 1.0])
+        return table.assign(**{column: table[column] * factor})
+
+    return change
+
+
+def times_ten(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """One reading in another gain range."""
+    wild = table.copy()
+    wild.loc[int(rng.integers(len(table))), "amplitude"] *= 10.0 ** rng.choice([-1.0, 1.0])
+    return wild
+
+
+def copied(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """A sweep twice, under a second label."""
+    own = table[table["sweep"] == rng.choice(table["sweep"].unique())]
+    return pd.concat([table, own.assign(sweep="again")], ignore_index=True)
+
+
+def cut(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Every sweep stopped before its resonance, phases lost."""
+    kept = [rows[rows["phase"] < rng.uniform(0.3, 0.9)] for _, rows in table.groupby("sweep", sort=False)]
+    return pd.concat([rows for rows in kept if len(rows) > 3] or [table], ignore_index=True).drop(columns="phase")
+
+
+def fallen(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Forces written in the wrong order of levels."""
+    labels = list(table["sweep"].unique())
+    force = dict(zip(labels, table.groupby("sweep", sort=False)["force"].first().to_numpy()[::-1], strict=True))
+    return table.assign(force=table["sweep"].map(force))
+
+
+#: What goes wrong, by the check that is to name it, and whether it is to be refused.
+WRONG: dict[str, tuple[str, bool, Change]] = {
+    "amplitude in another unit": ("units", True, scaled("amplitude")),
+    "force in another unit": ("units", True, scaled("force")),
+    "frequency in rad/s": ("units", True, lambda t, _: t.assign(frequency=2.0 * np.pi * t["frequency"])),
+    "exchanged": ("units", True, lambda t, _: t.rename(columns={"force": "amplitude", "amplitude": "force"})),
+    "negated": ("phase-sign", True, lambda t, _: t.assign(phase=-t["phase"])),
+    "half a turn off": ("phase-sign", True, lambda t, _: t.assign(phase=t["phase"] - np.pi)),
+    "degrees, wrapped": ("phase-unit", True, lambda t, _: t.assign(phase=np.degrees(t["phase"]) % (2.0 * np.pi))),
+    "a delay": ("phase-offset", False, lambda t, rng: t.assign(phase=t["phase"] + rng.uniform(0.12, 0.5))),
+    "cut below": ("edge-of-sweep", True, cut),
+    "levels exchanged": ("amplitude-falls", True, fallen),
+    "ten times": ("outlier", False, times_ten),
+    "a copy": ("repeated-sweep", False, copied),
+    "one label": ("mixed-levels", False, lambda t, _: t.assign(sweep="all").sort_values("frequency")),
+}
+#: What a laboratory may do with a right record.
+RIGHT: dict[str, Change] = {
+    "rows in any order": lambda t, rng: t.iloc[rng.permutation(len(t))],
+    "columns in any order": lambda t, rng: t[rng.permutation(t.columns.to_numpy())],
+    "other labels": lambda t, _: t.assign(sweep=t["sweep"].map(lambda label: f"Lauf {ord(label)}")),
+    "downwards": lambda t, _: t.iloc[::-1],
+    "every second row": lambda t, _: t.iloc[::2],
+    "no phases": lambda t, _: t.drop(columns="phase"),
+    "another column": lambda t, _: t.assign(temperature=21.0),
+    "one level fewer": lambda t, _: t[t["sweep"] != t["sweep"].iloc[-1]],
+    "five digits": lambda t, _: t.assign(amplitude=[float(f"{value:.5g}") for value in t["amplitude"]]),
+}
+
+
+@cache
+def right(number: int) -> tuple[Bench, pd.DataFrame]:
+    """A right record of three levels or four whose sweeps pass their resonance on both sides."""
+    rng = np.random.default_rng(1000 + number)
+    bench = right_benches(16, seed=number)[number % 7]
+    bench = replace(bench, levels=3 + number % 2, rows=int(rng.choice([21, 41])), phase=True, bend=0.0)
+    bench = replace(bench, span=(-6.0, 6.0), offset=0.0, noise=min(bench.noise, 0.02))
+    return bench, measured(clean(bench), bench)
+
+
+def draw(number: int) -> tuple[Bench, pd.DataFrame, np.random.Generator]:
+    """A right record and the chance by which it is corrupted."""
+    return *right(number), np.random.default_rng(number)
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named_and_refused_where_due(name):
+    check, refuse, change = WRONG[name]
+    missed = []
+    for number in range(DRAWS):
+        bench, table, rng = draw(number)
+        found = audit(record_of(change(table, rng)), bench.mode)
+        if check not in [finding.check for finding in found.findings] or (refuse and found.verdict != "refuse"):
+            missed.append(f"{bench}: {found}")
+    assert not missed
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_what_is_done_by_right_is_not_refused(name):
+    refused = []
+    for number in range(DRAWS):
+        bench, table, rng = draw(number)
+        found = audit(record_of(RIGHT[name](table, rng)), bench.mode)
+        if found.verdict == "refuse":
+            refused.append(f"{bench}: {found}")
+    assert not refused
+
+
+def words(command: str, folder, record, mode) -> tuple[object, ...]:
+    """A command on a record."""
+    if command == "study":
+        entry = f'[[records]]\nname = "r"\nrecord = "{record.name}"\nmode = "{mode.name}"\ndesign_forces = [8.0]\n'
+        write_text(folder / "STUDY.toml", f'title = "t"\nseed = 1\n{entry}')
+        return ("study", folder / "STUDY.toml", "--out", folder / "out")
+    if command == "fleet":
+        for path in (record, mode):
+            write_text(folder / "cases" / f"case{path.suffix}", path.read_text())
+        return ("fleet", folder / "cases", "--out", folder / "out", "--fast", "--workers", "0")
+    return {
+        "check": ("check", record, "--mode", mode),
+        "rank": ("rank", record, "--mode", mode),
+        "extrapolate": ("extrapolate", record, "--mode", mode, "--force", "8"),
+        "gap": ("gap", mode, record, "--no-posterior"),
+    }[command]
+
+
+REFUSED = [name for name, (_, refuse, _) in WRONG.items() if refuse]
+COMMANDS = ("rank", "extrapolate", "gap", "study", "fleet")
+
+
+@pytest.mark.parametrize(("place", "name"), list(enumerate(REFUSED)))
+def test_every_command_refuses_what_is_refused(place, name, tmp_path, damping):
+    """Before any work: nothing is written, and the check is named. ``check`` and the others in turn."""
+    check, _, change = WRONG[name]
+    bench, table, rng = draw(1)
+    record, mode = tmp_path / "record.csv", tmp_path / "mode.toml"
+    write_text(record, change(table, rng).to_csv(index=False))
+    write_text(mode, describe_mode_to_toml(bench.mode))
+    for command in ("check", COMMANDS[place % len(COMMANDS)]):
+        run = damping(*words(command, tmp_path, record, mode))
+        said = run.out + run.err
+        assert run.code == 1, f"{command}: {said}"
+        assert f"{check} (refuse)" in said, f"{command}: {said}"
+        assert command in ("check", "fleet") or not (tmp_path / "out").exists()
+
+
+def test_a_record_without_a_mode_is_refused_too():
+    assert isinstance(draw(0)[0].mode, Mode)
+    _, table, rng = draw(0)
+    assert audit(record_of(WRONG["negated"][2](table, rng))).verdict == "refuse"
