@@ -190,13 +190,13 @@ def importance(
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
-            first and enough later. wanted: effective draws at which to stop, at the latest after all ``ROUND_POWERS``.
+            first and enough later. wanted: effective draws at which to stop, at the latest after all rounds.
     """
     proposals, sizes = [Proposal.around(mode, covariance)], np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
     log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
-    for round_, power in enumerate(ROUND_POWERS):
-        new = proposals[-1].draw(power, seed + round_)
+    for round_ in range(max(least_rounds, len(ROUND_POWERS))):
+        new = proposals[-1].draw(ROUND_POWERS[min(round_, len(ROUND_POWERS) - 1)], seed + round_)
         of_old = proposals[-1].log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
