@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: help study test lint types docs package lowest bench clean
+.PHONY: help study test guard lint types docs package lowest bench clean
 
 help:
 	@echo "make study   install into $(VENV) and run the Saturn V study: results/saturn-v/report.html"
 	@echo "make test    install into $(VENV) and run the tests"
+	@echo "make guard   coverage of the bands and the blind diagnosis in small, against committed floors"
 	@echo "make docs    the documentation: docs/_build/index.html"
 	@echo "make package wheel and sdist, tried in empty environments"
 	@echo "make lowest  a part of the tests with the lowest versions of everything that is needed"
@@ -39,6 +40,9 @@ study: $(VENV)/.installed
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+
+guard: $(VENV)/.installed-dev
+	$(BIN)/python -m damping_validation.guard
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ from damping.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """A row a comparison, times in seconds."""
+    """One row per comparison, times in seconds."""
     return pd.DataFrame(
         {
             "work": row.work,
@@ -37,7 +37,7 @@ def rows_table(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def cost_table(found: Sequence[Growth]) -> pd.DataFrame:
-    """A row a size, with the exponent of its work."""
+    """One row per size, with the exponent of its work."""
     return pd.DataFrame(
         {"work": g.work, "against": g.against, "size": size, "processor_s": time, "exponent": g.exponent}
         for g in found

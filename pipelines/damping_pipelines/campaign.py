@@ -7,10 +7,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from damping.campaign.answer import At, Campaign, analyse
+from damping.campaign.analysis import analyse
+from damping.campaign.answer import At, Campaign, DesignLevel
+from damping.campaign.runs import read_corrections
 from damping.errors import InputError
+from damping.formats.columns import read_columns
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
+from damping.records.text import read_bytes
 from damping.report.campaign_page import describe_campaign_page
 from damping_pipelines.manifest import digest, publish
 from damping_pipelines.store import refuse_inputs, to_json
@@ -18,7 +22,13 @@ from damping_pipelines.terminal import console, number, plain_table
 
 
 def campaign(
-    files: Sequence[Path], out: Path, design: Sequence[float], modes: str | None, seed: int, max_size: int
+    files: Sequence[Path],
+    out: Path,
+    design: Sequence[str],
+    modes: str | None,
+    correct: Path | None,
+    seed: int,
+    max_size: int,
 ) -> None:
     """Analyse the files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
@@ -28,13 +38,13 @@ def campaign(
     """
     from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
-    refuse_inputs("--out", out, *files)
-    if any(not (math.isfinite(level) and level > 0.0) for level in design):
-        raise InputError("--design is no level", expected="numbers > 0 in the unit of the drive")
+    refuse_inputs("--out", out, *files, *([correct] if correct else []))
     named = [os.path.realpath(file) for file in files]
     if len(set(named)) < len(named):
         raise InputError("a file is given twice", expected="each once")
-    found = analyse(files, design, _frequencies(modes), seed, max_size)
+    corrections = read_corrections(correct) if correct else None
+    levels = [_read_design(word) for word in design]
+    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections)
     inputs = {file.name: digest(file.read_bytes()) for file in files}
     title = f"Campaign: {', '.join(file.name for file in files)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
@@ -44,6 +54,23 @@ def campaign(
     written["report.html"] = describe_campaign_page(found, title, seed, versions(), inputs).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(found, out)
+
+
+def _read_design(word: str) -> DesignLevel:
+    """A level, or the curve in a table with columns frequency (Hz) and level. InputError for what is neither."""
+    try:
+        return DesignLevel.flat(float(word))
+    except ValueError:
+        pass
+    path = Path(word)
+    if not path.suffix:
+        raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
+    named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
+    found = read_columns(read_bytes(path), path, {}, named).numbers
+    missing = [name for name in named if name not in found]
+    if missing:
+        raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
+    return DesignLevel(found["frequency"], found["level"])
 
 
 def _frequencies(text: str | None) -> list[float]:
@@ -72,10 +99,9 @@ def _describe_study(title: str, found: Campaign, seed: int) -> str:
 
 def _show(found: Campaign, out: Path) -> None:
     to = console()
-    understood = plain_table("what was understood", (), ("what", "understood"))
+    to.print("What was understood (--correct FILE.toml says otherwise):", highlight=False)
     for what, text, _ in found.summary.rows:
-        understood.add_row(what, text)
-    to.print(understood)
+        to.print(f"  {what}: {text}", highlight=False, markup=False, soft_wrap=True)
     for note in found.summary.notes:
         to.print(f"- {note}", highlight=False, markup=False)
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
@@ -87,6 +113,8 @@ def _show(found: Campaign, out: Path) -> None:
     for mode in found.modes:
         for name, why in mode.left_out.items():
             to.print(f"- {mode.name} without {name}: {why}", highlight=False, markup=False)
+        for finding in mode.findings:
+            to.print(f"- {mode.name}: {finding}", highlight=False, markup=False)
     to.print(f"written to {out}", highlight=False, markup=False)
 
 

@@ -212,13 +212,19 @@ def campaign(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
     design: Annotated[
-        list[float] | None,
+        list[str] | None,
         typer.Option(
-            "--design", metavar="LEVEL", help="Design level in the drive's unit; repeat. Default: twice the top."
+            "--design",
+            metavar="LEVEL|FILE.csv",
+            help="Design level in the drive's unit, or a table of frequency and level; repeat. Default: twice the top.",
         ),
     ] = None,
     modes: Annotated[
         str | None, typer.Option("--modes", metavar="F1,F2,...", help="Frequencies of the modes, Hz; else looked for.")
+    ] = None,
+    correct: Annotated[
+        Path | None,
+        typer.Option("--correct", metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated."),
     ] = None,
     seed: Seed = DEFAULT_SEED,
     max_size: MaxSize = MAX_SIZE,
@@ -226,7 +232,7 @@ def campaign(
     """A laboratory's files, several levels, modes and sensors, to the answer."""
     from damping_pipelines.campaign import campaign as run
 
-    run(sources, out, tuple(design or ()), modes, seed, max_size)
+    run(sources, out, tuple(design or ()), modes, correct, seed, max_size)
 
 
 #: Commands whose options stand elsewhere.

@@ -259,7 +259,7 @@ def fleet(
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler; else a local one.")
     ] = None,
-    fast: Annotated[bool, typer.Option("--fast", help="Laplace approximation in place of chains.")] = False,
+    fast: Annotated[bool, typer.Option("--fast", help="few importance draws.")] = False,
     workers: Annotated[
         int | None,
         typer.Option(

@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from damping.errors import InputError
 from damping.records.text import describe_shortened, unguarded
-from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, describe_comparison_page
+from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, TopOfTest, describe_comparison_page
 from damping_pipelines.forms import LoadsForm, RankForm
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
 from damping_pipelines.provenance import versions
@@ -34,12 +34,37 @@ class _Units(_SummaryTable):
     length: str = ""
 
 
+class _Ratio(_SummaryTable):
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class _Row(_SummaryTable):
+    amplitude: float | None = None
+    frequency: float | None = None
+    damping_ratio: _Ratio = _Ratio()
+    tested: bool = False
+
+
+class _Curve(_SummaryTable):
+    rows: list[_Row] = []
+
+
+class _PowerLaw(_SummaryTable):
+    form: str
+    p: float
+    std_error: float | None = None
+
+
 class _Record(_SummaryTable):
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
     title: str = ""
     units: _Units = _Units()
     rank: RankForm
     loads: LoadsForm | None = None
+    curve: _Curve | None = None
+    power_laws: list[_PowerLaw] = []
 
 
 class _Summary(_SummaryTable):
@@ -66,19 +91,21 @@ class _Posterior(_SummaryTable):
 
 
 def compare(folders: Sequence[Path], out: Path) -> None:
-    """Write the page that sets the studies in ``folders`` side by side.
+    """Write the page that sets the studies in ``folders``, or the records of one, side by side.
 
     Raises:
-        InputError: fewer than two folders, one that is no finished study, or whose files are of two runs; an ``out``
-            that is a file of one of the studies.
+        InputError: fewer than two records, a folder that is no finished study, or whose files are of two runs; an
+            ``out`` that is a file of one of the studies.
     """
-    if not 2 <= len(folders) <= MOST_STUDIES:
-        raise InputError(f"{len(folders)} folders", expected=f"two to {MOST_STUDIES} folders of studies")
+    if len(folders) > MOST_STUDIES:
+        raise InputError(f"{len(folders)} folders", expected=f"up to {MOST_STUDIES} folders of studies")
     names = _list_names(folders)
     opened = [open_folder(folder) for folder in folders]
     for one in opened:
         refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
     studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
+    if sum(len(study.records) for study in studies) < 2:
+        raise InputError("one record", expected=f"two records or more, of one to {MOST_STUDIES} folders of studies")
     write_text(out, describe_comparison_page(studies, versions()))
     print(f"{out} written")
 
@@ -129,7 +156,22 @@ def _record(record: _Record, folder: Folder) -> RecordSummary:
         ranking=_tabulate_frame(ranking, _RANKING),
         loads=_tabulate_frame(loads, _LOADS),
         posteriors=_tabulate_frame(_list_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
+        top=_find_top(record.curve.rows if record.curve else []),
+        exponent=next(((law.p, law.std_error) for law in record.power_laws if law.form == "velocity-power"), None),
+        groups=tuple(
+            ((model.name, *model.equivalents), model.weight) for model in record.rank.models if model.weight is not None
+        ),
     )
+
+
+def _find_top(rows: Sequence[_Row]) -> TopOfTest | None:
+    """Amplitude, frequency and damping ratio of the largest tested amplitude that has them."""
+    tested = [(row, row.damping_ratio) for row in rows if row.tested]
+    known = [(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high) for row, ratio in tested]
+    full = [values for values in known if None not in values]
+    if not full:
+        return None
+    return TopOfTest(*(float(value or 0.0) for value in max(full, key=lambda values: values[0] or 0.0)))
 
 
 def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:

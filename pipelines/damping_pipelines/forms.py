@@ -52,6 +52,7 @@ class _Candidate(_Part):
     average_absolute_percent: float | None = None
     physical: bool | None = None
     cautions: list[str] = []
+    equivalents: list[str] = []
 
 
 class RankForm(_Part):
@@ -94,7 +95,7 @@ def tabulate_ranking_rows(form: RankForm) -> pd.DataFrame:
     """A row for each parameter of each force of each candidate."""
     rows: list[dict[str, Any]] = []
     for model in form.models:
-        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name"})}
+        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name", "equivalents"})}
         found = [(force.name, *each) for force in model.forces for each in force.parameters().items()]
         for force, parameter, value in found or [("", "", _Value())]:
             part = {"force": force, "parameter": parameter, **value.model_dump()}

@@ -139,6 +139,8 @@ def print_loads(result: LoadsResult) -> None:
     """The tables for people, with the parts of the spread and what the weights rest on."""
     out, notes, mode = console(), Notes(), result.mode
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
+    for said in result.against:
+        out.print(f"{said[0].upper()}{said[1:]}.", style="bold red")
     by_force = loads.amplitude is None
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     named = {"force": units.force, "amplitude": units.length}

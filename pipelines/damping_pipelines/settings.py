@@ -11,6 +11,7 @@ record = "panel.csv"               # relative to this file
 mode = "panel.toml"
 design_forces = [30.0, 60.0, 90.0] # where amplitudes are predicted; none by default
 laws = [["viscous"], ["viscous", "coulomb"]]  # always sampled, whatever their weight
+note = "The force was held by hand."    # what to know of the record, said with the answer
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ class RecordSettings(_Table):
     mode: str
     design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()
     laws: tuple[tuple[str, ...], ...] = ()
+    note: Annotated[str, Field(max_length=400)] = ""
 
     @field_validator("laws")
     @classmethod

@@ -16,10 +16,13 @@ import numpy as np
 
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
+from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan, load_candidates, plan_loads
 from damping.infer.checks import leave_one_out, predictive_check
+from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.predict.measured import prepare
@@ -120,8 +123,9 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
         started = [source_report().start(pool, settings.seed)] if settings.source_report else []
-        rankings = _rank(inputs, settings.seed)
-        plans = _plan(inputs, settings.seed)
+        estimate = remember(evidence)
+        rankings = _rank(inputs, settings.seed, estimate)
+        plans = _plan(inputs, settings.seed, estimate)
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings, chains)))
         records = tuple(
             _record_result(one, ranking, plan, tuple(law for task, law in sampled if task.record == number), settings)
@@ -141,26 +145,34 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
     )
 
 
-def _rank(inputs: list[Input], seed: int) -> list[Ranking]:
+def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
     laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
-            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name))
+            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name), estimate)
             for one, candidates in zip(inputs, laws, strict=True)
         ]
 
 
-def _plan(inputs: list[Input], seed: int) -> list[Plan | None]:
-    """Which laws predict the design loads, and with what weight; None where no design load is asked for."""
-    asked = [one for one in inputs if one.settings.design_forces]
-    near = {one.settings.name: near_resonance(one.record) for one in asked}
-    laws = {name: load_candidates(data) for name, data in near.items()}
-    with progress("weighing laws", sum(len(candidates) for candidates in laws.values())) as done:
-        plans = {
-            name: plan_loads(data, laws[name], seed, _prefixed(done, name), one.mode.mass)
-            for one, (name, data) in zip(asked, near.items(), strict=True)
-        }
-    return [plans.get(one.settings.name) for one in inputs]
+def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
+    """Which laws predict, and with what weight; None where none can and no design load is asked for.
+
+    Raises:
+        AnalysisError: no law can carry the forces of a record with design forces.
+    """
+    near = [near_resonance(one.record) for one in inputs]
+    laws = [load_candidates(data) for data in near]
+    plans: list[Plan | None] = []
+    with progress("weighing laws", sum(map(len, laws))) as done:
+        for one, data, candidates in zip(inputs, near, laws, strict=True):
+            try:
+                said = _prefixed(done, one.settings.name)
+                plans.append(plan_loads(data, candidates, seed, said, one.mode.mass, estimate))
+            except AnalysisError:
+                if one.settings.design_forces:
+                    raise
+                plans.append(None)
+    return plans
 
 
 def _prefixed(done: Advance, prefix: str) -> Advance:
@@ -226,13 +238,20 @@ def _record_result(
     settings: StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
-    bands = loads = None
+    predicted, curve, bands = None, None, None
+    backbone = find_backbone(one.record, one.mode, one.audit.implied)
+    asked = np.array(one.settings.design_forces)
     if plan:
-        design = np.array(one.settings.design_forces)
-        largest = max(design.max(), one.data.tested_force.max())
-        predicted = extrapolate_loads(plan.data, design, settings.level, settings.seed, mode=one.mode, plan=plan)
-        loads = predicted.loads
+        farthest = np.array(FARTHEST) * one.data.tested_force.max()
+        predicted = extrapolate_loads(
+            plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=one.mode, plan=plan
+        )
+        reached = predict_forces(predicted, list_default_amplitudes(predicted))
+        curve = trace_loads(reached, backbone, plan.data)
+    if predicted and len(asked):
+        largest = max(asked.max(), one.data.tested_force.max())
         bands = predicted.predict_at(np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID))
+    design = predicted.loads if predicted and len(asked) else None
     return RecordResult(
         name=one.settings.name,
         title=one.settings.title or one.mode.name,
@@ -242,9 +261,14 @@ def _record_result(
         ranking=ranking,
         posteriors=posteriors,
         bands=bands,
-        design=loads,
+        design=design,
         power_laws=_list_power_laws(one.data),
         findings=one.audit.findings,
+        curve=curve,
+        design_curve=trace_loads(design, backbone, plan.data) if design and plan else None,
+        backbone=backbone,
+        next_level=predicted.choose_next_level() if predicted and design else None,
+        note=one.settings.note,
     )
 
 

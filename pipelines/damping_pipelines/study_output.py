@@ -13,16 +13,16 @@ from damping.errors import InputError
 from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
-from damping.report.forms import loads_form, rank_form
+from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
-from damping.report.study import render, study_figures
+from damping.report.study import render
 from damping_pipelines.export import to_png
 from damping_pipelines.manifest import publish
 from damping_pipelines.store import plain, refuse_inputs, to_json
 
 
 def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False) -> None:
-    """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, ``figures/``, ``posterior/``, the manifest.
+    """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
     PNG too.
@@ -105,7 +105,8 @@ def _record(record: RecordResult) -> dict[str, Any]:
         "units": asdict(record.mode.units),
         "audit": [asdict(finding) for finding in record.findings],
         "rank": rank_form(record.ranking),
-        "loads": loads_form(record.design) if record.design else None,
+        "loads": loads_form(record.design, curve=record.design_curve) if record.design else None,
+        "curve": curve_form(record.curve) if record.curve else None,
         "power_laws": [
             {"form": law.form, "p": law.p, "std_error": law.std_error, "p_low": law.p_low, "p_high": law.p_high}
             | {"level": law.level, "degrees_of_freedom": law.degrees_of_freedom, "alpha": law.alpha}
@@ -133,7 +134,7 @@ def _posterior(law: LawPosterior) -> dict[str, Any]:
 
 def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     """``NAME.png`` of every figure drawn as ``NAME.svg``, a path in the folder of the study."""
-    figures = {name.replace("_", "-"): one.figure for name, one in study_figures(study).items()}
+    figures = {}
     for result in study.records:
         figures |= {
             describe_file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()

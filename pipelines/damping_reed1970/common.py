@@ -1,19 +1,34 @@
-"""What every chapter needs: its figures and tables by name, and how well its printed numbers come out."""
+"""What every chapter needs: figures and tables by name, how well its printed numbers come out, and its page.
+
+The text of a chapter is ``page.txt`` of its folder, a jinja2 template for its numbers. After filling, an empty line
+ends a block. A block is a paragraph unless its first line begins with one of
+
+- ``##``: a heading,
+- ``*``: a list, an item from each ``*`` to the next,
+- ``[figure NAME]``: a figure of the chapter,
+- ``[table NAME] caption``: a table of the page,
+- ``[known NAME]``: a table of the report as ``known_tables.toml`` has it,
+- ``[fold] summary``: what follows as far as ``[end]``, behind a line.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 from damping.plots.style import to_svg
+from damping.report import words
 from damping.report.figures import Drawn
-from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
+from damping.report.page import Block, FigureBlock, Fold, Heading, List, Section, Table, Text
 from damping.report.words import count, format_joined
 
 
@@ -108,9 +123,9 @@ def tabulate_of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFram
 
 def chapter_of(identity: str) -> int:
     """Chapter of an id."""
-    found = re.search(r"\d", identity)
-    assert found, f"{identity} names no chapter"
-    return int(found[0])
+    digit = re.search(r"\d", identity)
+    assert digit, f"{identity} names no chapter"
+    return int(digit[0])
 
 
 def describe_agreement_text(reproduction: pd.DataFrame) -> str:
@@ -150,69 +165,8 @@ class KnownTable:
 
 
 KNOWN = {
-    "section_6_1": KnownTable(
-        "Damping forces of section 6.1, printed and ours",
-        "Each printed coefficient beside its recomputation by the report's own method on corrected tables, and "
-        "beside our fit with its 90 per cent credible interval. A law reproduces the tests when its amplitudes are "
-        "within 5 per cent.",
-        (
-            *("configuration", "mode", "equation", "force", "parameter", "unit", "printed", "recomputed", "ours"),
-            *("low", "high", "printed_in_interval", "printed_percent_resonance", "recomputed_percent_resonance"),
-            *("ours_percent_resonance", "printed_reproduces", "recomputed_reproduces", "ours_reproduces", "erratum"),
-        ),
-    ),
-    "section_6_1_errors": KnownTable(
-        "Errors of the laws of section 6.1, point by point",
-        "Per cent error of resonant amplitude and of energy per cycle at each tested point, for each version of "
-        "each law.",
-    ),
-    "section_4_3_example": KnownTable(
-        "The example of section 4.3: what becomes of 67 per cent",
-        "The report extrapolates the first mode of Configuration II to 90 lb. Its numbers beside their "
-        "recomputation, with intervals where there are any.",
-    ),
-    "power_laws": KnownTable(
-        "Power laws of section 4.3, printed and recomputed",
-        "Exponent and coefficient from the printed and from the corrected tables, beside the printed values.",
-        (
-            *("mode", "form", "equation", "inputs", "p_printed", "p", "p_std_error", "p_low", "p_high"),
-            *("alpha_printed", "alpha_at_printed_p", "alpha", "erratum"),
-        ),
-    ),
-    "linear_coefficients": KnownTable(
-        "Linear coefficients against amplitude, section 4.1",
-        "The amplitude-dependent linear coefficient and the forces it is converted to, from one degree of freedom.",
-        (
-            *("mode", "model", "inputs", "parameter", "unit", "coefficient", "std_error", "t_ratio", "low", "high"),
-            *("report_method", "printed", "force", "force_coefficient", "printed_force", "erratum"),
-        ),
-    ),
-    "regressions": KnownTable(
-        "Regressions of chapter V, printed and recomputed",
-        "Every energy polynomial the report fitted, from printed, corrected and recovered inputs. R² is without a "
-        "constant.",
-        (
-            *("fit", "equation", "inputs", "cells_changed", "points", "term", "coefficient", "std_error", "t_ratio"),
-            *("printed", "force", "force_coefficient", "printed_force", "r_squared_without_constant"),
-            *("average_absolute_percent", "largest_absolute_percent", "erratum"),
-        ),
-    ),
-    "regression_deviations": KnownTable(
-        "Per cent deviations of Tables 5.II to 5.IV",
-        "The report's own column of per cent deviations beside those of our fits to printed, corrected and "
-        "recovered inputs.",
-    ),
-    "errata": KnownTable(
-        "Errata of the report",
-        "Misprints, misreadings and derivation errors with their proofs. Severity A changes results, B changes "
-        "numbers, C is minor.",
-        ("id", "severity", "where", "as_printed", "should_be"),
-    ),
-    "reproduction": KnownTable(
-        "Every printed result recomputed",
-        "Printed values beside what their own recipe gives, from the tables as printed and after correction.",
-        ("id", "where", "printed", "computed", "computed_after_correction", "agreement", "erratum", "reason"),
-    ),
+    name: KnownTable(known["title"], known["said"], tuple(known.get("columns", ())))
+    for name, known in tomllib.loads((Path(__file__).parent / "known_tables.toml").read_text("utf-8")).items()
 }
 
 
@@ -228,3 +182,79 @@ def _build_table(name: str, frame: pd.DataFrame, known: KnownTable) -> list[Bloc
         return [Table(shown, known.said or known.title, key=name)]
     said = [Text(known.said)] if known.said else []
     return [*said, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
+
+
+#: Functions of the texts: numbers and lists in words.
+_WORDS = {
+    "between": words.format_between,
+    "count": words.count,
+    "counted": words.format_counted,
+    "joined": words.format_joined,
+    "number": words.number,
+    "percent": words.format_percent,
+    "points_text": words.format_points_text,
+    "signed": words.format_signed,
+}
+_DIRECTIVE = re.compile(r"\[(figure|table|known|fold|end) ?([^\]]*)\] ?(.*)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """What the text of a chapter refers to.
+
+    Attributes:
+        number, title: of the chapter.
+        values: what the template is filled with.
+        figures: redrawn or further.
+        shown: tables of the page by name, without captions.
+        tables: whole tables, written as CSV, by their names within the chapter.
+        named: tables of the report beside ours, by name.
+    """
+
+    number: int
+    title: str
+    values: Mapping[str, Any]
+    figures: Sequence[ChapterFigure]
+    shown: Mapping[str, Table]
+    tables: Mapping[str, pd.DataFrame]
+    named: Mapping[str, pd.DataFrame]
+
+
+def write_chapter(chapter: Chapter, text: Path) -> ReportPart:
+    """The section of a chapter from its text, which may say ``agreement`` and every value of the chapter."""
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True)  # the page escapes what it shows
+    agreement = describe_agreement_text(tabulate_of_chapter(chapter.named["reproduction"], chapter.number))
+    filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, agreement=agreement, **chapter.values)
+    parts = iter([part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n"))])
+    section = Section(f"chapter-{chapter.number}", chapter.title, list(_build_blocks(chapter, parts)))
+    return ReportPart(
+        section, {describe_file_of(chapter.number, name): frame for name, frame in chapter.tables.items()}
+    )
+
+
+def _build_blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
+    """Blocks as far as the end of the text or of a fold."""
+    for part in parts:
+        if part.startswith("## "):
+            yield Heading(_describe_line(part.removeprefix("## ")))
+        elif part.startswith("* "):
+            yield List([_describe_line(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
+        elif directive := _DIRECTIVE.fullmatch(part):
+            kind, name, rest = directive[1], directive[2], _describe_line(directive[3])
+            if kind == "end":
+                return
+            if kind == "fold":
+                yield Fold(rest, list(_build_blocks(chapter, parts)))
+            elif kind == "figure":
+                one = next(one for one in chapter.figures if one.name == name)
+                yield draw_figure(one, chapter.number)
+            elif kind == "known":
+                yield from build_known_table(name, chapter.named[name])
+            else:
+                yield replace(chapter.shown[name], caption=rest)
+        else:
+            yield Text(_describe_line(part))
+
+
+def _describe_line(text: str) -> str:
+    return re.sub(r" *\n *", " ", text)

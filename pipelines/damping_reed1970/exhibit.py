@@ -19,22 +19,19 @@ from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
-from damping_reed1970.chapter_2.page import chapter_2
-from damping_reed1970.chapter_3.page import chapter_3
+from damping_reed1970.chapter_2.page import write_chapter_2
+from damping_reed1970.chapter_3.page import write_chapter_3
 from damping_reed1970.chapter_3.planar_fits import Known
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.chapter_4.coefficients import tabulate_linear_coefficients
-from damping_reed1970.chapter_4.page import chapter_4
-from damping_reed1970.chapter_4.power_laws import section_4_3_example, tabulate_power_laws
-from damping_reed1970.chapter_5.page import chapter_5
+from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
+from damping_reed1970.chapter_4.page import write_chapter_4
+from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
-from damping_reed1970.chapter_6.page import chapter_6
+from damping_reed1970.chapter_6.page import write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
-from damping_reed1970.errata import errata_part
-from damping_reed1970.gaps import diagnose_gaps, gaps_part
-from damping_reed1970.reproduction import reproduce, reproduction_part
-from damping_reed1970.studies import ReportResults, Studies, compute_studies
+from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
+from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
 from damping_reed1970.tables import data_folder, load_errata
 
 
@@ -52,11 +49,11 @@ class StartedReport:
             done("tables")
             gaps = diagnose_gaps()
             done("gaps between simulation and test")
-            found = self.studies.result()
+            studies = self.studies.result()
             done("chapters II, IV, V")
             chapter_3 = self.chapter_3.result()
             done("chapter III")
-        return exhibit(ReportResults(found, chapter_3, tables, gaps))
+        return exhibit(ReportResults(studies, chapter_3, tables, gaps))
 
 
 def settings_file() -> Path:
@@ -94,11 +91,15 @@ def exhibit(results: ReportResults) -> Exhibit:
     )
 
 
+#: How the section of each chapter is written.
+WRITERS = (write_chapter_2, write_chapter_3, write_chapter_4, write_chapter_5, write_chapter_6)
+
+
 def report_parts(results: ReportResults) -> list[ReportPart]:
     """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
     printed = results.tables["reproduction"]
     return [
-        *(chapter(results) for chapter in (chapter_2, chapter_3, chapter_4, chapter_5, chapter_6)),
+        *(write(results) for write in WRITERS),
         gaps_part(results.gaps),
         reproduction_part(printed),
         errata_part(results.tables["errata"], printed),
@@ -110,15 +111,27 @@ FOLDER = "reproduction"
 
 
 def build_pages(parts: Sequence[ReportPart]) -> list[FurtherPage]:
-    """A page a part, with the way back to the report above its text and the other pages below."""
+    """A page for each part, its headings as sections, with the way back to the report above and other pages below."""
     links = [Link(part.section.title, f"{part.section.id}.html") for part in parts]
     back = Links([Link("Back to the report of the study", "../report.html")])
     pages = []
     for part, own in zip(parts, links, strict=True):
-        others = Links([link for link in links if link != own])
-        section = replace(part.section, blocks=[back, *part.section.blocks, Heading("Other pages"), others])
-        pages.append(FurtherPage(f"{FOLDER}/{section.id}", section.title, [section]))
+        first, *rest = split_at_headings(part.section)
+        others = Section("others", "Other pages", [Links([link for link in links if link != own])])
+        sections = [replace(first, blocks=[back, *first.blocks]), *rest, others]
+        pages.append(FurtherPage(f"{FOLDER}/{part.section.id}", part.section.title, sections))
     return pages
+
+
+def split_at_headings(section: Section) -> list[Section]:
+    """The section as one for what stands before its first heading, and one for each heading, numbered."""
+    sections: list[Section] = [Section(section.id, "In short", [])]
+    for block in section.blocks:
+        if isinstance(block, Heading):
+            sections.append(Section(f"{section.id}-{len(sections)}", block.text, []))
+        else:
+            sections[-1] = replace(sections[-1], blocks=[*sections[-1].blocks, block])
+    return sections
 
 
 def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Section:

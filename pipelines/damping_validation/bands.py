@@ -109,7 +109,7 @@ def result(folder: Path, seed: int) -> BandResult:
 
 
 def tabulate_loads(loads: Loads) -> pd.DataFrame:
-    """A row a force: band, linear prediction, parts in per cent, cautions."""
+    """One row per force: band, linear prediction, parts in per cent, cautions."""
     band = loads.average
     return pd.DataFrame(
         {

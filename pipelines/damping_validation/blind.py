@@ -2,6 +2,7 @@
 
 Three steps that share nothing but files: the generator writes case folders and a sealed file of labels, whose SHA-256
 is recorded before anything is diagnosed; the diagnosis reads the case folders; the scorer opens labels and answers.
+Where asked, the test that an answer proposes is made on the truth of its case and the case diagnosed again.
 """
 
 from __future__ import annotations
@@ -9,10 +10,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,25 +24,39 @@ from damping_pipelines.provenance import versions
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
-from damping_validation.generator import BLIND_CASES, BLIND_SEED, BlindCase, Stratum, draw_case, strata
-from damping_validation.scorer import read_sealed, score
-from damping_validation.scorer_output import SCORES, render_scores
+from damping_validation.generator import (
+    BLIND_CASES,
+    BLIND_SEED,
+    RIG_NAMES,
+    BlindCase,
+    NoSteadyStateError,
+    Stratum,
+    draw_case,
+    draw_further_rows,
+    strata,
+)
+from damping_validation.scorer import score
+from damping_validation.scorer_output import SCORES, describe_verdict, render_scores
+from damping_validation.verdicts import read_answer, read_sealed, read_verdicts
 
 #: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
 DIAGNOSIS_SEED = 1970
 
 __all__ = ["BLIND_CASES", "BLIND_SEED", "blind", "make_cases"]
 
+Work = TypeVar("Work")
+Done = TypeVar("Done")
 _REPORTED = 25  # cases between two lines of progress
 
 
-def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
+def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: bool = False) -> None:
     """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
     written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.render_scores``).
     Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
-    kept for blind cases.
+    kept for blind cases. ``follow``: every test that an answer proposes in numbers is made on the truth of its case,
+    its rows stand after the case's own in ``next/cases/NAME``, and ``next/answers/NAME.json`` is the answer to both.
 
     Raises:
         InputError: fewer than one case, or an ``out`` that holds the cases of another run.
@@ -49,10 +65,11 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None) -> None:
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
     with sole_writer(out, SCORES):
-        _blind(out, cases, seed, jobs)
+        print(_blind(out, cases, seed, jobs, follow))
 
 
-def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
+def _blind(out: Path, cases: int, seed: int, jobs: int | None, follow: bool) -> str:
+    """The verdict in one sentence."""
     folder, labels = out / "cases", out / "labels.sealed.json"
     strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
     if strangers:
@@ -60,7 +77,7 @@ def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
     sealed = _describe_sealed_before(out, run)
     if sealed is None:
-        sealed = make_cases(folder, labels, cases, seed, jobs=jobs, nearest=True)
+        sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
         write_json(out / "sealed.json", {**run, "sha256": sealed})
     from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
@@ -68,10 +85,43 @@ def _blind(out: Path, cases: int, seed: int, jobs: int | None) -> None:
     diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
     spent = _processor_time() - before
     verdicts = read_sealed(labels, out / "answers", sealed)
-    written = [*folder.glob("*/*.*"), *(out / "answers").glob("*.json"), labels, out / "sealed.json"]
-    kept = sorted(path.relative_to(out).as_posix() for path in written)
-    scores = render_scores(score(verdicts, spent), verdicts, seed)
-    publish(out, scores, seed=seed, versions=versions(), inputs={}, kept=kept)
+    followed = None
+    if follow:
+        names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
+        if names:
+            diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+        again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
+        followed = [verdict for verdict in again if verdict.name in names]
+    figures = score(verdicts, spent, followed)
+    kept = [labels, out / "sealed.json", *(path for path in out.glob("**/cases/*/*.*"))]
+    kept += list(out.glob("**/answers/*.json"))
+    names_kept = sorted(path.relative_to(out).as_posix() for path in kept)
+    publish(out, render_scores(figures, verdicts, seed), seed=seed, versions=versions(), inputs={}, kept=names_kept)
+    return describe_verdict(figures, verdicts)
+
+
+def make_proposed_tests(out: Path, tasks: Iterable[_Task], jobs: int | None) -> list[str]:
+    """Make every test that an answer proposes in rows; names of the cases that have one, into ``out/next/cases``.
+
+    A test under whose drive the structure does not come to rest leaves no case, and so no answer.
+    """
+    for folder in ("cases", "answers"):
+        shutil.rmtree(out / "next" / folder, ignore_errors=True)
+    proposals = []
+    for task in tasks:
+        proposed = read_answer(out / "answers" / f"{task.name}.json").get("next_test") or {}
+        if proposed.get("rows"):
+            data = (out / "cases" / task.name / "data.csv").read_text(encoding="utf-8")
+            proposals.append(_Proposal(task, data, proposed["rows"], frozenset(proposed.get("columns") or ())))
+    with progress("proposed tests made", len(proposals)) as advance:
+        for proposal, text in zip(proposals, _each(_make_test, proposals, jobs), strict=True):
+            name = proposal.task.name
+            if text is not None:
+                model = (out / "cases" / name / "model.toml").read_text(encoding="utf-8")
+                write_text(out / "next" / "cases" / name / "model.toml", model)
+                write_text(out / "next" / "cases" / name / "data.csv", text)
+            advance(name)
+    return [proposal.task.name for proposal in proposals]
 
 
 def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
@@ -100,39 +150,42 @@ class _Task(NamedTuple):
     stratum: Stratum
     seed: tuple[int, int]
     name: str
-    nearest: bool
+
+
+class _Proposal(NamedTuple):
+    task: _Task
+    data: str
+    rows: list[dict[str, Any]]
+    asked: frozenset[str]
 
 
 def make_cases(
-    folder: Path,
-    labels: Path,
-    n: int,
-    seed: int,
-    kinds: tuple[str, ...] | None = None,
-    jobs: int | None = None,
-    nearest: bool = False,
+    folder: Path, labels: Path, n: int, seed: int, kinds: tuple[str, ...] | None = None, jobs: int | None = None
 ) -> str:
     """Write ``n`` cases as ``folder/NAME/model.toml`` and ``data.csv`` and their labels as ``labels``; its SHA-256.
 
-    Names are random and carry nothing. ``kinds`` chooses effects (or ``null:nothing``, ``null:parameters``,
-    ``null:scatter``, ``pair:force-instrument``, ``pair:two-forces``, ``pair:force-structure``); all, in the shares of a
-    blind run, without it. Half are drawn clean, half in field conditions. The seed alone decides every case.
-    ``nearest`` has the label say which other effect comes closest (seconds a case).
+    Names are random and carry nothing. ``kinds`` chooses kinds of the generator (``phase-lag``, ``null:nothing``,
+    ``pair:two-forces`` and so on); all, in the shares of a blind run, without it. Half are drawn clean, half in field
+    conditions. The seed alone decides every case.
     """
-    names = _list_names(n, seed)
-    drawn = zip(strata(n, kinds), names, strict=True)
-    tasks = [_Task(stratum, (seed, number), name, nearest) for number, (stratum, name) in enumerate(drawn)]
+    tasks = _list_tasks(n, seed, kinds)
     sealed: dict[str, Any] = {}
     with progress("cases drawn", n) as advance:
-        for number, (task, case) in enumerate(zip(tasks, _cases(tasks, jobs), strict=True), start=1):
+        for number, (task, case) in enumerate(zip(tasks, _each(_draw, tasks, jobs), strict=True), start=1):
             write_text(folder / task.name / "model.toml", case.model)
             write_text(folder / task.name / "data.csv", case.data)
             sealed[task.name] = case.label
             if number % _REPORTED == 0 or number == n:
                 advance(task.name, (number - 1) % _REPORTED + 1)
-    text = to_json({"format": "labels/1", "seed": seed, "cases": dict(sorted(sealed.items()))})
+    header = {"format": "labels/1", "seed": seed, "rig": sorted(RIG_NAMES)}
+    text = to_json({**header, "cases": dict(sorted(sealed.items()))})
     write_text(labels, text)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _list_tasks(n: int, seed: int, kinds: tuple[str, ...] | None = None) -> list[_Task]:
+    drawn = zip(strata(n, kinds), _list_names(n, seed), strict=True)
+    return [_Task(stratum, (seed, number), name) for number, (stratum, name) in enumerate(drawn)]
 
 
 def _list_names(n: int, seed: int) -> list[str]:
@@ -141,14 +194,24 @@ def _list_names(n: int, seed: int) -> list[str]:
     return [f"{number:08x}" for number in rng.choice(1 << 32, size=n, replace=False).tolist()]
 
 
-def _cases(tasks: list[_Task], jobs: int | None) -> Iterator[BlindCase]:
-    workers = min(jobs or os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        yield from map(_drawn, tasks)
+def _each(do: Callable[[Work], Done], work: list[Work], jobs: int | None) -> Iterator[Done]:
+    """What ``do`` makes of each, in order, on as many processes as there are processors unless told otherwise."""
+    workers = min(jobs or os.cpu_count() or 1, len(work))
+    if workers <= 1:
+        yield from map(do, work)
         return
     with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(_drawn, tasks, chunksize=4)
+        yield from pool.map(do, work, chunksize=4)
 
 
-def _drawn(task: _Task) -> BlindCase:
-    return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}", task.nearest)
+def _draw(task: _Task) -> BlindCase:
+    return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}")
+
+
+def _make_test(proposal: _Proposal) -> str | None:
+    """The data of a case with the rows of the test that was proposed; None where there is no steady state."""
+    stratum, seed, _ = proposal.task
+    try:
+        return draw_further_rows(stratum.kind, stratum.field, seed, proposal.data, proposal.rows, set(proposal.asked))
+    except NoSteadyStateError:
+        return None

@@ -191,7 +191,7 @@ def describe_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, s
 
 
 def _list_structures(predictions: pd.DataFrame) -> list[str]:
-    """A line a structure, worst first at the largest ratio: held and above at each ratio, widths."""
+    """One line per structure, worst first at the largest ratio: held and above at each ratio, widths."""
     table = tables.tabulate_coverage(predictions)
     lines = []
     for truth in table.loc[table["ratio"] == RATIOS[-1], "truth"]:  # the worst stands first

@@ -189,7 +189,7 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
     """Test a structure drawn at random (``truths``), predict, and make the next tests.
 
     Args:
-        way: ``fast`` (Laplace approximation), ``importance`` or ``chains``.
+        way: ``fast`` (few importance draws), ``importance`` or ``chains``.
     """
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)

@@ -31,7 +31,7 @@ from damping.plots.style import (
 
 @styled
 def coverage(table: pd.DataFrame, level: float) -> Figure:
-    """Share of next tests inside the band and above it, a row a structure and a mark a ratio, with 95 % intervals.
+    """Share of next tests inside the band and above it, one row per structure, one mark per ratio, with 95 % intervals.
 
     Args:
         table: ``truth, ratio, given, held, above`` (counts). level: content of the bands.
@@ -44,10 +44,10 @@ def coverage(table: pd.DataFrame, level: float) -> Figure:
         for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
             rows = table[table["ratio"] == ratio]
             place = np.array([names.index(name) for name in rows["truth"]]) + shift
-            found = [binomtest(int(k), int(n)) for k, n in zip(rows[column], rows["given"], strict=True)]
-            limits = [result.proportion_ci(0.95, "wilson") for result in found]
+            shares = [binomtest(int(k), int(n)) for k, n in zip(rows[column], rows["given"], strict=True)]
+            limits = [result.proportion_ci(0.95, "wilson") for result in shares]
             ax.hlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE)
-            ax.plot([result.statistic for result in found], place, "o", markersize=2 + ratio / 2, color=AVERAGE,
+            ax.plot([result.statistic for result in shares], place, "o", markersize=2 + ratio / 2, color=AVERAGE,
                     label=f"{ratio:g} times")  # fmt: skip
         ax.set_xlim(-0.02, 1.02)
     left.set_yticks(np.arange(len(names)), names)

@@ -27,7 +27,7 @@ BINS = 8
 
 
 def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
-    """A row a trial and ratio: ``way, truth, trial, levels, span, noise, ratio`` and the fields of ``Coverage``.
+    """One row per trial and ratio: ``way, truth, trial, levels, span, noise, ratio`` and the fields of ``Coverage``.
 
     Args:
         covered: trials by (way, truth, number).
@@ -48,7 +48,7 @@ def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.Data
 
 
 def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "truth")) -> pd.DataFrame:
-    """A row a group and ratio, the worst first: predictions given and refused, shares held, above and below, widths.
+    """One row per group and ratio, worst first: predictions given and refused, shares held, above and below, widths.
 
     ``width`` is the median of high/low, ``over_oracle`` that of ln width over the oracle's.
     """
@@ -72,14 +72,14 @@ def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "tr
 
 
 def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
-    """A row a structure of the library: trials by the fast way, and how often its law has the largest weight."""
+    """One row per structure of the library: trials by the fast way, and how often its law has the largest weight."""
     first = predictions[(predictions["ratio"] == RATIOS[0]) & (predictions["way"] == "fast")]
     first = first[first["truth"].map(lambda name: TRUTHS[name][1] is not None)]
     return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
 
 
 def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
-    """A row a trial and quantity: the rank of its true value, 0 to ``RANKED``.
+    """One row per trial and quantity: the rank of its true value, 0 to ``RANKED``.
 
     Args:
         ranked: ranks by (data, law, number), ``data`` saying what the posterior is of.
@@ -93,7 +93,7 @@ def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.Da
 
 
 def rank_summary(ranks: pd.DataFrame) -> pd.DataFrame:
-    """A row a posterior and quantity: whether its ranks are uniform, and their histogram."""
+    """One row per posterior and quantity: whether its ranks are uniform, and their histogram."""
     rows = []
     for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
         values = group["rank"].to_numpy()

@@ -12,14 +12,15 @@ from damping_pipelines.cli_files import DEFAULT_SEED, MOST_PROCESSES, Seed
 
 def blind(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")] = Path("results/blind"),
-    cases: Annotated[int, typer.Option("--cases", max=100_000, help="Number of cases.")] = 1500,
+    cases: Annotated[int, typer.Option("--cases", max=100_000, help="Number of cases.")] = 2000,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; without it the one kept for blind cases.")] = None,
     jobs: Annotated[int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes.")] = None,
+    follow: Annotated[bool, typer.Option("--next", help="Make every test that is proposed, diagnose again.")] = False,
 ) -> None:
     """Check the diagnosis on generated data whose effect is withheld."""
     from damping_validation.blind import blind as run
 
-    run(out, cases, seed, jobs)
+    run(out, cases, seed, jobs, follow)
 
 
 def bands(

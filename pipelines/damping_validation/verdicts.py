@@ -1,16 +1,27 @@
-"""One answer of the diagnosis beside the label of its case: what was said, what was so."""
+"""One answer of the diagnosis beside the label of its case: what was said, what was so.
+
+An answer is good where it is right or honestly short: the true effects lead or stand in the set of 0.95, or the answer
+says itself that something is unexplained or that the cause is probably in no library; a null case is good where nothing
+is blamed.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from damping.errors import InputError
 
+#: Gap, sigma, from which on a diagnosis is asked to see an effect.
+DETECTABLE = 1.0
+CONFIDENT = 0.95
+#: Chance that the cause is in the library at all below which an answer has flagged itself.
+DOUBTED = 0.5
 _CLOSE = 1e-6  # of a frequency: rounding in an answer
 
 
@@ -19,9 +30,9 @@ class Verdict:
     """A case and its answer.
 
     ``said`` is the leading explanation (None where the diagnosis failed), ``probability`` its probability, ``listed``
-    the explanations that reach 0.95. ``held_out`` is the held-out shrinkage, ``iou`` the overlap of the footprint with
-    the cells truly altered, both None where there is none. ``apart`` is the root sum of squares, in sigma, by which
-    the nearest other effect of the library misses the noise-free record.
+    the explanations that reach 0.95, ``flagged`` whether the answer doubts itself. ``held_out`` is the held-out
+    shrinkage, ``iou`` the overlap of the footprint with the cells truly altered, both None where there is none.
+    ``of_rig``: nothing but the rig is at fault, or nothing at all; ``accuses``: a part of the structure is blamed.
     """
 
     name: str
@@ -33,14 +44,14 @@ class Verdict:
     true: frozenset[str]
     said: frozenset[str] | None
     probability: float
-    unexplained: bool
+    flagged: bool
     listed: tuple[frozenset[str], ...]
     equivalents: tuple[frozenset[str], ...]
     held_out: float | None
     iou: float | None
-    left_by_nearest: float | None
-    apart: float | None
     cpu_seconds: float | None
+    of_rig: bool
+    accuses: bool
 
     @property
     def right(self) -> bool:
@@ -59,9 +70,47 @@ class Verdict:
         )
 
     @property
-    def accused(self) -> bool:
+    def blames(self) -> bool:
         """The answer blames something, named or not."""
-        return bool(self.said) or self.unexplained
+        return bool(self.said) or self.flagged
+
+    @property
+    def good(self) -> bool:
+        """Right or honestly short: see the module."""
+        if self.said is None:
+            return False
+        if self.family == "null":
+            return not self.blames
+        if self.gap < DETECTABLE and not self.blames:
+            return True
+        return self.flagged or self.right_or_equivalent or self.true in self.listed
+
+    @property
+    def confidently_wrong(self) -> bool:
+        """Wrong at a probability beyond ``CONFIDENT`` without a flag; to see nothing where little is, is not wrong."""
+        if self.said is None or self.flagged or self.right_or_equivalent or self.probability <= CONFIDENT:
+            return False
+        return bool(self.said) or self.gap >= DETECTABLE
+
+    @property
+    def wrongs_structure(self) -> bool:
+        """The structure is blamed, without a flag, for what the rig or nothing did."""
+        return self.of_rig and self.accuses and not self.flagged
+
+
+Cases: TypeAlias = Sequence[Verdict]
+
+
+def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
+    """The verdicts, from labels that are still those whose SHA-256 was recorded before the diagnosis.
+
+    Raises:
+        InputError: labels that were changed since, or an answer of another form.
+    """
+    content = labels.read_bytes()
+    if hashlib.sha256(content).hexdigest() != sealed:
+        raise InputError("the labels are not those that were sealed", file=labels, expected=f"SHA-256 {sealed}")
+    return read_verdicts(json.loads(content), answers)
 
 
 def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
@@ -70,10 +119,12 @@ def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
     Raises:
         InputError: an answer that is neither ``gap/1`` nor an error.
     """
-    return [verdict(name, label, _answer(answers / f"{name}.json")) for name, label in labels["cases"].items()]
+    rig = frozenset(labels.get("rig", ()))
+    return [judge(name, label, read_answer(answers / f"{name}.json"), rig) for name, label in labels["cases"].items()]
 
 
-def _answer(path: Path) -> Mapping[str, Any]:
+def read_answer(path: Path) -> Mapping[str, Any]:
+    """The answer of a file; an error where there is none. InputError where it is of another form."""
     if not path.exists():
         return {"error": "no answer"}
     try:
@@ -85,12 +136,12 @@ def _answer(path: Path) -> Mapping[str, Any]:
     return answer
 
 
-def verdict(name: str, label: Mapping[str, Any], answer: Mapping[str, Any]) -> Verdict:
-    """The label and the answer (``gap/1``, or ``{"format", "error"}``) of one case."""
+def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], rig: frozenset[str] = frozenset()) -> Verdict:
+    """The label and the answer (``gap/1``, or ``{"format", "error"}``) of one case; ``rig``: effects of the rig."""
     failed = "error" in answer
     explanations = [] if failed else answer["explanations"]
-    nearest = label.get("nearest")
-    cells = label["rows"] * (2 if label["phase"] else 1)
+    said = None if failed else frozenset(answer["effects"])
+    known = answer.get("in_library")
     return Verdict(
         name=name,
         family=label["family"],
@@ -99,20 +150,20 @@ def verdict(name: str, label: Mapping[str, Any], answer: Mapping[str, Any]) -> V
         gap=label["gap"],
         rows=label["rows"],
         true=frozenset(label["effects"]),
-        said=None if failed else frozenset(answer["effects"]),
+        said=said,
         probability=float(explanations[0]["probability"]) if explanations else 0.0,
-        unexplained=bool(answer.get("unexplained", False)),
+        flagged=bool(answer.get("unexplained", False)) or (known is not None and known < DOUBTED),
         listed=tuple(frozenset(explanation["effects"]) for explanation in explanations),
         equivalents=tuple(frozenset(group) for group in answer.get("equivalents", ())),
         held_out=((answer.get("gap") or {}).get("held_out") or {}).get("shrinkage"),
-        iou=None if failed else footprint_overlap(label, answer["footprint"]),
-        left_by_nearest=nearest["left"] if nearest else None,
-        apart=nearest["left"] * cells**0.5 if nearest else None,
+        iou=None if failed else overlap_footprint(label, answer["footprint"]),
         cpu_seconds=answer.get("cpu_seconds"),
+        of_rig=set(label["effects"]) <= set(label.get("rig", ())),
+        accuses=bool((said or frozenset()) - rig),
     )
 
 
-def footprint_overlap(label: Mapping[str, Any], footprint: list[Mapping[str, Any]]) -> float | None:
+def overlap_footprint(label: Mapping[str, Any], footprint: list[Mapping[str, Any]]) -> float | None:
     """Cells in both over cells in either (a cell is a row and a quantity); None where both are empty."""
     altered = {(row, quantity) for quantity, rows in label["altered"].items() for row in rows}
     places = list(enumerate(zip(label["sweep"], label["frequency"], strict=True)))

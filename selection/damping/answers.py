@@ -152,7 +152,10 @@ class RankingResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadsResult(Result):
-    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record."""
+    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record.
+
+    ``swept``: what was done about the rate of sweeping. ``against``: where the diagnosis disagrees.
+    """
 
     extrapolation: Extrapolation
     mode: Mode
@@ -160,6 +163,7 @@ class LoadsResult(Result):
     backbone: Backbone
     audit: Audit | None = None
     swept: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
 
     @property
     def loads(self) -> Loads:
@@ -179,7 +183,7 @@ class LoadsResult(Result):
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is odd about the mode beside the record."""
-        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
+        return (*self.against, *self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
@@ -200,7 +204,7 @@ class LoadsResult(Result):
         low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), force.max(initial=0.0))
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
-        tables = (forms.tabulate_loads(bands), forms.tabulate_loads_by_model(bands), tested)
+        tables = (forms.tabulate_loads(bands), tested)
         about = (self.loads.level, units.force, units.length, bands.limit)
         if ax is None:
             return design_loads(*tables, forms.tabulate_loads(design), *about)

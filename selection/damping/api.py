@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from damping.agreement import compare_with_diagnosis, compare_with_ranking
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
@@ -143,7 +144,8 @@ def extrapolate(
     if by_amplitude:
         predicted = replace(predicted, loads=predict_forces(predicted, asked))
     backbone = find_backbone(measured.record, mode, findings.implied)
-    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said)
+    against = compare_with_diagnosis(measured.record, mode, predicted.loads)
+    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said, against)
 
 
 @single_threaded
@@ -206,6 +208,7 @@ def diagnose(
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
     posterior: bool = False,
+    compare: bool = True,
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -217,7 +220,8 @@ def diagnose(
             the effects are shared.
         simulate: a simulation of your own: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
             amplitude and phase lag, (n,) each; ``mode`` stands for it where an effect needs a mass or a frequency.
-        posterior: whether the strengths of the leading explanation are sampled too.
+        posterior: whether the strengths of the leading explanation are sampled too. compare: whether the ranked laws
+            are asked for what they say against it.
 
     Raises:
         InputError: an argument of another kind.
@@ -231,13 +235,14 @@ def diagnose(
         _admit(own, state, despite)
     forced, said = as_driven_by_force(record, mode)
     found = diagnose_gap(record, forced, states=states, simulate=simulate)
+    against = () if states or simulate or not compare else compare_with_ranking(record, found, seed)
     found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
     if not posterior:
-        return DiagnosisResult(found, audit=findings)
+        return DiagnosisResult(found, None, findings, against)
     with progress("posterior", 1) as done:
         sampled = sample_effects(found.leading.best, seed)
         done("done")
-    return DiagnosisResult(found, sampled, findings)
+    return DiagnosisResult(found, sampled, findings, against)
 
 
 @single_threaded

@@ -82,11 +82,15 @@ def list_findings(audit: Audit | None) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiagnosisResult(Result):
-    """Why a test departs from its simulation; ``posterior`` of the leading explanation where it was sampled."""
+    """Why a test departs from its simulation; ``posterior`` of the leading explanation where it was sampled.
+
+    ``against``: where the ranked laws disagree.
+    """
 
     diagnosis: Diagnosis
     posterior: EffectPosterior | None = None
     audit: Audit | None = None
+    against: tuple[str, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -95,10 +99,10 @@ class DiagnosisResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""
-        form: dict[str, Any] = plain(
-            {**forms.gap_form(self.diagnosis, self.posterior), "audit": list_findings(self.audit)}
-        )
-        return form
+        form = forms.gap_form(self.diagnosis, self.posterior)
+        cautions = [*self.against, *self.diagnosis.cautions]
+        values: dict[str, Any] = plain({**form, "audit": list_findings(self.audit), "cautions": cautions})
+        return values
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
@@ -118,6 +122,7 @@ class DiagnosisResult(Result):
 
         d = self.diagnosis
         told = [
+            *(f"{said[0].upper()}{said[1:]}." for said in self.against),
             text.describe_verdict(d),
             text.place(d),
             *text.list_doubts(d),

@@ -21,6 +21,7 @@ LAYERS = (
     "ranking",
     "extrapolation",
     "gap",
+    "agreement",
     "formats",
     "campaign",
     "plots",

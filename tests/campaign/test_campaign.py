@@ -14,11 +14,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from damping.campaign.answer import analyse
+from damping.campaign.analysis import analyse
+from damping.campaign.answer import DesignLevel
 from damping.campaign.decays import decay_modes
 from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.runs import read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
+from damping.predict.measured import prepare
 from damping_pipelines.cli import main
 
 G = 9.80665
@@ -176,3 +179,128 @@ def test_what_is_no_campaign_says_what_is_expected(tmp_path, content, expected):
     path.write_text(content)
     with pytest.raises(InputError, match=expected):
         analyse([path])
+
+
+def corrected(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_what_was_found_can_be_corrected(tmp_path):
+    """A level, a reversed and a dead sensor, a unit: the table shows the names by which they are stated."""
+    source = written(tmp_path / "c.h5", "hdf5")
+    plain, summary = read_runs([source], 10 * SIZE)
+    shown = [what for what, _, _ in summary.rows]
+    assert {"run 'run_0.2g'", f"channel 'accelerations[{REVERSED}]'"} <= set(shown)
+    text = (
+        f'[runs."run_0.2g"]\nlevel = 0.25\n[runs."run_0.4g"]\nout = true\n[channels."accelerations[{REVERSED}]"]\n'
+        f'reverse = true\n[channels."accelerations[{DEAD}]"]\nrole = "out"\n'
+        '[channels."accelerations[0]"]\nunit = "m/s^2"\n'
+    )
+    runs, _ = read_runs([source], 10 * SIZE, read_corrections(corrected(tmp_path / "c.toml", text)))
+    assert [run.level for run in runs] == [0.1, 0.25]
+    by_name = {one.name: one for one in runs[0].channels}
+    assert f"accelerations[{DEAD}]" not in by_name
+    assert by_name["accelerations[0]"].unit == "m/s^2"
+    np.testing.assert_array_equal(by_name[f"accelerations[{REVERSED}]"].values, -plain[0].channels[REVERSED].values)
+
+
+def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
+    path = tmp_path / "c.h5"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("run_0.1g")
+        group["frequency"] = FREQUENCY
+        group["control"] = np.outer([0.09, -0.11], np.ones(len(FREQUENCY))).astype(complex)
+        group["accelerations"] = motion(0.1, FREQUENCY)
+        group["accelerations"].attrs["units"] = "g"
+    largest = read_corrections(corrected(tmp_path / "c.toml", '[drive]\ncontrol = "maximum"\n'))
+    np.testing.assert_allclose(np.abs(read_runs([path], SIZE)[0][0].drive), 0.01, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(read_runs([path], SIZE, largest)[0][0].drive), 0.11, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[channels."acc 9"]\nrole = "out"\n', r"no channel 'acc 9'; expected such as 'accelerations\[\d\]'"),
+        ("[runs.run_0]\nlevel = 1.0\n", "no run 'run_0'; expected such as 'run_0.*g'"),
+        ('[channels.control]\nrole = "boss"\n', "line 2, column role: is 'boss'; expected sensor or drive or out"),
+        ('[drive]\ncontrol = "mean"\n', "is 'mean'; expected average or maximum"),
+        ('[channels.control]\nunits = "g"\n', "unknown key"),
+    ],
+)
+def test_corrections_of_what_is_not_there(tmp_path, text, message):
+    source = written(tmp_path / "c.h5", "hdf5")
+    with pytest.raises(InputError, match=message):
+        read_runs([source], 10 * SIZE, read_corrections(corrected(tmp_path / "c.toml", text)))
+
+
+def test_a_design_input_over_frequency():
+    curve = DesignLevel(np.array([20.0, 40.0, 80.0]), np.array([1.0, 4.0, 1.0]))
+    np.testing.assert_allclose(
+        [curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], [1.0, 4.0, 2.0, 1.0], rtol=1e-12
+    )
+    assert DesignLevel.flat(0.8).at(55.0) == pytest.approx(0.8, rel=1e-12)
+    with pytest.raises(InputError, match="no level"):
+        DesignLevel(np.array([2.0, 1.0]), np.array([1.0, 1.0]))
+
+
+F_N, RATIO = 30.0, 0.01
+SWEEP = np.log(40.0 / 22.0) / 90.0  # of ln f a second: .57 octaves a minute
+
+
+def shaken(path: Path, level: float) -> Path:
+    """A mode under a swept force, integrated in time: two sensors and the force, as a table or as arrays."""
+    t = np.arange(0.0, 90.0, 1.0 / 1000.0)
+    w_n = 2 * np.pi * F_N
+
+    def force(now):
+        return level * np.sin(2 * np.pi * 22.0 * (np.exp(SWEEP * now) - 1.0) / SWEEP)
+
+    found = solve_ivp(
+        lambda now, y: [y[1], force(now) / 2.0 - 2 * RATIO * w_n * y[1] - w_n**2 * y[0]],
+        (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-7, atol=1e-12, max_step=0.005,
+    )  # fmt: skip
+    acceleration = force(t) / 2.0 - 2 * RATIO * w_n * found.y[1] - w_n**2 * found.y[0]
+    rng = np.random.default_rng(int(10 * level))
+    columns = {"time": t, "force": force(t), "tip": acceleration, "mid": 0.5 * acceleration}
+    noisy = {name: x + (0.002 * rng.normal(size=len(t)) if name != "time" else 0.0) for name, x in columns.items()}
+    units = {"time": "s", "force": "N", "tip": "m/s^2", "mid": "m/s^2"}
+    if path.suffix == ".csv":
+        header = ",".join(f"{name} [{units[name]}]" for name in noisy)
+        np.savetxt(path, np.column_stack(list(noisy.values())), delimiter=",", header=header, comments="", fmt="%.6g")
+    else:
+        with h5py.File(path, "w") as file:
+            for name, x in noisy.items():
+                file[f"run_{level:g}N/{name}"] = x
+                file[f"run_{level:g}N/{name}"].attrs["units"] = units[name]
+    return path
+
+
+@pytest.mark.parametrize("ending", ["csv", "h5"])
+def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
+    """In blocks smaller than the file; the record has the rate, and steady states of it are those of the mode."""
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 400_000)
+    monkeypatch.setattr("damping.campaign.tracked.SAMPLES", 40_000)
+    run = read_runs([shaken(tmp_path / f"s_2N.{ending}", 2.0)], 100 * SIZE)[0][0]
+    assert (run.level, run.drive_unit) == (2.0, "N")
+    assert {one.name for one in run.channels} == {"tip", "mid"}
+    inside = (run.x > 23.0) & (run.x < 39.0)
+    np.testing.assert_allclose(run.rate[inside], SWEEP * run.x[inside], rtol=0.05)
+    names, levels = fit_levels([run])
+    mode = tie_modes(names, levels)[0]
+    steady = prepare(mode.record, mode.mode).record.table
+    w, w_n = 2 * np.pi * steady["frequency"], 2 * np.pi * F_N
+    Z = steady["force"] / steady["amplitude"] * np.exp(1j * steady["phase"])
+    # .3 Hz/s beside a bandwidth of .6 Hz: 0.8 bandwidths in the time one takes, uncorrected 15 % off
+    np.testing.assert_allclose(np.median(Z.to_numpy().imag / w), 2.0 * 2.0 * RATIO * w_n, rtol=0.05)
+    np.testing.assert_allclose(mode.mode.mass, 2.0, rtol=0.1)
+
+
+def test_broken_tables_of_time(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{k / 100},1,x\n" for k in range(50)))
+    with pytest.raises(InputError, match="numbers in every row from line 2 on"):
+        read_runs([path], SIZE)
+    path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)))
+    with pytest.raises(InputError, match="not evenly spaced"):
+        read_runs([path], SIZE)

@@ -13,7 +13,7 @@ from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import find_crossing, predict_forces, trace_loads
 from damping.extrapolation.prediction import PARTS, Band, Loads
 from damping.forces import CubicStiffness, Sum, VelocityPower, VelocitySquared, Viscous
-from damping.infer.evidence import laplace
+from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.predict.steady import phase_resonance, resonant_amplitude
 from damping.report.forms import loads_form
@@ -133,13 +133,13 @@ TRUE = Sum((Viscous(0.06), VelocitySquared(0.012)))
 def few_laws(monkeypatch):
     """Two laws in place of all, and draws of the normal approximation: the curve is tested here, not the laws."""
     monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS)
-    monkeypatch.setattr(extrapolation, "evidence", laplace)
+    monkeypatch.setattr(extrapolation, "evidence", brief_evidence)
 
 
 def test_force_for_an_amplitude_is_the_inverse(peaks):
     force = np.geomspace(1.0, 4.0, 4)
     data = peaks(resonant_amplitude(TRUE, force, OMEGA_N), force, OMEGA_N)
-    there = extrapolate_loads(data, [6.0], laws=LAWS, estimate=laplace)
+    there = extrapolate_loads(data, [6.0], laws=LAWS, estimate=brief_evidence)
     A = there.loads.average
     back = predict_forces(there, [float(A.median[0]), float(A.high[0])])
     # the same draws on a grid of 24 forces instead of one: Monte Carlo of the ends, 3 % of the band
@@ -147,7 +147,7 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     np.testing.assert_allclose(back.average.low[1], 6.0, rtol=0.03)
     assert loads_form(back)["predictions"][0]["amplitude"] == A.median[0]
     beyond = predict_forces(
-        extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=laplace), [50.0]
+        extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=brief_evidence), [50.0]
     )
     assert np.isnan(beyond.average.median[0])  # two levels go no farther than 1.5 times the force
     assert "no prediction" in beyond.cautions[0][0]
@@ -162,7 +162,7 @@ def test_ratio_and_frequency_hold_the_truth(peaks):
         noise = np.exp(0.02 * rng.standard_normal(7))
         A = resonant_amplitude(TRUE, np.append(force, asked), OMEGA_N) * noise
         data = peaks(A[:5], force, OMEGA_N)
-        loads = extrapolate_loads(data, asked, laws=LAWS, estimate=laplace).loads
+        loads = extrapolate_loads(data, asked, laws=LAWS, estimate=brief_evidence).loads
         said = trace_loads(loads, backbone_of(A[:5], OMEGA_N * np.exp(2e-4 * rng.standard_normal(5))), data)
         true = asked / (2.0 * M * OMEGA_N**2 * A[5:])
         inside += (said.damping_ratio.low < true) & (true < said.damping_ratio.high)

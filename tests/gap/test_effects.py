@@ -17,8 +17,7 @@ from damping.gap.size import fitted_terms
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.generator import draw
-from damping_validation.generator.noise import columns, describe_data_text, describe_model_text
-from damping_validation.generator.plan import force_unit
+from damping_validation.generator.plan import columns, describe_data_text, describe_model_text, force_unit
 
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
 #: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the

@@ -11,8 +11,8 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_intervals, effect_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import Tolerance
-from damping_reed1970.gaps import configuration_1_gap as configuration_1
-from damping_reed1970.gaps import configuration_2_gap as configuration_2
+from damping_reed1970.studies import configuration_1_gap as configuration_1
+from damping_reed1970.studies import configuration_2_gap as configuration_2
 
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {

@@ -196,7 +196,7 @@ def test_a_failed_record_is_a_row_with_its_reason(alone):
 
 def test_rows_say_how_they_came_about(alone):
     rows = rows_of(alone)
-    assert {row["method"] for row in rows} == {"Laplace approximation"}
+    assert {row["method"] for row in rows} == {"few importance draws"}
     assert len({row["seed"] for row in rows}) == len(rows)
     good = [row for row in rows if row["status"] == "done"]
     assert len(good) == RECORDS - 1
@@ -347,7 +347,7 @@ def test_chains_where_they_are_asked_for(tmp_path, one_law):
     fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(3.0,), max_size=SIZE)
     fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, forces=(3.0,), max_size=SIZE)
     (row,), (fast,) = rows_of(tmp_path / "out"), rows_of(tmp_path / "fast")
-    assert row["method"] == "chains"
+    assert row["method"] == "importance draws"
     assert row["design_force"] == 3.0
     assert row["held_out_error"] is not None
     assert fast["held_out_error"] is None

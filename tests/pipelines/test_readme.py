@@ -11,7 +11,8 @@ from damping.infer.law import Law
 
 ROOT = Path(__file__).parents[2]
 PYTHON = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-TOUR = re.findall(r"^damping (.+)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+BLOCKS = re.findall(r"```\n(damping .*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+TOUR = [line.removeprefix("damping ") for block in BLOCKS for line in block.splitlines()]
 
 
 def test_the_tour_shows_the_main_commands():
@@ -19,18 +20,20 @@ def test_the_tour_shows_the_main_commands():
 
 
 @pytest.mark.sampling
-@pytest.mark.parametrize("line", TOUR)
-def test_command_of_the_tour(line, damping, tmp_path, monkeypatch):
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.split()[1])
+def test_commands_of_the_tour(block, damping, tmp_path, monkeypatch):
+    """The commands of a block follow each other, and one reads what another wrote."""
     for folder in ("data", "examples"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     monkeypatch.chdir(tmp_path)
-    run = damping(*shlex.split(line))
-    assert run.code == 0, run.err
-    words = shlex.split(line)
-    if "--out" in words:
-        assert (tmp_path / words[words.index("--out") + 1]).stat().st_size > 0
-    else:
-        assert run.out.strip()
+    for line in block.splitlines():
+        words = shlex.split(line)[1:]
+        run = damping(*words)
+        assert run.code == 0, run.err
+        if "--out" in words:
+            assert (tmp_path / words[words.index("--out") + 1]).stat().st_size > 0
+        else:
+            assert run.out.strip()
 
 
 @pytest.mark.sampling

@@ -10,9 +10,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from damping.plots.design_loads import ForceAmplitude, design_loads, force_amplitude
-from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
-from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
+from damping.plots.damping_curve import damping_curve, fitted_sweeps, mode_over_level
+from damping.plots.design_loads import design_loads
+from damping.plots.fits import ranking, sweeps
+from damping.plots.posteriors import corner, predictive_check, prior_posterior_summary
 from damping.plots.style import to_svg
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 
@@ -25,31 +26,39 @@ def _loads() -> Figure:
     band = pd.DataFrame({"force": FORCE, "median": FORCE**0.6, "linear": FORCE / 7.0})
     for name, factor in (("low", 0.9), ("high", 1.1), ("credible_low", 0.95), ("credible_high", 1.05)):
         band[name] = factor * band["median"]
-    models = pd.concat(
-        [
-            pd.DataFrame({"law": law, "weight": 0.3, "force": FORCE, "median": band["median"]})
-            for law in (*LAWS, HOSTILE)
-        ]
-    )
     tested = pd.DataFrame({"sweep": ["A", HOSTILE], "force": [20.0, 30.0], "amplitude": [6.0, 7.7]})
     design = band.iloc[[10, 19]].assign(linear_overprediction_percent=[10.0, 60.0]).reset_index(drop=True)
-    return design_loads(band, models, tested, design, 0.9, "lb", HOSTILE)
+    return design_loads(band, tested, design, 0.9, "lb", HOSTILE)
 
 
-def _force_amplitude() -> Figure:
-    points = pd.DataFrame({"sweep": ["A", HOSTILE], "force": [19.0, 29.0], "amplitude": [1.2, 1.6]})
-    line = pd.DataFrame({"amplitude": [1.1, 1.7], "force": [17.0, 31.0], "low": [15.0, 28.0], "high": [19.0, 34.0]})
-    return force_amplitude(
-        [ForceAmplitude(title, points, line, "p = 1.65", "lb", "in") for title in ("one", HOSTILE, "c")]
-    )
+CURVE = pd.DataFrame(
+    {
+        "amplitude": [1.0, 2.0, 3.0, 4.0],
+        "damping_ratio": [0.01, 0.012, 0.014, np.nan],
+        "damping_ratio_low": [0.009, 0.011, 0.012, np.nan],
+        "damping_ratio_high": [0.011, 0.013, 0.02, np.nan],
+        "tested": [True, True, False, False],
+    }
+)
 
 
-def _fits() -> Figure:
-    x = np.array([1.0, 2.0, 3.0])
-    measured = pd.DataFrame({"x": x, "y": x**2, "label": ["A", HOSTILE, ""]})
-    fitted = pd.concat([pd.DataFrame({"law": law, "weight": 0.5, "x": x, "y": x}) for law in LAWS])
-    deviations = pd.concat([pd.DataFrame({"law": law, "x": x, "percent": [1.0, -2.0, 3.0]}) for law in LAWS])
-    return fits(measured, fitted, deviations, HOSTILE, "y")
+def _curve() -> Figure:
+    return damping_curve(CURVE, 0.9, HOSTILE, pd.DataFrame({"amplitude": [1.1], "damping_ratio": [0.0101]}))
+
+
+def _fitted() -> Figure:
+    measured = pd.DataFrame({"sweep": ["A", HOSTILE, HOSTILE], "x": [1.0, 1.1, 1.2], "y": [1.0, 3.0, 2.0]})
+    return fitted_sweeps(measured, measured, HOSTILE, HOSTILE)
+
+
+def _sweeps() -> Figure:
+    columns = {"sweep": ["A", "A", HOSTILE], "frequency": [1.0, 1.1, 1.0], "amplitude": [1.0, 2.0, 3.0]}
+    return sweeps(pd.DataFrame(columns))
+
+
+def _level() -> Figure:
+    columns = {"level": [1.0, 2.0], "tested": [True, False], "frequency": [9.0, 8.9], "median": [0.01, 0.02]}
+    return mode_over_level(pd.DataFrame({**columns, "low": [0.01, 0.01], "high": [0.02, 0.03]}), HOSTILE)
 
 
 def _ranking() -> Figure:
@@ -77,10 +86,6 @@ def _corner() -> Figure:
     return corner(_draws(0), _draws(1))
 
 
-def _prior_posterior() -> Figure:
-    return prior_posterior(_draws(0), _draws(1))
-
-
 def _priors() -> Figure:
     table = pd.DataFrame(
         {"law": [LAWS[0], LAWS[0], HOSTILE], "parameter": ["a", HOSTILE, "a"], "median": [1.0, 2.0, 3.0]}
@@ -93,18 +98,6 @@ def _predictive_check() -> Figure:
     rows = [(law, sweep, 101.0, 95.0, 108.0) for law in LAWS for sweep in ("A", "B", HOSTILE, "D", "E")]
     return predictive_check(pd.DataFrame(rows, columns=["law", "sweep", "median", "low", "high"]), 0.9)
 
-
-def _percent() -> Figure:
-    return percent_deviations(DEVIATIONS)
-
-
-DEVIATIONS = pd.DataFrame(
-    {
-        "law": ["viscous"] * 3 + [HOSTILE] * 2,
-        "point": ["1", "2", HOSTILE, "1", "2"],
-        "percent": [5.0, -3.0, 1.0, 2.0, -9.0],
-    }
-)
 
 REPRODUCTION = pd.DataFrame(
     {
@@ -121,30 +114,8 @@ def _reproduction() -> Figure:
     return draw_reproduction(REPRODUCTION)
 
 
-def _energy_surface() -> Figure:
-    amplitude, frequency = np.linspace(0.1, 1.0, 12), np.linspace(1.7, 1.9, 10)
-    energy = np.outer(amplitude**2, frequency)
-    points = pd.DataFrame({"amplitude": [0.3, 0.8], "frequency": [1.75, 1.85], "energy": [0.2, 1.1]})
-    return energy_surface(amplitude, frequency, energy, points, "A (in)", "f (Hz)", HOSTILE)
-
-
-def _convergence() -> Figure:
-    return convergence(CONVERGENCE, 1.01, 1000.0, 50.0)
-
-
-CONVERGENCE = pd.DataFrame(
-    {
-        "law": ["viscous", "viscous", HOSTILE],
-        "quantity": ["viscous", "scatter", "viscous"],
-        "r_hat": [1.001, 1.05, np.nan],
-        "effective_size": [5000.0, 400.0, 2000.0],
-        "lengths": [80.0, 20.0, 60.0],
-    }
-)
-
 ALL: tuple[Callable[[], Figure], ...] = (
-    *(_loads, _force_amplitude, _fits, _ranking, _corner, _prior_posterior, _priors),
-    *(_predictive_check, _percent, _reproduction, _energy_surface, _convergence),
+    *(_loads, _curve, _fitted, _level, _ranking, _sweeps, _corner, _priors, _predictive_check, _reproduction),
 )
 
 
@@ -158,39 +129,47 @@ def test_figure_is_deterministic_and_escapes_labels(draw: Callable[[], Figure]) 
     assert not [element for element in root.iter() if element.tag.endswith(("}b", "}script"))]
 
 
-def test_design_loads_draws_the_numbers_it_says() -> None:
-    figure = _loads()
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    # FORCE[-1]**0.6 = 90**0.6 = 14.88 and 90/7 = 12.86, to three digits
-    assert any("14.9" in text and f"{0.9 * 90**0.6:.1f} to {1.1 * 90**0.6:.1f}" in text for text in texts)
-    assert any("12.9" in text and "+60 %" in text for text in texts)
-    medians = [line for line in figure.axes[0].lines if np.array_equal(line.get_ydata(), FORCE**0.6)]
-    assert len(medians) == 5  # four models and the average
-    legends = [figure.axes[0].get_legend(), *figure.legends]
-    said = [text.get_text() for legend in legends for text in legend.get_texts()]
-    assert any("90 % credible" in text for text in said)
-    assert any("90 % predictive" in text for text in said)
+def test_design_loads_draws_two_lines_and_one_band() -> None:
+    axes = _loads().axes[0]
+    drawn = [np.asarray(line.get_ydata()) for line in axes.lines if len(line.get_xdata()) > 3]
+    tested, beyond = FORCE <= 30.0, FORCE > 30.0
+    # the median in two parts, tested and beyond, and the linear prediction
+    assert len(drawn) == 3
+    for wanted in (FORCE**0.6 * np.where(tested, 1, np.nan), FORCE / 7.0, FORCE**0.6 * np.where(beyond, 1, np.nan)):
+        known = wanted[np.isfinite(wanted)]
+        assert any(len(one) == len(known) and np.array_equal(one, known) for one in drawn)
+    said = [text.get_text() for text in _loads().legends[0].get_texts()]
+    assert any("90 % band" in text for text in said)
+    assert any("n = 2" in text for text in said)
 
 
 def test_design_loads_says_where_it_stops() -> None:
     band = pd.DataFrame({"force": FORCE, "linear": FORCE / 7.0})
-    for name in ("median", "low", "high", "credible_low", "credible_high"):
+    for name in ("median", "low", "high"):
         band[name] = np.where(FORCE <= 60.0, FORCE**0.6, np.nan)
-    models = band[["force", "median"]].assign(law="viscous", weight=1.0)
     tested = pd.DataFrame({"sweep": ["A"], "force": [20.0], "amplitude": [6.0]})
-    design = band.iloc[[10, 19]].assign(linear_overprediction_percent=[10.0, np.nan])
-    axes = design_loads(band, models, tested, design, 0.9, limit=60.0).axes[0]
-    assert "no prediction" in [text.get_text() for text in axes.texts]
+    axes = design_loads(band, tested, band.iloc[[10, 19]], 0.9, limit=60.0).axes[0]
+    assert "no prediction" in [text.get_text().strip() for text in axes.texts]
+
+
+def test_curve_is_solid_where_tested_and_has_q_beside() -> None:
+    figure = _curve()
+    axes = figure.axes[0]
+    solid, dashed = (line for line in axes.lines if line.get_linewidth() > 2.0)
+    # exact: per cent of what the table holds
+    np.testing.assert_array_equal(solid.get_ydata(), 100.0 * CURVE["damping_ratio"][:2])
+    np.testing.assert_array_equal(dashed.get_ydata(), 100.0 * CURVE["damping_ratio"][1:3])
+    figure.draw_without_rendering()
+    # the top of the axis of Q is 1/(2 zeta) of the top of that of zeta, in per cent
+    np.testing.assert_allclose(min(axes.child_axes[0].get_ylim()), 50.0 / axes.get_ylim()[1], rtol=1e-6)
 
 
 def test_design_loads_without_any_prediction() -> None:
     nothing = np.full(len(FORCE), np.nan)
-    columns = ("median", "low", "high", "credible_low", "credible_high")
-    band = pd.DataFrame({"force": FORCE, "linear": FORCE / 7.0, **dict.fromkeys(columns, nothing)})
-    models = pd.DataFrame({"law": "viscous", "weight": 1.0, "force": FORCE, "median": nothing})
+    band = pd.DataFrame({"force": FORCE, "linear": FORCE / 7.0, **dict.fromkeys(("median", "low", "high"), nothing)})
     tested = pd.DataFrame({"sweep": ["A"], "force": [20.0], "amplitude": [6.0]})
     design = band.iloc[[19]].assign(linear_overprediction_percent=np.nan)
-    assert to_svg(design_loads(band, models, tested, design, 0.9), "figure", "t", "d")
+    assert to_svg(design_loads(band, tested, design, 0.9), "figure", "t", "d")
 
 
 def test_ranking_bars_are_the_weights() -> None:
@@ -206,18 +185,6 @@ def test_ranking_draws_an_exact_fit_at_the_edge() -> None:
     fitted = figure.axes[1].lines[0].get_xdata()
     np.testing.assert_array_equal(fitted, [0.01, 1.0, np.nan])
     assert "edge" in figure.axes[1].get_xlabel()
-
-
-def test_percent_deviations_bars_are_the_per_cents() -> None:
-    for axes, (_, rows) in zip(_percent().axes, DEVIATIONS.groupby("law", sort=False), strict=True):
-        np.testing.assert_array_equal([bar.get_height() for bar in axes.patches], rows["percent"])
-        assert f"{rows['percent'].abs().mean():.1f} %" in axes.get_title(loc="left")
-
-
-def test_convergence_marks_what_fails() -> None:
-    crosses = [line for axes in _convergence().axes for line in axes.lines if line.get_marker() == "X"]
-    # R-hat 1.05 above 1.01 and one that does not exist; size 400 below 1000; length 20 below 50
-    assert [len(line.get_xdata()) for line in crosses] == [2, 1, 1]
 
 
 def test_reproduction_compares_what_can_be_compared() -> None:

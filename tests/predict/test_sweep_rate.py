@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 from damping.errors import AnalysisError
 from damping.predict.sweep_rate import as_steady, correct_rate, envelope, estimate_rate
+from damping.records.audit import audit
+from damping.records.mode import Mode
 from damping.records.record import Record
 
 F_N, RATIO, GROWTH, MASS = 20.0, 0.01, 300.0, 2.0
@@ -60,6 +62,18 @@ def record(motions: dict[float, np.ndarray], frequency: np.ndarray, rng: np.rand
         columns = {"sweep": f"{force:g}", "force": force, "frequency": frequency, "amplitude": np.abs(noisy)}
         tables.append(pd.DataFrame(columns | {"phase": -np.angle(noisy)}))
     return Record(pd.concat(tables, ignore_index=True), "made")
+
+
+def test_the_audit_names_the_rate(frequency, swept):
+    """By the phases, which turn late; no other check blames something else, no second plane or offset is invented."""
+    made = record(swept, frequency, np.random.default_rng(4))
+    found = audit(made, Mode(name="made", frequency=F_N, mass=MASS))
+    assert [finding.check for finding in found.findings] == ["sweep-rate"]
+    assert found.verdict == "caution"
+    said = float(found.findings[0].what.split(" octaves")[0].split()[-1])
+    np.testing.assert_allclose(said, RATE, rtol=0.25)  # a first look; ``estimate_rate`` then tells it to a few per cent
+    steady_rows = record({force: steady(force, frequency) for force in swept}, frequency, np.random.default_rng(4))
+    assert audit(steady_rows).findings == ()
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from damping.signals.modal import energy_loss
 from damping_reed1970.chapter_3 import PLANES, yaw_response
-from damping_reed1970.chapter_3.captions import chapter_3_figures
+from damping_reed1970.chapter_3.captions import list_chapter_3_figures
 from damping_reed1970.chapter_3.implications import tabulate_branch, tabulate_mean
 from damping_reed1970.chapter_3.planar_fits import fit_table, phasors, planar_fits, tabulate_energy_split, tabulate_yaw
 from damping_reed1970.chapter_3.study import Chapter3
@@ -163,7 +163,7 @@ def test_a_band_holds_its_median(result: Chapter3) -> None:
 
 @pytest.mark.sampling
 def test_every_figure_is_drawn_with_its_number(result: Chapter3) -> None:
-    rows = chapter_3_figures(result)
+    rows = list_chapter_3_figures(result)
     assert [number for _, number, *_ in rows if number] == ["3.2", "3.3", "3.5", "3.6", "3.9", "3.10"]
     assert len({name for name, *_ in rows}) == len(rows)
     for _, _, title, description, draw in rows:
@@ -178,7 +178,7 @@ def test_every_figure_is_drawn_with_its_number(result: Chapter3) -> None:
 
 @pytest.mark.sampling
 def test_figures_show_the_points_they_are_of(result: Chapter3) -> None:
-    figures = {number: draw() for _, number, _, _, draw in chapter_3_figures(result) if number}
+    figures = {number: draw() for _, number, _, _, draw in list_chapter_3_figures(result) if number}
     columns = {"3.2": "tail", "3.6": "A_2_printed", "3.9": "energy_printed"}
     for number, column in columns.items():
         drawn = [np.asarray(line.get_ydata(), dtype=float) for line in figures[number].axes[0].lines]

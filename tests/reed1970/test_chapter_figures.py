@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 
 from damping.plots.style import to_svg
 from damping_reed1970.chapter_2 import figures as chapter_2
-from damping_reed1970.chapter_2.figures import chapter_2_figures
+from damping_reed1970.chapter_2.figures import list_chapter_2_figures
 from damping_reed1970.chapter_4 import figures as chapter_4
-from damping_reed1970.chapter_4.page import chapter_4_figures
+from damping_reed1970.chapter_4.page import list_chapter_4_figures
 from damping_reed1970.chapter_5 import figures as chapter_5
 from damping_reed1970.chapter_5.circularity import ROUTES
-from damping_reed1970.chapter_5.figures import chapter_5_figures
+from damping_reed1970.chapter_5.figures import list_chapter_5_figures
 from damping_reed1970.chapter_6.page import force_laws_figure
 from damping_reed1970.common import ChapterFigure
 from damping_reed1970.studies import Studies
@@ -50,9 +50,9 @@ def law_errors() -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def figures(found: Studies, law_errors: pd.DataFrame) -> dict[str, ChapterFigure]:
     drawn = [
-        *chapter_2_figures(found.loops, found.slip),
-        *chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels),
-        *chapter_5_figures(found.surface, found.nine, found.false, found.circular),
+        *list_chapter_2_figures(found.loops, found.slip),
+        *list_chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels),
+        *list_chapter_5_figures(found.surface, found.nine, found.false, found.circular),
         force_laws_figure(law_errors),
     ]
     return {figure.name: figure for figure in drawn}
@@ -86,7 +86,7 @@ def test_labels_carry_units(figures: dict[str, ChapterFigure]) -> None:
 
 
 def test_loops_are_closed_and_keep_their_corners(found: Studies) -> None:
-    figure = chapter_2.hysteresis_loops(found.loops.loops)
+    figure = chapter_2.draw_hysteresis_loops(found.loops.loops)
     assert len(figure.axes) == len(found.loops.loops)
     for axes, loop in zip(figure.axes, found.loops.loops.values(), strict=True):
         x, y = (np.asarray(values) for values in axes.lines[0].get_data())
@@ -95,7 +95,7 @@ def test_loops_are_closed_and_keep_their_corners(found: Studies) -> None:
 
 
 def test_curves_show_the_measured_resonance(found: Studies) -> None:
-    figure = chapter_4.response_curves(found.curves)
+    figure = chapter_4.draw_response_curves(found.curves)
     for axes in figure.axes:
         marker = next(line for line in axes.lines if line.get_label() == "measured resonance")
         assert np.asarray(marker.get_data()).ravel().tolist() == [1.0, found.curves.A_m]
@@ -117,7 +117,7 @@ def test_printed_points_are_drawn(figures: dict[str, ChapterFigure]) -> None:
 
 def test_case_with_an_infinite_alpha_is_labelled(found: Studies) -> None:
     table = found.levels[1, "coefficient"].variations
-    axes = chapter_4.level_variation(table, "the coefficient").axes[0]
+    axes = chapter_4.draw_level_variation(table, "the coefficient").axes[0]
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert "I + II, α = ∞ (free)" in labels
     assert len(labels) == table["case"].nunique()
@@ -126,7 +126,7 @@ def test_case_with_an_infinite_alpha_is_labelled(found: Studies) -> None:
 
 
 def test_bars_of_circularity_fill_the_axis(found: Studies) -> None:
-    figure = chapter_5.circularity(found.circular.laws, ROUTES)
+    figure = chapter_5.draw_circularity(found.circular.laws, ROUTES)
     for axes in figure.axes:
         widths = pd.Series([patch.get_width() for patch in axes.patches])  # type: ignore[attr-defined]  # bars
         rows = pd.Series([round(patch.get_y() + patch.get_height() / 2.0) for patch in axes.patches])  # type: ignore[attr-defined]  # bars

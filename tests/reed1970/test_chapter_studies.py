@@ -14,8 +14,8 @@ from damping.predict.steady import steady_state
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes, hysteresis_loops, printed_energy, slip_equivalent
 from damping_reed1970.chapter_4 import SWEEP_C, resonances
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, RATIOS, amplitude_frequency, section_4_2_points
-from damping_reed1970.chapter_4.coefficients import coefficient_lines
-from damping_reed1970.chapter_4.power_laws import force_amplitude_lines, tabulate_chance_of_exponent
+from damping_reed1970.chapter_4.levels import tabulate_chance_of_exponent
+from damping_reed1970.chapter_4.lines import coefficient_lines, force_amplitude_lines
 
 CURVES = amplitude_frequency()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damping.errors import AnalysisError, InputError
-from damping_reed1970.chapter_2.masses import (
+from damping_reed1970.chapter_2.page import (
     Damper,
     modal_force,
     normal_modes,

@@ -15,16 +15,19 @@ from damping.errors import InputError
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_reed1970 import tables as report_tables
-from damping_reed1970.records import RECORD_NAMES, describe_mode_text, record_text, report_record
 from damping_reed1970.tables import (
+    RECORD_NAMES,
     TABLE_NAMES,
     data_folder,
+    describe_mode_text,
     load_corrections,
     load_errata,
     load_force_laws,
     load_printed_results,
     load_recovered_inputs,
     load_table,
+    record_text,
+    report_record,
 )
 
 FOLDER = data_folder() / "saturn-v"

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.prediction import predict
 from damping.infer.chains import Settings, sample
@@ -40,6 +42,9 @@ def record_result(name: str, title: str, record: Record, mode: Mode, forces: np.
     ]
     grid = np.linspace(15.0, 95.0, 12)
     several = len(data.sweeps) > 1
+    bands = predict(members, grid, data, 0.9, 0)
+    design = predict(members, forces, data, 0.9, 0) if len(forces) else None
+    backbone = find_backbone(record, mode)
     return RecordResult(
         name=name,
         title=title,
@@ -48,8 +53,11 @@ def record_result(name: str, title: str, record: Record, mode: Mode, forces: np.
         data=data,
         ranking=ranking,
         posteriors=posteriors,
-        bands=predict(members, grid, data, 0.9, 0) if len(forces) else None,
-        design=predict(members, forces, data, 0.9, 0) if len(forces) else None,
+        bands=bands if len(forces) else None,
+        design=design,
+        curve=trace_loads(bands, backbone, data),
+        design_curve=trace_loads(design, backbone, data) if design else None,
+        backbone=backbone,
         power_laws=(fit_power_law(data.tested_force, data.tested_amplitude, data.tested_omega),) if several else (),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,7 @@ def test_slider_moves_the_band_by_keyboard(opened, html):
 
 def test_tables_sort_by_keyboard_and_back(opened, html):
     with opened(html) as one:
+        one.page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
         ranking = one.page.locator("table:has(caption:has-text('Every distinct law'))").first
         heads = ranking.locator("th")
         at = heads.all_inner_texts().index(next(t for t in heads.all_inner_texts() if t.startswith("−2 ln Z")))
@@ -151,19 +153,19 @@ def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
 def test_figures_say_their_values(opened, html, rendered):
     peaks = rendered.tables["config-2-mode-1-observations"].sort_values("amplitude")
     with opened(html) as one:
-        figure = one.page.locator("#record-config-2-mode-1 figure:has-text('Damping force (force in quadrature)')")
+        figure = one.page.locator("#sweeps figure").first
         figure.scroll_into_view_if_needed()
         figure.locator(".scroll").focus()
-        for A, D in peaks[["amplitude", "damping_force"]].to_numpy():
+        for F, A in peaks[["damping_force", "amplitude"]].to_numpy():
             one.page.keyboard.press("ArrowRight")
             said = [float(text) for text in re.findall(r": (-?[\d.]+)", one.page.locator(".said").inner_text())]
             # coordinates are rounded to 0.01 point of some 400, and written to a thousandth of the axis
-            np.testing.assert_allclose(said, [A, D], rtol=2e-3, atol=0.0)
+            np.testing.assert_allclose(said, [F, A], rtol=2e-3, atol=0.0)
         one.page.keyboard.press("Escape")
         assert not one.page.locator(".tip").is_visible()
         mark = figure.locator("g[clip-path] > use").first.bounding_box()
         one.page.mouse.move(mark["x"] + mark["width"] / 2 + 3, mark["y"] + mark["height"] / 2)
-        assert "amplitude (in): 1.2" in one.page.locator(".tip").inner_text()
+        assert "resonant amplitude (in): 1.2" in one.page.locator(".tip").inner_text()
         assert one.page.locator(".ring").count() == 1
 
 
@@ -223,3 +225,21 @@ def test_on_paper_there_is_what_paper_can_hold(opened, html):
             assert not one.page.locator(name).first.is_visible(), name
         assert look(one.page) == ["rgb(255, 255, 255)", "none"]
         assert one.page.pdf(format="A4").startswith(b"%PDF")
+
+
+def test_the_answer_and_its_cautions_are_above_the_fold(opened, study, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(render(replace(study, records=study.records[:1])).html)
+    with opened(path) as one:
+        box = one.page.locator("#answer .callout").bounding_box()
+        assert box["y"] + box["height"] < 900
+    with opened(path, width=390) as one:
+        for figure in one.page.locator("main > section .row figure svg").all():
+            if figure.is_visible():
+                assert figure.bounding_box()["width"] <= 390  # seen whole, without scrolling sideways
+
+
+def test_screens_are_few_and_short(opened, html):
+    with opened(html) as one:
+        assert one.page.evaluate("document.documentElement.scrollHeight") < 9000
+        assert len(one.page.locator("main").inner_text().split()) < 2500

@@ -14,17 +14,14 @@ from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
 from damping.report.words import number
-from damping_reed1970.chapter_2.masses import tabulate_lumped_masses
-from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at
+from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
 from damping_reed1970.chapter_5.page import tabulate_regression_rows
 from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text, tabulate_of_chapter
-from damping_reed1970.errata import describe_in_symbols, evidence
 from damping_reed1970.exhibit import exhibit, report_parts
-from damping_reed1970.gaps import diagnose_gaps
-from damping_reed1970.reproduction import count_agreements
-from damping_reed1970.studies import ReportResults, Studies
+from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
+from damping_reed1970.studies import ReportResults, Studies, diagnose_gaps
 from damping_reed1970.tables import load_errata
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
@@ -98,7 +95,9 @@ def test_every_part_is_a_page_that_the_report_links(rendered: Rendered, results:
     assert anchors[-3:] == ["source-report", "cautions", "method"]
     assert not set(anchors) & set(names)
     for name, page in zip(names, rendered.pages.values(), strict=True):
-        assert re.findall(r'<section id="([^"]+)"', page) == [name]
+        first, *headings, last = re.findall(r'<section id="([^"]+)"', page)
+        assert (first, last) == (name, "others")
+        assert headings == [f"{name}-{n}" for n in range(1, len(headings) + 1)]
         assert 'href="../report.html"' in page
         others = re.findall(r'<a href="([a-z0-9-]+)\.html"', page)
         assert others == [other for other in names if other != name]

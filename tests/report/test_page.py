@@ -21,7 +21,7 @@ from damping.report.figures import record_figures
 from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_page, describe_written
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import format_force_text, format_signed, number
+from damping.report.words import format_force_text, format_share, format_signed, number
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -112,14 +112,14 @@ def test_the_slider_holds_the_tables_of_design_loads(study: StudyResult, rendere
 
 
 def test_figures_say_where_their_axes_lie(rendered: Rendered) -> None:
-    svg = ElementTree.fromstring(rendered.figures["config-2-mode-1-fits"])
+    svg = ElementTree.fromstring(rendered.figures["config-2-mode-1-fitted"])
     axes = json.loads(svg.get("data-axes", ""))[0]
     left, top, width, height = axes["box"]
     (x0, x1), (y0, y1) = ((axes[a]["low"], axes[a]["high"]) for a in "xy")
     peaks = rendered.tables["config-2-mode-1-observations"]
     ns = {"s": "http://www.w3.org/2000/svg"}
     marks = [(float(use.get("x", "")), float(use.get("y", ""))) for use in svg.findall(".//s:g[@clip-path]/s:use", ns)]
-    for A, D in peaks[["amplitude", "damping_force"]].to_numpy():
+    for A, D in peaks[["damping_force", "amplitude"]].to_numpy():
         wanted = (left + width * (A - x0) / (x1 - x0), top + height * (y1 - D) / (y1 - y0))
         nearest = min(marks, key=lambda mark: np.hypot(mark[0] - wanted[0], mark[1] - wanted[1]))
         # coordinates are rounded to 0.01 point, and the box once more
@@ -185,18 +185,38 @@ def test_rendering_is_deterministic(bare: StudyResult, study: StudyResult, rende
 
 
 def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None:
-    design, text = study.records[0].design, " ".join(reader.texts)
+    result, text = study.records[0], " ".join(" ".join(reader.texts).split())
+    design, curve = result.design, result.design_curve
     assert design is not None
+    assert curve is not None
     for said in (
-        f"At {format_force_text(design.force[1], 'lb')}, {number(design.ratio[1])} times the largest tested force",
-        f"{number(design.average.median[1])} in",
-        f"{number(design.average.low[1])} to {number(design.average.high[1])} in",
+        f"at {format_force_text(design.force[1], 'lb')} expect {number(design.average.median[1])} in",
+        f"({number(design.average.low[1])} to {number(design.average.high[1])} in, 90 % band)",
+        f"with {number(100.0 * curve.damping_ratio.median[1])} % of critical damping",
+        f"size loads with {number(100.0 * curve.damping_ratio.low[1])} %",
+        f"{number(design.ratio[1])} times the largest tested force",
         f"{number(design.linear[1])} in",
         format_signed(design.overprediction[1]),
-        study.records[0].ranking.candidates[0].name,
+        result.ranking.candidates[0].name,
     ):
         assert said in text, said
-    assert text.index("The answer first") < text.index("What was tested")
+    assert text.index("Before this is used") < text.index("One damping ratio holds at one amplitude")
+
+
+def test_one_sweep_is_not_said_to_determine_a_law(reader: Reader) -> None:
+    text = " ".join(" ".join(reader.texts).split())
+    assert "one sweep does not determine the law" in text
+    assert "times more probable" not in text
+
+
+def test_a_law_has_one_weight(study: StudyResult, rendered: Rendered) -> None:
+    """The page shows the weights of the ranking; those of the averages are in the files."""
+    weights = re.findall(r"weight ([\d.<]+) of 1", rendered.html)
+    best = max(candidate.weight for candidate in study.records[0].ranking.candidates)
+    assert weights == [format_share(best)]
+    assert "design-loads-by-model.csv" in rendered.html
+    table = rendered.html.split("design-loads-by-model.csv")[1].split("</thead>")[0]
+    assert "weight" not in table
 
 
 def test_failed_chains_are_shown_as_failed(study: StudyResult, rendered: Rendered, reader: Reader) -> None:
@@ -217,11 +237,11 @@ def test_every_candidate_and_every_caution_is_on_the_page(study: StudyResult, re
             assert all(caution in text for caution in candidate.cautions)
 
 
-def test_exhibits_stand_before_the_cautions(bare: StudyResult) -> None:
+def test_exhibits_stand_before_the_details(bare: StudyResult) -> None:
     more = Section("more", "More & more", [Text("here")])
     exhibit = Exhibit([more], figures={"extra": "<svg/>"}, tables={"extra": pd.DataFrame({"a": [1]})})
     out = render(replace(bare, exhibits=(exhibit,)))
-    assert out.html.index("More &amp; more</h2>") < out.html.index('id="cautions"')
+    assert out.html.index("More &amp; more</h2>") < out.html.index('id="details"')
     assert "extra" in out.tables
     assert "extra" in out.figures
 

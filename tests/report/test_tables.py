@@ -12,15 +12,18 @@ from scipy.stats import norm
 from damping.forces.powers import EXPONENT
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
 from damping.records.mode import Units
-from damping.report.figures import leading, record_figures, shown_laws
+from damping.report.figures import leading, record_figures
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
-from damping.report.study import render, tabulate_power_line
+from damping.report.study import render
 from damping.report.tables import record_tables
 from damping.report.words import (
     count,
     format_between,
     format_energy_unit,
+    format_gravity,
     format_joined,
+    format_length,
+    format_length_band,
     format_parameter_label,
     format_parameter_unit,
     format_percent,
@@ -136,30 +139,32 @@ def test_power_law_row_is_the_fit(peaks: RecordResult, tables: dict[str, pd.Data
     assert [row[f"alpha_{s}"] for s in "ABC"] == list(peaks.power_laws[0].alphas)
 
 
-def test_power_line_passes_through_the_fit_and_widens(peaks: RecordResult) -> None:
-    law, A = peaks.power_laws[0], peaks.data.tested_amplitude
-    line = tabulate_power_line(law, A)
-    np.testing.assert_allclose(law.amplitude(line["force"].to_numpy()), A, rtol=1e-12)  # inverse of one another
-    width = np.log(line["high"] / line["low"]).to_numpy()
-    assert width.argmin() == np.abs(np.log(A) - np.log(A).mean()).argmin()  # narrowest near the mean of ln A
-
-
 def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: RecordResult) -> None:
-    common = {"ranking", "fits", "corner", "prior_posterior", "priors", "predictive_check", "convergence"}
+    common = {"damping_curve", "fitted", "ranking", "corner", "priors", "predictive_check"}
     assert set(record_figures(peaks, 0.9)) == common | {"design_loads"}
-    assert set(record_figures(sweep, 0.9)) == common | {"deviations", "energy_surface"}
+    assert set(record_figures(sweep, 0.9)) == common
+
+
+def test_lengths_are_said_as_people_say_them() -> None:
+    assert format_length(0.00219, "m") == "2.19 mm"
+    assert format_length(3.1e-6, "m") == "3.10 µm"
+    assert format_length(0.3, "m") == "0.300 m"
+    assert format_length(0.002, "in") == "0.00200 in"
+    assert format_length_band(0.0009, 0.011, "m") == "0.900 to 11.0 mm"
+    # 1 mm at 50 Hz: (2 pi 50)^2 0.001/9.80665 = 10.064; 0.1 in at 10 Hz: (2 pi 10)^2 0.00254/9.80665 = 1.0225
+    assert format_gravity(0.001, 50.0, "m") == "10.1 g"
+    assert format_gravity(0.1, 10.0, "in") == "1.02 g"
+    assert format_gravity(0.1, 10.0, "") == "–"
+    assert format_gravity(0.1, 10.0, "N") == "–"
 
 
 def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: RecordResult) -> None:
-    bare = replace(peaks, posteriors=(), bands=None, design=None, power_laws=())
+    nothing = dict.fromkeys(("bands", "design", "curve", "design_curve", "backbone"))
+    bare = replace(peaks, posteriors=(), power_laws=(), **nothing)
     assert leading(bare) is None
     out = render(replace(study, records=(bare,), exhibits=()))
-    assert set(out.figures) == {"config-2-mode-1-ranking", "config-2-mode-1-fits"}
-    assert "Design loads</h2>" not in out.html
-
-
-def test_viscous_is_always_drawn_for_comparison(peaks: RecordResult) -> None:
-    assert "viscous" in [law.name for law in shown_laws(peaks)]
+    assert set(out.figures) == {"config-2-mode-1-ranking", "config-2-mode-1-fitted"}
+    assert "At the design load" not in out.html
 
 
 @pytest.mark.parametrize("force", UNITS)

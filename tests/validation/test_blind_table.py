@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from damping_validation.blind_page import COLUMNS, load_blind_table
+from damping_validation.scorer_output import COLUMNS, load_blind_table
 
 ROOT = Path(__file__).parents[2]
 

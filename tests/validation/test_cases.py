@@ -144,16 +144,6 @@ def test_both_of_a_pair_are_needed():
         assert gap(drawn.cells, drawn.bench, drawn.effects) < 0.3  # with both, only what averages differ is left
 
 
-def test_another_effect_never_explains_more_than_all_is():
-    label = next(
-        label
-        for number in range(9, 20)
-        if (label := draw_case("amplitude-scale", False, (3, number), nearest=True).label)["gap"] >= 1.0
-    )
-    assert label["nearest"]["effect"] in LIBRARY
-    assert 0.0 < label["nearest"]["left"] <= label["gap"] * 1.001  # an effect of size 0 is the simulation refitted
-
-
 def test_the_model_holds_the_simulation_and_nothing_of_the_truth():
     case = draw_case("natural-frequency", False, (3, 2))
     drawn = draw("natural-frequency", False, np.random.default_rng((3, 2)))

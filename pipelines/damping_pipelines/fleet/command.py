@@ -70,7 +70,7 @@ def fleet(
     Args:
         scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
             record after the other).
-        fast: Laplace approximation in place of chains. forces: design forces; none: multiples of each record's own.
+        fast: few importance draws. forces: design forces; none: multiples of each record's own.
         dashboard: address on which a local cluster shows its dashboard; None: nowhere.
         replace: drop what ``out`` holds of other records, settings or versions.
         time_limit: seconds that a record may take.

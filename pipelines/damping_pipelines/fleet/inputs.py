@@ -23,7 +23,7 @@ class FleetSettings:
     """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result.
 
     Attributes:
-        seed: of the run. fast: Laplace approximation in place of chains. level: content of the bands.
+        seed: of the run. fast: few importance draws. level: content of the bands.
         forces: design forces; empty for ``MULTIPLES`` of each record's own. versions: of what computes.
         max_size: largest input file, bytes. despite: checks of the audit whose refusal is passed over.
         code: digest of versions and source (``provenance.digest_code``). time_limit: seconds that a record may take.
@@ -48,7 +48,7 @@ class FleetSettings:
     @property
     def method(self) -> str:
         """How posteriors are had, as stated in every row."""
-        return "Laplace approximation" if self.fast else "chains"
+        return "few importance draws" if self.fast else "importance draws"
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,6 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = design_loads(
         forms.tabulate_loads(bands),
-        forms.tabulate_loads_by_model(bands),
         tested,
         forms.tabulate_loads(design),
         bands.level,

@@ -39,7 +39,7 @@ _TITLES = {
 
 
 @styled
-def hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
+def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
     """Draw a small panel for each loop, by the name of its force, with the spring it is drawn about (dashed)."""
     columns = 5
     rows = -(-len(loops) // columns)
@@ -65,7 +65,9 @@ def hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 
 
 @styled
-def slip_equivalent(slip: Loop, printed: Loop, corrected: Loop, error: EquivalenceError, reference: float) -> Figure:
+def draw_slip_equivalent(
+    slip: Loop, printed: Loop, corrected: Loop, error: EquivalenceError, reference: float
+) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
     figure = Figure(figsize=(WIDTH, 3.2))
     left, right = figure.subplots(1, 2)
@@ -103,7 +105,7 @@ def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
 
 
 @styled
-def slip_energy(energies: pd.DataFrame) -> Figure:
+def draw_slip_energy(energies: pd.DataFrame) -> Figure:
     """Draw energy per cycle against amplitude: slip exact and printed, and what a fixed C3 makes of it.
 
     Args:
@@ -126,14 +128,14 @@ def slip_energy(energies: pd.DataFrame) -> Figure:
     return figure
 
 
-def chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[ChapterFigure]:
+def list_chapter_2_figures(loops: HysteresisLoops, slip: SlipEquivalent) -> list[ChapterFigure]:
     """Every figure of the chapter with its words."""
     return [
         ChapterFigure(
             "hysteresis-loops", "2.4", "Hysteresis loops of every damping force",
             "Force against displacement over one cycle, about a spring of unit stiffness; all but the slip joint lose "
             "the same energy per cycle.",
-            lambda: hysteresis_loops(found.loops),
+            lambda: draw_hysteresis_loops(loops.loops),
         ),
         ChapterFigure(
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
@@ -142,13 +144,13 @@ def chapter_2_figures(found: HysteresisLoops, slip: SlipEquivalent) -> list[Chap
             f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude "
             f"only, a fixed "
             f"coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
-            lambda: slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
+            lambda: draw_slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
         ),
         ChapterFigure(
             "slip-energy", "", "Energy per cycle of a slip joint against amplitude",
             "The exact energy grows like the amplitude, the printed one like its square, velocity-squared damping "
             "like its cube.",
-            lambda: slip_energy(slip.energies),
+            lambda: draw_slip_energy(slip.energies),
         ),
     ]  # fmt: skip
 

@@ -142,8 +142,8 @@ def table_3_iv_roots(table: pd.DataFrame) -> list[DampingRoots]:
 def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
     """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
     roots = [nearest_root(p.roots, xi) for p, xi in zip(table_3_iv_roots(table), table["xi"], strict=True)]
-    found = zip(table["point"], roots, strict=True)
-    return {f"tab3IV.xi[{point}]": root for point, root in found if not np.isnan(root)}
+    pairs = zip(table["point"], roots, strict=True)
+    return {f"tab3IV.xi[{point}]": root for point, root in pairs if not np.isnan(root)}
 
 
 def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:

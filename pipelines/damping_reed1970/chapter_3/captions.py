@@ -116,7 +116,7 @@ def _describe_side(off: float) -> str:
     return f"{abs(off):.2f} {'lower' if off < 0.0 else 'higher'}"
 
 
-def chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
+def list_chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
     """Every figure of the chapter with its"""
     return [*_list_of_the_report(result), *_list_beyond(result)]
 
@@ -129,29 +129,29 @@ def _list_of_the_report(result: Chapter3) -> list[ChapterFigure]:
         ChapterFigure(
             "tail-displacement", "3.2", "Tail displacement against frequency",
             describe_two_peaks(measured, tail),
-            lambda: figures.tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
+            lambda: figures.draw_tail_displacement(omega, measured["tail"].to_numpy(float), tail.omega, displacement),
         ),
         ChapterFigure(
             "tail-phase-sine", "3.3", "Sine of the tail phase angle against frequency",
             describe_sines_beside_the_fit(measured, tail),
-            lambda: figures.tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
+            lambda: figures.draw_tail_phase_sine(omega, measured["tail_phase"].to_numpy(float), tail.omega, tail.phase),
         ),
         ChapterFigure(
             "phase-angles", "3.5", "Phase angles of tail and second mode",
             "Printed phase angles of the tail and the mode, those computed by the conditioning chain, and the planar "
             "oscillator fitted to the mode.",
-            lambda: figures.phase_angles(measured, mode.omega, mode.phase),
+            lambda: figures.draw_phase_angles(measured, mode.omega, mode.phase),
         ),
         ChapterFigure(
             "modal-amplitude", "3.6", "Amplitude of the second mode against frequency",
             describe_modal_points(measured, mode),
-            lambda: figures.modal_amplitude(measured, mode.omega, mode.amplitude),
+            lambda: figures.draw_modal_amplitude(measured, mode.omega, mode.amplitude),
         ),
         ChapterFigure(
             "input-energy", "3.9", "Energy input per cycle against frequency",
             "Printed and computed energies, the two rows that the report adjusted, and what one damping factor for all "
             "points loses.",
-            lambda: figures.input_energy(measured, result.corrected, result.curves),
+            lambda: figures.draw_input_energy(measured, result.corrected, result.curves),
         ),
         ChapterFigure(
             "principal-amplitudes", "3.10", "Amplitudes in the principal planes",
@@ -159,7 +159,7 @@ def _list_of_the_report(result: Chapter3) -> list[ChapterFigure]:
             f"{describe_without_a_root(measured)}), and curves with one damping factor: planes fitted, and "
             f"planes of the "
             "report.",
-            lambda: figures.principal_amplitudes(measured, result.corrected, result.curves),
+            lambda: figures.draw_principal_amplitudes(measured, result.corrected, result.curves),
         ),
     ]  # fmt: skip
 
@@ -170,29 +170,29 @@ def _list_beyond(result: Chapter3) -> list[ChapterFigure]:
         ChapterFigure(
             "conditioning-effect", "", "What each step of the conditioning removed",
             describe_effect_of_steps(result.effect),
-            lambda: figures.conditioning_effect(result.effect, result.tables["removed"]),
+            lambda: figures.draw_conditioning_effect(result.effect, result.tables["removed"]),
         ),
         ChapterFigure(
             "planar-fit", "", "Planar oscillator fitted to amplitude and phase",
             "Measured modal amplitude and phase with the fit of all five parameters and its 90 per cent band, the fit "
             "with the report's angle and mass, and the fit with motion in phase and a common lag.",
-            lambda: figures.planar_overlay(measured, mode.omega, mode.amplitude, mode.phase, result.curves),
+            lambda: figures.draw_planar_overlay(measured, mode.omega, mode.amplitude, mode.phase, result.curves),
         ),
         ChapterFigure(
             "planar-posterior", "", "Posterior of the planar oscillator",
             "Both principal frequencies, damping factor, angle and mass, alone and in pairs, with their priors.",
-            lambda: figures.planar_posterior(result.draws, result.prior),
+            lambda: figures.draw_planar_posterior(result.draws, result.prior),
         ),
         ChapterFigure(
             "damping-roots", "", "All damping factors that balance the energy",
             describe_roots_taken(result.tables["branches"]),
-            lambda: figures.damping_roots(
+            lambda: figures.draw_damping_roots(
                 result.tables["branches"], np.quantile(result.draws["xi"], [0.05, 0.5, 0.95]).tolist()
             ),
         ),
         ChapterFigure(
             "yaw-amplitude", "", "Yaw amplitude, measured and predicted",
             describe_yaw_predicted(result.tables["yaw"]),
-            lambda: figures.yaw_amplitude(result.tables["yaw"]),
+            lambda: figures.draw_yaw_amplitude(result.tables["yaw"]),
         ),
     ]  # fmt: skip

@@ -58,7 +58,7 @@ _STEPS = {"mode factor": (MUTED, DOT), "rigid body": (YAW, DASH), "adjacent mode
 
 
 @styled
-def tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve: Curve) -> Figure:
+def draw_tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve: Curve) -> Figure:
     """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band.
 
     Args:
@@ -73,7 +73,7 @@ def tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve:
 
 
 @styled
-def tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curve: Curve) -> Figure:
+def draw_tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curve: Curve) -> Figure:
     """Draw the sine of the tail's phase angle against frequency (Fig. 3.3); ``phase`` and ``curve`` in rad."""
     figure, axes = single("sine of tail phase angle")
     median, low, high = curve
@@ -87,7 +87,7 @@ def tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curv
 
 
 @styled
-def phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
+def draw_phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
     """Draw phase angles of tail and second mode (Fig. 3.5).
 
     Args:
@@ -105,7 +105,7 @@ def phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figu
 
 
 @styled
-def modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
+def draw_modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6): ``omega, A_2_printed, A_2`` and the planar fit."""
     figure, axes = single("modal amplitude (in)")
     draw_band(axes, over, curve, "planar oscillator fitted, 90 % band")
@@ -116,7 +116,7 @@ def modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> F
 
 
 @styled
-def input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
+def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
     """Draw energy input per cycle against frequency (Fig. 3.9).
 
     Args:
@@ -133,7 +133,7 @@ def input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.Dat
 
 
 @styled
-def principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
+def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
     """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), a panel a plane.
 
     Args:
@@ -157,7 +157,7 @@ def principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves
 
 
 @styled
-def conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
+def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
     """Draw what each step of the conditioning removed.
 
     Args:
@@ -209,7 +209,7 @@ def _draw_one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
 
 
 @styled
-def planar_overlay(
+def draw_planar_overlay(
     measured: pd.DataFrame, over: FloatArray, amplitude: Curve, phase: Curve, curves: pd.DataFrame
 ) -> Figure:
     """Draw measured amplitude and phase with the fitted planar oscillator.
@@ -243,7 +243,7 @@ def planar_overlay(
 
 
 @styled
-def planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> Figure:
+def draw_planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> Figure:
     """Draw the posterior of omega_p, omega_y, xi, theta (degrees) and M with its prior; keys are those names."""
     shown = {  # name: label, what is taken off, factor; so that three digits say enough
         "omega_p": ("ω_p − 11 (rad/s)", 11.0, 1.0),
@@ -260,7 +260,7 @@ def planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatA
 
 
 @styled
-def damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: float = 0.05) -> Figure:
+def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: float = 0.05) -> Figure:
     """Draw all roots of Eq. 3.2.15 against frequency with the printed xi.
 
     Args:
@@ -290,7 +290,7 @@ def damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: floa
 
 
 @styled
-def yaw_amplitude(yaw: pd.DataFrame) -> Figure:
+def draw_yaw_amplitude(yaw: pd.DataFrame) -> Figure:
     """Draw the yaw amplitude that fits to the pitch motion predict beside the measured one, which no fit has seen.
 
     Args:

@@ -64,18 +64,18 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     planes, and ``A_pitch_low, A_pitch_high``: amplitudes.
     """
     table = tabulate_points()
-    found = roots_at(planes, table)
+    roots = roots_at(planes, table)
     F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
-    low, high = _low_and_high(found)
+    low, high = _low_and_high(roots)
     motion = {name: plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
     return pd.DataFrame(
         {
             "point": table["point"],
             "omega": omega,
             "energy": energy,
-            "largest_energy": [point.energy_peak for point in found],
-            "xi_of_largest": [point.xi_peak for point in found],
-            "roots": [point.roots.size for point in found],
+            "largest_energy": [point.energy_peak for point in roots],
+            "xi_of_largest": [point.xi_peak for point in roots],
+            "roots": [point.roots.size for point in roots],
             "xi_low": low,
             "xi_high": high,
             "xi_printed": printed,
@@ -91,8 +91,8 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     )
 
 
-def _low_and_high(found: Sequence[DampingRoots]) -> tuple[FloatArray, FloatArray]:
-    return branch(found, 0), branch(found, -1)
+def _low_and_high(roots: Sequence[DampingRoots]) -> tuple[FloatArray, FloatArray]:
+    return branch(roots, 0), branch(roots, -1)
 
 
 def _list_taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
@@ -108,13 +108,13 @@ def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     root, with the xi at which the most is lost.
     """
     table = tabulate_points()
-    found = roots_at(planes, table)
+    roots = roots_at(planes, table)
     omega, printed = columns(table, "omega_rad_s", "xi")
-    none = np.array([point.roots.size == 0 for point in found])
-    peak = np.array([point.xi_peak for point in found])
-    low, high = branch(found, 0), branch(found, -1, LARGEST_XI)
+    none = np.array([point.roots.size == 0 for point in roots])
+    peak = np.array([point.xi_peak for point in roots])
+    low, high = branch(roots, 0), branch(roots, -1, LARGEST_XI)
     high_or_low = np.where(np.isnan(high), low, high)
-    near = np.array([nearest_root(point.roots, xi) for point, xi in zip(found, printed, strict=True)])
+    near = np.array([nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
     choices = {
         "as printed": printed,
         "as printed, points with a root": np.where(none, np.nan, printed),
@@ -188,12 +188,12 @@ def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]
 
 
 def _chi_square(held: PlanarFit, free: PlanarFit, one: str, two: str) -> Row:
-    found = comparison(held, free)
+    compared = comparison(held, free)
     says = (
-        f"p = {found['p_value']:.2g} if the residuals were independent; "
-        f"p = {found['p_value_correlated']:.2g} with the correlation of neighbours, {free.correlation:.2f}"
+        f"p = {compared['p_value']:.2g} if the residuals were independent; "
+        f"p = {compared['p_value_correlated']:.2g} with the correlation of neighbours, {free.correlation:.2f}"
     )
-    return _row(f"chi-square of {one} over {two}", found["chi_square"], says)
+    return _row(f"chi-square of {one} over {two}", compared["chi_square"], says)
 
 
 def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:

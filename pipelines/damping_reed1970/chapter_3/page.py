@@ -10,11 +10,10 @@ import pandas as pd
 
 from damping.report.words import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.captions import change_by_conditioning, chapter_3_figures
+from damping_reed1970.chapter_3.captions import change_by_conditioning, list_chapter_3_figures
 from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: Parameters of a fit as the page shows them, with the digits after the point.
@@ -48,10 +47,10 @@ ROOTS = {
 }
 
 
-def chapter_3(results: ReportResults) -> ReportPart:
+def write_chapter_3(results: ReportResults) -> ReportPart:
     """The page: accelerometers to modal motion, planar coupling fitted, and every damping factor that balances."""
-    found = results.chapter_3
-    tables, headings = found.tables, {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
+    computed = results.chapter_3
+    tables, headings = computed.tables, {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
     fits, branches = tables["planar_fits"], tables["branches"]
     main = fits[(fits["data"] == "A2") & (fits["noise"] == "constant")]
     of_planes = [name for name in map(str, branches) if name.startswith(("pitch", "yaw", "A_"))]
@@ -63,32 +62,36 @@ def chapter_3(results: ReportResults) -> ReportPart:
         "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(ROOTS)], ROOTS),
         "branch_energies": chapter_table(3, "branches", branches[["point", "energy_printed", *of_planes]]),
     }
-    values = {**_conditioning_values(found), **_plane_values(found), **_root_values(found)}
+    values = {
+        **_collect_conditioning_values(computed),
+        **_collect_plane_values(computed),
+        **_collect_root_values(computed),
+    }
     title = "Chapter III: one mode in two planes"
-    chapter = Chapter(3, title, values, chapter_3_figures(found), shown, tables, results.tables)
+    chapter = Chapter(3, title, values, list_chapter_3_figures(computed), shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
-def _conditioning_values(found: Chapter3) -> dict[str, Any]:
+def _collect_conditioning_values(computed: Chapter3) -> dict[str, Any]:
     """What the chain gives and takes away."""
-    chain = found.tables["conditioned"]
-    largest, at_peak = change_by_conditioning(found.effect)
+    chain = computed.tables["conditioned"]
+    largest, at_peak = change_by_conditioning(computed.effect)
     return {
-        "steps": len(found.steps),
+        "steps": len(computed.steps),
         "amplitude_off": 100.0 * (chain["A_2"] / chain["A_2_printed"] - 1.0).abs().max(),
         "phase_off": (chain["phi_2"] - chain["phi_2_printed"]).abs().max(),
-        "removed": found.tables["removed"].drop(columns=["point", "omega"]).sum(axis=1).abs(),
+        "removed": computed.tables["removed"].drop(columns=["point", "omega"]).sum(axis=1).abs(),
         "largest": largest,
         "at_peak": at_peak,
     }
 
 
-def _plane_values(found: Chapter3) -> dict[str, Any]:
+def _collect_plane_values(computed: Chapter3) -> dict[str, Any]:
     """The report's planes and ours, and what the data say for and against each assumption."""
-    fits, posteriors = found.tables["planar_fits"], found.tables["planar_posteriors"]
+    fits, posteriors = computed.tables["planar_fits"], computed.tables["planar_posteriors"]
     free, held = (row(fits, data="A2", noise="constant", fit=fit) for fit in (FREE, HELD))
     read = {"omega_p": PLANES.omega_p, "omega_y": PLANES.omega_y}
-    factors = found.tables["planar_evidence"].set_index("fit")["bayes_factor_over_free"]
+    factors = computed.tables["planar_evidence"].set_index("fit")["bayes_factor_over_free"]
     angles = [row(posteriors, data=data, fit="free + in phase", parameter="theta") for data in ("A2", "tail")]
     return {
         "planes": PLANES,
@@ -106,9 +109,9 @@ def _plane_values(found: Chapter3) -> dict[str, Any]:
     }
 
 
-def _root_values(found: Chapter3) -> dict[str, Any]:
+def _collect_root_values(computed: Chapter3) -> dict[str, Any]:
     """How many roots there are, which were taken, what other planes give, and what the mean coefficient is worth."""
-    branches, fitted, means = (found.tables[name] for name in ("branches", "branches_fitted", "branch_means"))
+    branches, fitted, means = (computed.tables[name] for name in ("branches", "branches_fitted", "branch_means"))
     return {
         "branches": branches,
         "two": branches[branches["roots"] == 2],
@@ -122,7 +125,7 @@ def _root_values(found: Chapter3) -> dict[str, Any]:
 
 
 def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
-    """A row a fit: parameters with standard errors as text, those held without."""
+    """One row per fit: parameters with standard errors as text, those held without."""
     columns: dict[str, object] = {name: fits[name] for name in [*(head or []), "fit"]}
     for name, (label, digits) in SHOWN.items():
         pairs = fits[[name, f"{name}_se"]].to_numpy(float)
@@ -134,7 +137,7 @@ def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
 
 
 def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
-    """A row a sampled posterior, each parameter as median and interval."""
+    """One row per sampled posterior, each parameter as median and interval."""
     rows = []
     for data, fit in SAMPLED:
         mine = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]

@@ -212,8 +212,8 @@ def _known(name: str, variant: str, seed: int) -> Known:
     if (name, variant) in SAMPLED:
         posterior = planar_posterior(prior, data, seed, _SETTINGS)
         return Known(name, variant, prior, posterior.draws, posterior.evidence, posterior)
-    found = planar_evidence(prior, data, seed)
-    return Known(name, variant, prior, found.draws, found, None)
+    weighed = planar_evidence(prior, data, seed)
+    return Known(name, variant, prior, weighed.draws, weighed, None)
 
 
 def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:

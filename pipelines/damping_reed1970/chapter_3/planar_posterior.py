@@ -187,8 +187,8 @@ def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
         values = -(log_prior(star) + log_likelihood(star, prior, data))
         return float(values[0]), (values[1 : 1 + x.size] - values[1 + x.size :]) / (2.0 * _STEP)
 
-    found = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
-    return min(found, key=lambda one: float(one.fun))
+    descents = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
+    return min(descents, key=lambda one: float(one.fun))
 
 
 def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:

@@ -26,8 +26,7 @@ from damping.plots.style import (
     styled,
 )
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, CaseCurve
-from damping_reed1970.chapter_4.coefficients import CoefficientLines
-from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines
+from damping_reed1970.chapter_4.lines import CoefficientLines, ForceAmplitudeLines
 
 _MODES = {1: "First mode", 2: "Second mode"}
 _CASE_FORCES = {
@@ -42,7 +41,7 @@ _BROAD = ("case I", "case III")
 
 
 @styled
-def linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
+def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
     figure = Figure(figsize=(WIDTH, 3.2))
     for axes, lines in zip(np.atleast_1d(figure.subplots(1, len(modes))), modes, strict=True):
@@ -77,7 +76,7 @@ def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
 
 
 @styled
-def response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Figure:
+def draw_response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Figure:
     """Draw one damped curve, the undamped one and the backbone, with delta and epsilon (Fig. 4.3).
 
     Args:
@@ -108,7 +107,7 @@ def response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Figure:
 
 
 @styled
-def response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
+def draw_response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     """Draw amplitude against frequency ratio squared, cases I to IV and case V (Figs. 4.4, 4.5)."""
     figure = Figure(figsize=(WIDTH, 3.3))
     panels = figure.subplots(1, 2, sharey=True)
@@ -129,7 +128,7 @@ def response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
 
 
 @styled
-def phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
+def draw_phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     """Draw phase against frequency ratio squared, all cases together (Fig. 4.6)."""
     figure = Figure(figsize=(0.72 * WIDTH, 3.3))
     axes = figure.add_subplot()
@@ -144,7 +143,7 @@ def phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
 
 
 @styled
-def differences(result: AmplitudeFrequency, printed: tuple[float, float]) -> Figure:
+def draw_differences(result: AmplitudeFrequency, printed: tuple[float, float]) -> Figure:
     """Draw delta and epsilon against amplitude (Figs. 4.7, 4.8).
 
     Args:
@@ -170,7 +169,7 @@ def differences(result: AmplitudeFrequency, printed: tuple[float, float]) -> Fig
 
 
 @styled
-def undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]) -> Figure:
+def draw_undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]) -> Figure:
     """Draw the error of the undamped curve against amplitude over the resonant one (Fig. 4.9).
 
     Args:
@@ -189,7 +188,7 @@ def undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]) -> 
 
 
 @styled
-def force_amplitude(modes: Sequence[ForceAmplitudeLines], example: tuple[float, float, float]) -> Figure:
+def draw_force_amplitude(modes: Sequence[ForceAmplitudeLines], example: tuple[float, float, float]) -> Figure:
     """Draw resonant force against amplitude on logarithmic axes (Fig. 4.10), with the extrapolation of section 4.3.
 
     Args:
@@ -228,7 +227,7 @@ def _draw_force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
 
 
 @styled
-def level_variation(variations: pd.DataFrame, held: str) -> Figure:
+def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
     """Draw by how much each case's coefficient varies from level to level, with every choice of base (Table 4.V).
 
     Args:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
+from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -24,6 +25,8 @@ from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
+from damping_reed1970.chapter_4 import resonances
+from damping_reed1970.chapter_4.lines import fit_mode
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
 ONE_TERM = {
@@ -167,10 +170,10 @@ def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCa
     best = int(np.argmin([variance(u) for u in grid]))
     if best in (0, len(grid) - 1):
         return replace(case, alpha=0.0 if best == 0 else np.inf)
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         variance, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-10}
     )
-    return replace(case, alpha=float(np.exp(found.x)))
+    return replace(case, alpha=float(np.exp(minimum.x)))
 
 
 def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
@@ -179,7 +182,7 @@ def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArra
 
 
 def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """A row a base sweep."""
+    """One row per base sweep."""
     held = held_values(case, data, scale)
     percent = 100.0 * (held[None, :] / held[:, None] - 1.0)
     largest = percent[np.arange(len(held)), np.abs(percent).argmax(axis=1)]
@@ -188,7 +191,7 @@ def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray)
 
 
 def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """A row a base and sweep other than the base; then each sweep from all others."""
+    """One row per base and sweep other than the base; then each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
     predicted = _amplitude(case, held[base] * scale[sweep], data, sweep)
@@ -240,3 +243,18 @@ def _list_cautions(data: Observations) -> tuple[str, ...]:
     if len(data.sweeps) == 3:
         return ("three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",)
     return ()
+
+
+def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
+    """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
+
+    With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),
+    z standard normal, to first order. ``needed_percent``: scatter at which p as found or more has a chance of 1 in 20.
+    """
+    rows = []
+    for mode in (1, 2):
+        A, p = resonances(mode, "corrected")[1], fit_mode(mode, "velocity-power", "corrected").p
+        root = float(np.std(np.log(A)) * np.sqrt(A.size))
+        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
+        rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
+    return pd.DataFrame(rows)

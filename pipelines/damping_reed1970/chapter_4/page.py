@@ -13,11 +13,9 @@ from damping.report.page import Table
 from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
-from damping_reed1970.chapter_4.coefficients import IV, CoefficientLines, CoefficientModel, V
 from damping_reed1970.chapter_4.levels import LevelMethods
-from damping_reed1970.chapter_4.power_laws import ForceAmplitudeLines
-from damping_reed1970.common import ChapterFigure, ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
+from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
@@ -30,9 +28,9 @@ _TABLES = (
 )
 
 
-def chapter_4(results: ReportResults) -> ReportPart:
+def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
-    found, every, named = results.studies, results.studies.tables(), results.tables
+    studies, every, named = results.studies, results.studies.tables(), results.tables
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {name: chapter_table(4, name, every[name]) for name in _TABLES} | {
@@ -44,12 +42,12 @@ def chapter_4(results: ReportResults) -> ReportPart:
     values = {
         "lines": [_describe_line(lines, IV, mode) for mode in (1, 2)],
         "line_squared": _describe_line(lines, V, 1),
-        **_response_values(every, found.curves),
-        **_level_values(found, variations),
-        **_power_values(named["power_laws"], every["chance_of_exponent"]),
-        **_example_values(named["section_4_3_example"]),
+        **_collect_response_values(every, studies.curves),
+        **_collect_level_values(studies, variations),
+        **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
+        **_collect_example_values(named["section_4_3_example"]),
     }
-    drawn = chapter_4_figures(found.lines, found.curves, found.force_lines, found.levels)
+    drawn = list_chapter_4_figures(studies.lines, studies.curves, studies.force_lines, studies.levels)
     tables = {name: every[name] for name in _TABLES}
     chapter = Chapter(4, "Chapter IV: force from level to level", values, drawn, shown, tables, named)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
@@ -76,7 +74,7 @@ def _describe_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> s
     return f"{text} against {number(constant['printed'])} + {number(slope['printed'])} {power} printed"
 
 
-def _response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any]:
+def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any]:
     """What section 4.2 says of the curves."""
     points, widths = every["response_points"], every["response_widths"]
     wide = widths[widths["amplitude_over_resonant"] == 0.5]["width_eta_squared"]
@@ -91,7 +89,7 @@ def _response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any
     }
 
 
-def _level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
+def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
     """What the levels say, and what a reader should know of it."""
     cautions = dict.fromkeys(caution for one in studies.levels.values() for caution in one.cautions)
     return {
@@ -101,7 +99,7 @@ def _level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
+def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
     """Exponents of both modes, and how likely linear damping is to give them."""
     modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
@@ -118,7 +116,7 @@ def _power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _example_values(example: pd.DataFrame) -> dict[str, Any]:
+def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
     """The extrapolation to 90 lb, and what is left of the 67 per cent."""
     quantities = {
         "ratio": "force over largest tested",
@@ -126,15 +124,15 @@ def _example_values(example: pd.DataFrame) -> dict[str, Any]:
         "refitted": "error of linear, p refitted",
         "whole": "error of linear, over all laws",
     }
-    found = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
+    rows = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
     laws = {"refitted": "the refitted power law", "whole": "all laws by weight"}
-    printed = found["own"]["printed"]
-    inside = [said for name, said in laws.items() if found[name]["low"] <= printed <= found[name]["high"]]
-    return {**found, "example_force": F_EXAMPLE, "inside": inside}
+    printed = rows["own"]["printed"]
+    inside = [said for name, said in laws.items() if rows[name]["low"] <= printed <= rows[name]["high"]]
+    return {**rows, "example_force": F_EXAMPLE, "inside": inside}
 
 
 def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
-    """Spread of each case by mode and what is kept, a row a case."""
+    """Spread of each case by mode and what is kept, one row per case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
     modes, kept = (wide.columns.get_level_values(level) for level in ("mode", "kept"))
@@ -186,7 +184,7 @@ def _describe_case(case: str) -> str:
     return str(case).replace("alpha", "α").replace("I + ", "I and ")
 
 
-def chapter_4_figures(
+def list_chapter_4_figures(
     lines: Sequence[CoefficientLines],
     curves: AmplitudeFrequency,
     forces: Sequence[ForceAmplitudeLines],
@@ -199,7 +197,7 @@ def chapter_4_figures(
             f"level-variation-mode-{mode}-{held}", "", f"Mode {mode}: variation of the {said} from level to level",
             f"For each damping case the largest variation of the {said} with each sweep as base (Table 4.V) and its "
             "standard deviation over the sweeps; least is best.",
-            lambda one=one, said=said: figures.level_variation(one.variations, f"the {said}"),  # type: ignore[misc]  # bound now
+            lambda one=one, said=said: figures.draw_level_variation(one.variations, f"the {said}"),  # type: ignore[misc]  # bound now
         )
         for (mode, held), one in levels.items()
         for said in ({"xi": "damping factor", "coefficient": "coefficient"}[held],)
@@ -209,40 +207,40 @@ def chapter_4_figures(
             "linear-coefficient", "4.1, 4.2", "Linear coefficient against resonant amplitude",
             "Three sweeps of each mode with the printed line and our two lines with 90 per cent intervals, from one "
             "degree of freedom.",
-            lambda: figures.linear_coefficients(lines),
+            lambda: figures.draw_linear_coefficients(lines),
         ),
         ChapterFigure(
             "response-explained", "4.3", "Damped and undamped response, δ and ε",
             "Amplitude against frequency ratio squared with the horizontal and the vertical difference of the curves.",
-            lambda: figures.response_explained(explained),
+            lambda: figures.draw_response_explained(explained),
         ),
         ChapterFigure(
             "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
             "First mode, sweep C: all cases pass through the one measured resonance. From the narrowest to the widest "
             f"at half of its amplitude: {_describe_by_width(curves.widths)}.",
-            lambda: figures.response_curves(curves),
+            lambda: figures.draw_response_curves(curves),
         ),
         ChapterFigure(
             "phase-curves", "4.6", "Phase against frequency ratio squared",
-            "Phase lag of the same cases.", lambda: figures.phase_curves(curves),
+            "Phase lag of the same cases.", lambda: figures.draw_phase_curves(curves),
         ),
         ChapterFigure(
             "response-differences", "4.7, 4.8", "Difference of damped and undamped curves",
             "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at "
             f"{PRINTED['A']:g} in.",
-            lambda: figures.differences(curves, (PRINTED["A"], PRINTED["delta"])),
+            lambda: figures.draw_differences(curves, (PRINTED["A"], PRINTED["delta"])),
         ),
         ChapterFigure(
             "undamped-error", "4.9", "Error of neglecting damping",
             "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed "
             f"{PRINTED['percent_at_half']:g} per cent at one half.",
-            lambda: figures.undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
+            lambda: figures.draw_undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
         ),
         ChapterFigure(
             "force-amplitude", "4.10", "Resonant force against amplitude",
             "Least squares line with its 90 per cent interval, the printed slope, linear damping, and the printed "
             f"amplitudes at {F_EXAMPLE:g} lb.",
-            lambda: figures.force_amplitude(forces, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
+            lambda: figures.draw_force_amplitude(forces, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
         ),
         *variations,
     ]  # fmt: skip

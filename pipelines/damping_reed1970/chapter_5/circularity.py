@@ -76,11 +76,11 @@ def circularity(noise: Sequence[float] = NOISE, replicates: int = 500, seed: int
         for j, percent in enumerate(noise):
             rng = np.random.default_rng([seed, i, j])
             motion = with_noise(phasor - _corrections(), 0.01 * percent, replicates if percent else 1, rng)
-            for route, (A, E, found) in routes(motion).items():
+            for route, (A, E, solved) in routes(motion).items():
                 law_rows, claim = _judge(A, E)
                 head = {"truth": truth, "noise_percent": percent, "route": route}
                 laws.append(law_rows.assign(**head))  # type: ignore[arg-type]  # a mapping of plain values
-                claims.append({**head, **claim, "no_root_share": 1.0 - float(found.mean())})
+                claims.append({**head, **claim, "no_root_share": 1.0 - float(solved.mean())})
     order = ["truth", "noise_percent", "route", "law", "share"]
     return Circularity(pd.concat(laws, ignore_index=True)[order], pd.DataFrame(claims), identity(), replicates)
 
@@ -127,12 +127,12 @@ def routes(tail: np.ndarray) -> dict[str, tuple[FloatArray, FloatArray, np.ndarr
     """
     F, _ = _test()
     E = np.maximum(-np.pi * PLANES.phi * F * tail.imag, 1e-3)
-    xi, found = xi_as_the_report(E)
+    xi, solved = xi_as_the_report(E)
     motion = plane_motion(PLANES, F, _test()[1], xi)
     everywhere = np.ones(E.shape, dtype=bool)
     A_p, E_p = np.asarray(motion.A_p), np.asarray(motion.E_p)
     return {
-        ROUTES[0]: (A_p, E_p, found),
+        ROUTES[0]: (A_p, E_p, solved),
         ROUTES[1]: (np.abs(tail + _corrections()), E, everywhere),
         ROUTES[2]: (np.abs(tail), E, everywhere),
     }
@@ -199,7 +199,7 @@ def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]
     shares = pd.Series([names[i] for i in chosen]).value_counts(normalize=True)
     one, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
     ratios = np.abs(_joined(blocks, both, "t_ratios"))
-    found = np.median(_joined(blocks, both, "coefficients"), axis=0)
+    medians = np.median(_joined(blocks, both, "coefficients"), axis=0)
     sse = np.concatenate([block.sse for block in blocks], axis=1)
     nonlinear = blocks[0].members[chosen][:, 2:].any(axis=1)
     claim = {
@@ -207,8 +207,8 @@ def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]
         "cubed_share": float((sse[three] < sse[one]).mean()),
         "ratio_share": float((ratios[:, 2] > ratios[:, 0]).mean()),
         "significant_share": float((_joined(blocks, both, "t_ratios")[:, 2] > 2.0).mean()),
-        "C_1": float(found[0] / np.pi),
-        "C_3": float(0.375 * found[2]),
+        "C_1": float(medians[0] / np.pi),
+        "C_3": float(0.375 * medians[2]),
     }
     return pd.DataFrame({"law": shares.index, "share": shares.to_numpy()}), claim
 

@@ -153,7 +153,7 @@ class FalseTerms:
     """What selection does to data of a known law.
 
     Attributes:
-        selection: a row a set of terms, method and noise: ``share_false`` (at least one false term), ``share_exact``
+        selection: one row per set of terms, method, noise: ``share_false`` (at least one false term), ``share_exact``
             (the true law and no more), ``share_missing`` (a true term is not there), ``mean_terms``,
             ``share_negative`` (some coefficient below 0), ``energy_error_percent`` (root mean square error of the
             energy at twice the largest amplitude), ``monte_carlo_error`` (standard, of a share of one half).

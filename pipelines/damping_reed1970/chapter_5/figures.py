@@ -33,7 +33,7 @@ _CLASSES = {
 
 
 @styled
-def energy_surfaces(result: EnergySurface) -> Figure:
+def draw_energy_surfaces(result: EnergySurface) -> Figure:
     """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
     figure = Figure(figsize=(WIDTH, 3.4))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -72,7 +72,7 @@ def _surface(axes: Axes, result: EnergySurface, surface: FloatArray, levels: Flo
 
 
 @styled
-def terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, inputs: Sequence[str]) -> Figure:
+def draw_terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, inputs: Sequence[str]) -> Figure:
     """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination.
 
     Args:
@@ -109,7 +109,7 @@ def terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, inputs
 
 
 @styled
-def false_terms(selection: pd.DataFrame) -> Figure:
+def draw_false_terms(selection: pd.DataFrame) -> Figure:
     """Draw how often a term is selected that is not there, and the energy error at twice the amplitude, against noise.
 
     Args:
@@ -138,7 +138,7 @@ def false_terms(selection: pd.DataFrame) -> Figure:
 
 
 @styled
-def circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
+def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     """Draw which kind of law comes out of known structures, a panel a route, a bar a truth and noise.
 
     Args:
@@ -190,7 +190,7 @@ def _describe_pretty(term: str) -> str:
     return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
 
 
-def chapter_5_figures(
+def list_chapter_5_figures(
     surface: EnergySurface, nine: NineTerms, false: FalseTerms, circular: Circularity
 ) -> list[ChapterFigure]:
     """Every figure of the chapter with its words."""
@@ -199,13 +199,13 @@ def chapter_5_figures(
             "configuration-1-energy", "5.1", "Energy surface of Configuration I",
             "Fifteen measured energies over frequency and amplitude with the best law of coefficients above 0 and "
             "with all nine terms, whose energy is negative in the hatched regions.",
-            lambda: energy_surfaces(surface),
+            lambda: draw_energy_surfaces(surface),
         ),
         ChapterFigure(
             "nine-terms", "", "Error of energy against number of terms",
             "Best subsets of each size, free and with all coefficients above 0, and backward elimination with its "
             "number of negative coefficients.",
-            lambda: terms_against_error(
+            lambda: draw_terms_against_error(
                 nine.by_size, nine.elimination, ["5.III recovered", "5.IV recovered"]
             ),
         ),
@@ -213,12 +213,12 @@ def chapter_5_figures(
             "false-terms", "", "Energy losses that do not exist",
             "Data of a known law of two terms with noise: share of runs in which a term is selected that is not "
             "there, and error of the energy at twice the amplitude, for three ways of selection.",
-            lambda: false_terms(false.selection),
+            lambda: draw_false_terms(false.selection),
         ),
         ChapterFigure(
             "circularity", "", "Which law comes out when the truth is known",
             "Kinds of law selected from simulated tests of known structures, by the route of Table 5.IV and from "
             "measured energy and amplitude, beside what the measured data give.",
-            lambda: circularity(circular.laws, ROUTES),
+            lambda: draw_circularity(circular.laws, ROUTES),
         ),
     ]  # fmt: skip

@@ -57,7 +57,7 @@ class NineTerms:
     Attributes:
         full: all nine terms at once, free and >= 0: ``inputs, term, one_term_rank`` (1 most significant alone),
             coefficient, standard error and T-ratio of the free fit, ``nonnegative`` coefficient.
-        summary: a row an input: scaled condition number, negative coefficients of the free fit, largest term over
+        summary: one row per input: scaled condition number, negative coefficients of the free fit, largest term over
             largest energy (cancellation), R^2 and RMS error of both fits, terms that >= 0 leaves, subsets of 511 with
             all coefficients > 0.
         elimination: terms dropped one after the other by least |T|, down to one, free and >= 0.

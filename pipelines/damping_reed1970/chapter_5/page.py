@@ -11,9 +11,8 @@ from damping.report.page import Table
 from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
-from damping_reed1970.chapter_5.figures import chapter_5_figures
-from damping_reed1970.common import ReportPart, chapter_table, row
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.chapter_5.figures import list_chapter_5_figures
+from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: A coefficient comes out where it is this close to the print, relative: half a unit of a second digit.
@@ -29,41 +28,41 @@ _TABLES = (
 )
 
 
-def chapter_5(results: ReportResults) -> ReportPart:
+def write_chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
-    found, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
+    studies, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
     shown = {name: chapter_table(5, name, every[name]) for name in _TABLES} | {
         "coefficients": Table(
             tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
         ),
-        "measured": chapter_table(5, "circular_claims", _tabulate_measured(found.circular)),
+        "measured": chapter_table(5, "circular_claims", _tabulate_measured(studies.circular)),
     }
     values = {
-        "surface": found.surface,
-        "largest_energy": found.surface.points["energy_in_lb"].max(),
-        "nine": found.nine.summary,
+        "surface": studies.surface,
+        "largest_energy": studies.surface.points["energy_in_lb"].max(),
+        "nine": studies.nine.summary,
         "span": _describe_span,
         "subsets": SUBSETS,
         "noise": NOISE,
-        **_coefficient_values(regressions),
-        **_check_out_values(regressions),
-        **_false_values(found.false),
-        **_circle_values(found.circular),
+        **_collect_coefficient_values(regressions),
+        **_collect_check_out_values(regressions),
+        **_collect_false_values(studies.false),
+        **_collect_circle_values(studies.circular),
     }
-    figures = chapter_5_figures(found.surface, found.nine, found.false, found.circular)
+    figures = list_chapter_5_figures(studies.surface, studies.nine, studies.false, studies.circular)
     tables = {name: every[name] for name in _TABLES}
     chapter = Chapter(5, "Chapter V: energy as a polynomial", values, figures, shown, tables, results.tables)
     return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
 
 
 def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
-    """A row a fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
+    """One row per fit and term: printed coefficient beside those from printed, corrected and recovered inputs.
 
     The check-out data have no recovered inputs but the law that made them.
     """
     rows = []
-    for (fit, equation, term), found in regressions.groupby(["fit", "equation", "term"], sort=False):
-        values, last = found.set_index("inputs")["coefficient"], found.iloc[-1]
+    for (fit, equation, term), rows_of_term in regressions.groupby(["fit", "equation", "term"], sort=False):
+        values, last = rows_of_term.set_index("inputs")["coefficient"], rows_of_term.iloc[-1]
         rows.append(
             {
                 "fit": fit,
@@ -79,7 +78,7 @@ def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _coefficient_values(regressions: pd.DataFrame) -> dict[str, Any]:
+def _collect_coefficient_values(regressions: pd.DataFrame) -> dict[str, Any]:
     """How many of the printed coefficients come out of which inputs."""
     fits = regressions[regressions["fit"].isin(["E1", "E2", "E3", "E4"]) & regressions["printed"].notna()]
     close = (fits["coefficient"] / fits["printed"] - 1.0).abs() <= CLOSE
@@ -93,7 +92,7 @@ def _coefficient_values(regressions: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _check_out_values(regressions: pd.DataFrame) -> dict[str, Any]:
+def _collect_check_out_values(regressions: pd.DataFrame) -> dict[str, Any]:
     """The check-out run with two and with five terms."""
     fits = ("check-out, two terms", "check-out, five terms")
     two, five = (regressions[(regressions["fit"] == fit) & (regressions["inputs"] == "corrected")] for fit in fits)
@@ -113,7 +112,7 @@ def _describe_span(values: pd.Series, digits: int = 2) -> str:
     return number(low, digits) if low == high else format_between(low, high, digits=digits)
 
 
-def _false_values(false: FalseTerms) -> dict[str, Any]:
+def _collect_false_values(false: FalseTerms) -> dict[str, Any]:
     """How often selection finds what is not there."""
     nine = false.selection[false.selection["terms"] == "nine terms (5.3.6)"]
     methods = dict(zip(("backward", "best", "physical"), METHODS, strict=True))
@@ -126,7 +125,7 @@ def _false_values(false: FalseTerms) -> dict[str, Any]:
     }
 
 
-def _circle_values(circular: Circularity) -> dict[str, Any]:
+def _collect_circle_values(circular: Circularity) -> dict[str, Any]:
     """What the energies of Table 5.IV are, and what selection makes of structures that are known."""
     claims = circular.claims[circular.claims["noise_percent"] == NOISE]
     linear = [row(claims, truth="linear, planes as fitted", route=route) for route in ROUTES[:2]]

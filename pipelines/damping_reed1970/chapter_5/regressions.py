@@ -97,7 +97,7 @@ FITS = (CHECK_OUT_TWO, CHECK_OUT_FIVE, E_1, E_2, E_3, E_4, VISCOUS)
 
 
 def tabulate_regressions() -> pd.DataFrame:
-    """A row a fit, inputs and term.
+    """One row per fit, inputs and term.
 
     Coefficients belong to energy in in-lb with A in inches and omega in rad/s; ``force_coefficient`` is that of the
     damping force of the term (Table 5.I; lb, in, s). ``cells_changed``: input cells that differ from the print.
@@ -113,7 +113,7 @@ def tabulate_regressions() -> pd.DataFrame:
 
 
 def tabulate_regression_deviations() -> pd.DataFrame:
-    """Per cent deviations 100 (E - fitted)/E of Tables 5.II, 5.III and 5.IV beside ours, a row a fit and point.
+    """Per cent deviations 100 (E - fitted)/E of Tables 5.II, 5.III and 5.IV beside ours, one row per fit and point.
 
     ``*_printed`` are the table's own columns (NaN where it has none), ``*_from_X_inputs`` those of our fit to the
     inputs X, of the fit's own points.
@@ -131,9 +131,9 @@ def tabulate_regression_deviations() -> pd.DataFrame:
         part["percent_printed"] = table[one.percent] if one.percent else np.nan
         for inputs, data in _inputs(one).items():
             if inputs != "generator":
-                found = deviations_of(one.fit(*data))
-                part[f"fitted_from_{inputs}_inputs_in_lb"] = found.fitted
-                part[f"percent_from_{inputs}_inputs"] = found.percent
+                deviations = deviations_of(one.fit(*data))
+                part[f"fitted_from_{inputs}_inputs_in_lb"] = deviations.fitted
+                part[f"percent_from_{inputs}_inputs"] = deviations.percent
         parts.append(part)
     return pd.concat(parts, ignore_index=True)
 
@@ -155,8 +155,8 @@ def _inputs(one: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArra
     return {name: one.data(version) for name, version in INPUT_VERSIONS.items()}
 
 
-def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, found: Fit) -> pd.DataFrame:
-    deviations = deviations_of(found)
+def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
+    deviations = deviations_of(fitted)
     terms = list(one.printed)
     return pd.DataFrame(
         {
@@ -164,20 +164,20 @@ def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, found: Fit) -> pd.
             "equation": one.equation,
             "inputs": inputs,
             "cells_changed": changed,
-            "points": found.n,
+            "points": fitted.n,
             "term": [TERMS[term].name for term in terms],
-            "coefficient": found.coefficients,
-            "std_error": found.std_errors,
-            "t_ratio": found.t_ratios,
+            "coefficient": fitted.coefficients,
+            "std_error": fitted.std_errors,
+            "t_ratio": fitted.t_ratios,
             "printed": list(one.printed.values()),
             "force": [CASES[TERM_CASES[term]] for term in terms],
-            "force_coefficient": [table_5_i(TERM_CASES[t], a) for t, a in zip(terms, found.coefficients, strict=True)],
+            "force_coefficient": [table_5_i(TERM_CASES[t], a) for t, a in zip(terms, fitted.coefficients, strict=True)],
             "printed_force": [one.forces.get(term, np.nan) for term in terms],
-            "r_squared_without_constant": found.r_squared,
-            "rms_error_in_lb": found.rms_error,
+            "r_squared_without_constant": fitted.r_squared,
+            "rms_error_in_lb": fitted.rms_error,
             "average_absolute_percent": deviations.average_absolute_percent,
             "largest_absolute_percent": deviations.largest_absolute_percent,
-            "condition_number": found.condition_number,
+            "condition_number": fitted.condition_number,
             "erratum": one.erratum,
         }
     )
@@ -230,8 +230,8 @@ def energy_surface(inputs: Inputs = INPUTS[0], cells: int = 80) -> EnergySurface
     )
 
 
-def _surface(found: Fit, A: FloatArray, omega: FloatArray, terms: np.ndarray | range) -> FloatArray:
+def _surface(fitted: Fit, A: FloatArray, omega: FloatArray, terms: np.ndarray | range) -> FloatArray:
     """Fitted energy (a, f) on a grid."""
     rows = [np.ravel(axis) for axis in np.meshgrid(A, omega, indexing="ij")]
     grid = nine_term_design(rows[0], rows[1], np.ones(rows[0].size)).columns[:, list(terms)]
-    return np.asarray(grid @ found.coefficients).reshape(A.size, omega.size)
+    return np.asarray(grid @ fitted.coefficients).reshape(A.size, omega.size)

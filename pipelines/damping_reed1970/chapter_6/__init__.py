@@ -22,8 +22,7 @@ from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping_reed1970 import chapter_3, chapter_4
-from damping_reed1970.chapter_4.coefficients import IV, coefficients_against_amplitude, report_method
-from damping_reed1970.chapter_4.power_laws import fit_mode
+from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
 from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
 from damping_reed1970.tables import load_force_laws, load_table
 
@@ -112,7 +111,7 @@ def ours(law: PrintedLaw, candidate: Candidate) -> Sum:
 
 
 def section_6_1(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
-    """A row a law and parameter: printed, recomputed, ours with 90 % credible interval; and how each does in the test.
+    """One row per law and parameter: printed, recomputed, ours with 90 % credible interval; how each does in the test.
 
     ``*_percent_A`` and so on: error of resonant amplitude at each sweep of Configuration II, 100 (law/test - 1).
     ``*_percent_energy``: mean absolute error of energy per cycle over the points of Configuration I.
@@ -123,7 +122,7 @@ def section_6_1(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
 
 
 def section_6_1_errors(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
-    """A row a law, version and test point: percent error of resonant amplitude, or of energy per cycle."""
+    """One row per law, version and test point: percent error of resonant amplitude, or of energy per cycle."""
     parts = []
     for law in printed_laws():
         ranking = rankings[law.record]
@@ -198,11 +197,11 @@ def _summary(law: PrintedLaw, errors: pd.DataFrame) -> dict[str, float | bool]:
     """Columns that say how each version does in the test."""
     summary: dict[str, float | bool] = {f"{v}_percent_{sweep}": np.nan for v, sweep in product(VERSIONS, "ABC")}
     for version in VERSIONS:
-        found = errors[errors["version"] == version]
-        amplitude = found[found["quantity"] == "resonant amplitude"].set_index("at")["percent_error"]
+        own = errors[errors["version"] == version]
+        amplitude = own[own["quantity"] == "resonant amplitude"].set_index("at")["percent_error"]
         if law.configuration == "II":
             summary |= {f"{version}_percent_{sweep}": float(amplitude[sweep]) for sweep in "ABC"}
-        energy = found.loc[found["quantity"] == "energy per cycle", "percent_error"].abs()
+        energy = own.loc[own["quantity"] == "energy per cycle", "percent_error"].abs()
         summary[f"{version}_percent_resonance"] = float(amplitude.abs().max())
         summary[f"{version}_percent_energy"] = float(energy.mean()) if len(energy) else np.nan
         summary[f"{version}_reproduces"] = bool((amplitude.abs() <= REPRODUCES).all())
@@ -239,5 +238,5 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
             line = fit_mode(law.mode, "displacement-velocity-power", "corrected")
             return np.array([line.alpha, line.p])
     one = fits[law.equation]
-    found = one.fit(*one.data("corrected"))
-    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(one.printed, found.coefficients, strict=True)])
+    refitted = one.fit(*one.data("corrected"))
+    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(one.printed, refitted.coefficients, strict=True)])

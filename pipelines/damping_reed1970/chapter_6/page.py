@@ -12,12 +12,11 @@ from damping.plots.style import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_r
 from damping.report.page import Table
 from damping.report.words import format_between, format_joined, format_percent, number
 from damping_reed1970.chapter_6 import REPRODUCES, VERSIONS
-from damping_reed1970.common import ChapterFigure, ReportPart
-from damping_reed1970.prose import Chapter, write_chapter
+from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 
 
-def chapter_6(results: ReportResults) -> ReportPart:
+def write_chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
@@ -27,7 +26,7 @@ def chapter_6(results: ReportResults) -> ReportPart:
 
 
 def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
-    """What the page shows of section 6.1: a row a law and parameter."""
+    """What the page shows of section 6.1: one row per law and parameter."""
     ours = [
         f"{number(value)} ({format_between(low, high)})"
         for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)

@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from damping_validation.generator.noise import (
+from damping_validation.generator.plan import (
+    Bench,
     columns,
     describe_data_text,
     describe_model_text,
     further_columns,
     measured,
+    scatter_rows,
 )
-from damping_validation.generator.plan import Bench, scatter_rows
 from damping_validation.generator.refit import (
     KINDS,
     LIBRARY,
@@ -32,18 +33,20 @@ from damping_validation.generator.refit import (
     applied,
     draw,
     name_effect,
-    nearest_imitation,
 )
-from damping_validation.generator.steady import true_phasors, true_record
+from damping_validation.generator.rig import RIG_KINDS
+from damping_validation.generator.steady import NoSteadyStateError, true_phasors, true_record
 from damping_validation.generator.structure import TrueRows, plain_rows, recorded
 
-__all__ = ["BlindCase", "Stratum", "draw", "draw_case", "draw_further_rows", "strata"]
-
+__all__ = ["BlindCase", "NoSteadyStateError", "Stratum", "draw", "draw_case", "draw_further_rows", "strata"]
 
 #: Seeds differ so that nothing chosen while developing has seen a blind case.
 DEVELOPMENT_SEED = 20250
 BLIND_SEED = 86400077
 BLIND_CASES = 2000
+
+#: Effects of the library that are faults of the rig.
+RIG_NAMES = frozenset(name_effect(kind) for kind in RIG_KINDS)
 
 NULLS = ("null:nothing", "null:parameters", "null:scatter", "null:swept")
 PAIRS = ("pair:force-instrument", "pair:two-forces", "pair:force-structure")
@@ -62,8 +65,13 @@ class Stratum:
 
 
 def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
-    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given."""
+    """``cases`` strata, clean and field by turns within each kind; ``kinds`` alone in equal parts where given.
+
+    Fewer cases than kinds are of kinds spread evenly over them.
+    """
     if kinds is not None:
+        if cases < len(kinds):
+            kinds = tuple(kinds[n * len(kinds) // cases] for n in range(cases))
         places = [divmod(n, len(kinds)) for n in range(cases)]
         return [Stratum(kinds[kind], (turn + kind) % 2 == 1) for turn, kind in places]
     plan: list[Stratum] = []
@@ -76,7 +84,6 @@ def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
 
 
 _WRONG_PARAMETER = {"natural-frequency": 0, "viscous-coefficient": 2}  # place among the deviations
-_TELLING = 1.0  # sigma
 
 
 @dataclass(frozen=True)
@@ -88,12 +95,8 @@ class BlindCase:
     label: Mapping[str, Any]
 
 
-def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case", nearest: bool = False) -> BlindCase:
-    """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed.
-
-    ``nearest`` has the label of a single effect with a gap of 1 sigma or more say which other effect of the library
-    comes closest, and what it leaves (seconds of work).
-    """
+def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case") -> BlindCase:
+    """The case of a kind (an effect, ``null:...``, ``pair:...``) in clean or field conditions, decided by its seed."""
     rng = np.random.default_rng(seed)
     drawn = draw(kind, field, rng)
     rows = drawn.bench.rows
@@ -111,7 +114,6 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case",
         "sweep": table["sweep"],
         "frequency": [float(text) for text in table["frequency"]],
         "altered": _altered(drawn),
-        "nearest": _nearest(drawn) if nearest and len(drawn.effects) == 1 and drawn.gap >= _TELLING else None,
     }
     return BlindCase(describe_model_text(name, drawn.bench), describe_data_text(table), label)
 
@@ -191,7 +193,8 @@ def draw_further_rows(
     share, phase = (np.full(rows.omega.size, np.median(sd)) for sd in (own.share, own.phase))
     noise = replace(own, share=share, phase=phase, has_phase=own.has_phase or "phase" in asked, wild=0.0)
     table = columns(rows, noise, *measured(rng, noise, *recorded(first, truth[1]))[:2])
-    wanted = {*drawn.bench.columns, *(name for name, column in _ASKED.items() if column in asked)}
+    told = asked | ({"added_mass"} if np.any(rows.added) else set())
+    wanted = {*drawn.bench.columns, *(name for name, column in _ASKED.items() if column in told)}
     table |= further_columns(rng, tuple(wanted), truth[1], third, across, float(np.max(drawn.cells.amplitude)))
     names = [*old[0], *(name for name in table if name not in old[0])]
     before = [dict(zip(old[0], line, strict=True)) for line in old[1:]]
@@ -217,8 +220,3 @@ def _plan_further(bench: Bench, proposed: Sequence[Mapping[str, Any]]) -> TrueRo
         added.append(np.full(count, float(one.get("added_mass") or 0.0)))
     rows = plain_rows(np.concatenate(sweep), np.concatenate(force), np.concatenate(omega), bench.rows.up)
     return replace(rows, added=np.concatenate(added), time=bench.rows.time[-1] + rows.time)
-
-
-def _nearest(drawn: DrawnCase) -> dict[str, Any]:
-    name, left = nearest_imitation(drawn.cells, drawn.bench, tuple(effect.name for effect in drawn.effects))
-    return {"effect": name, "left": left}

@@ -34,18 +34,17 @@ class TrueEffect:
 class Kind:
     """An effect: shapes drawn, change of the true structure or rig at a size, largest size.
 
-    ``trials`` are shapes from which a fit may start (for the label's nearest imitation), ``free`` those entries of a
-    shape that it may move. The bench gives the scales: A, xi and the simulation's nominal values.
+    ``free`` are the entries of a shape that a fit may move. The bench gives the scales: A, xi and the simulation's
+    nominal values.
     """
 
     shape: Callable[[Generator, Bench], Shape]
     apply: Callable[[Truth, float, Shape, Bench], Truth]
     most: Callable[[Bench], float]
-    trials: Callable[[Bench], tuple[Shape, ...]] = lambda bench: ((),)
     free: tuple[int, ...] = ()
 
 
-def no_shape(rng: Generator, bench: Bench) -> Shape:
+def draw_no_shape(rng: Generator, bench: Bench) -> Shape:
     """Nothing to draw."""
     return ()
 
@@ -58,11 +57,6 @@ def sign(rng: Generator) -> float:
 def either_sign(rng: Generator, bench: Bench) -> Shape:
     """A sign."""
     return (sign(rng),)
-
-
-def both_signs(bench: Bench) -> tuple[Shape, ...]:
-    """Both signs, for a fit."""
-    return ((1.0,), (-1.0,))
 
 
 def with_laws(truth: Truth, *laws: TrueLaw) -> Truth:
@@ -86,7 +80,7 @@ def _damping(law: str) -> Kind:
         unit = force_unit(law, bench.nominal.viscous, bench.nominal.omega, bench.A)
         return with_laws(truth, TrueLaw(law, size * unit))
 
-    return Kind(no_shape, apply, limit_friction if law == "coulomb" else lambda bench: 6.0)
+    return Kind(draw_no_shape, apply, limit_friction if law == "coulomb" else lambda bench: 6.0)
 
 
 def limit_friction(bench: Bench) -> float:
@@ -96,13 +90,13 @@ def limit_friction(bench: Bench) -> float:
     return (0.5 * float(np.min(bench.rows.force)) - held) / unit
 
 
-def _viscous(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_viscous(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     factor = 1 + shape[0] * (_BEYOND + size) * bench.tolerance[2]
     return replace(structure, viscous=bench.nominal.viscous * factor), rows
 
 
-def _frequency(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_frequency(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     factor = 1 + shape[0] * (_BEYOND + size) * bench.tolerance[0]
     return replace(structure, omega=bench.nominal.omega * factor), rows
@@ -125,15 +119,15 @@ def _stiffness(way: float) -> Kind:
         offset = 10 / 9 * quadratic**2 / k  # the cubic spring to which the quadratic one softens
         return with_laws(truth, TrueLaw("cubic", unit * 4 / 3 / A**2 + offset), TrueLaw("quadratic", quadratic))
 
-    return Kind(shape, apply, lambda bench: 5.0, lambda bench: ((0.0, 0.0),))
+    return Kind(shape, apply, lambda bench: 5.0)
 
 
-def slip_shape(rng: Generator, bench: Bench) -> Shape:
+def draw_slip_shape(rng: Generator, bench: Bench) -> Shape:
     """The amplitude at which it slips, over A."""
     return (log_uniform(rng, 0.08, 0.6),)
 
 
-def _slip(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_slip(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A Jenkins joint; size 1 has the stiffness 2 xi k."""
     structure, rows = truth
     joint = TrueJoint("jenkins", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
@@ -143,12 +137,12 @@ def _slip(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
 _PARTS = 12
 
 
-def _iwan_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_iwan_shape(rng: Generator, bench: Bench) -> Shape:
     """Power by which the parts' weights grow with their limits, and the largest limit over A."""
     return (rng.uniform(-0.6, 0.3), log_uniform(rng, 0.3, 1.5))
 
 
-def _iwan(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_iwan(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A joint of 12 Jenkins elements in parallel with limits spread evenly (parallel-series Iwan joint)."""
     structure, rows = truth
     limits = (np.arange(_PARTS) + 0.5) / _PARTS
@@ -158,13 +152,13 @@ def _iwan(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 
-def _bouc_wen(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_bouc_wen(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     joint = TrueJoint("bouc-wen", size * stiffness_unit(bench), (shape[0] * bench.A,), (1.0,))
     return replace(structure, joints=(*structure.joints, joint)), rows
 
 
-def _power_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_power_shape(rng: Generator, bench: Bench) -> Shape:
     """The exponent of the spring."""
     return (float(rng.choice([1.5, 2.5, 4.0, 5.0])),)
 
@@ -178,15 +172,15 @@ def _power_spring(way: float) -> Kind:
         unit = stiffness_unit(bench) / average / bench.A ** (p - 1)
         return with_laws(truth, TrueLaw("power-spring", way * size * unit, p))
 
-    return Kind(_power_shape, apply, lambda bench: 4.0)
+    return Kind(_draw_power_shape, apply, lambda bench: 4.0)
 
 
-def _planar_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_planar_shape(rng: Generator, bench: Bench) -> Shape:
     """Relative distance of the second plane's frequency, and its viscous damping over the first's."""
     return (sign(rng) * bench.xi * log_uniform(rng, 0.6, 4.5), rng.uniform(0.8, 1.25))
 
 
-def _planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """Two principal planes, the drive at an angle to the first whose squared sine is the size (report, 3.1.24-35)."""
     structure, rows = truth
     sine = float(np.sqrt(size))
@@ -196,11 +190,7 @@ def _planar(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, share=cosine, across=-sine, sides=(*structure.sides, side)), rows
 
 
-def _list_planar_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((way * far * bench.xi, 1.0) for way in (-1.0, 1.0) for far in (0.8, 2.5))
-
-
-def _residual_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_residual_shape(rng: Generator, bench: Bench) -> Shape:
     """Sign; frequency ratio of a lower mode, a higher mode and a rigid-body motion; their weights (some 0)."""
     places = (rng.uniform(0.35, 0.75), rng.uniform(1.35, 2.6), rng.uniform(0.03, 0.12))
     weights = rng.dirichlet([1.0, 1.5, 0.7]) * rng.choice([0.0, 1.0], size=3, p=[0.3, 0.7])
@@ -209,7 +199,7 @@ def _residual_shape(rng: Generator, bench: Bench) -> Shape:
     return (sign(rng), *places, *(weights / weights.sum()).tolist())
 
 
-def _residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """Other modes with .5 % damping; size 1 adds in phase at resonance as much as the resonance itself is high."""
     structure, rows = truth
     sides = []
@@ -220,50 +210,42 @@ def _residual(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, sides=(*structure.sides, *sides)), rows
 
 
-def _list_residual_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((way, 0.55, 1.8, 0.05, low, 1 - low, 0.0) for way in (-1.0, 1.0) for low in (0.0, 1.0))
-
-
-def _second_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_second_shape(rng: Generator, bench: Bench) -> Shape:
     """Relative distance of its frequency, its damping ratio over the main one's, and the sign of its motion."""
     return (sign(rng) * bench.xi * log_uniform(rng, 1.0, 8.0), log_uniform(rng, 0.5, 2.0), sign(rng))
 
 
-def second_mode(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def apply_second_mode(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A close mode with its own mass: size is the main modal mass over its own, as seen between drive and sensor."""
     structure, rows = truth
     side = Side(bench.nominal.omega * (1 + shape[0]), bench.xi * shape[1], 1.0, shape[2] * size)
     return replace(structure, sides=(*structure.sides, side)), rows
 
 
-def _list_second_trials(bench: Bench) -> tuple[Shape, ...]:
-    return tuple((far * bench.xi, 1.0, way) for way in (-1.0, 1.0) for far in (-3.0, 3.0))
-
-
-def _rigid_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_rigid_shape(rng: Generator, bench: Bench) -> Shape:
     """As for other modes, all of it rigid-body motion or a fixture far below."""
     return (sign(rng), 0.5, 2.0, rng.uniform(0.02, 0.2), 0.0, 0.0, 1.0)
 
 
 FORCE_KINDS = {
-    "viscous-coefficient": Kind(either_sign, _viscous, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, both_signs),
+    "viscous-coefficient": Kind(either_sign, _apply_viscous, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND),
     "displacement": _damping("displacement"),
     "velocity-squared": _damping("velocity-squared"),
     "displacement-velocity": _damping("displacement-velocity"),
     "quadratic-displacement": _damping("quadratic-displacement"),
     "coulomb-friction": _damping("coulomb"),
-    "slip": Kind(slip_shape, _slip, lambda bench: 20.0, lambda bench: ((0.1,), (0.25,), (0.6,)), (0,)),
-    "slip:iwan": Kind(_iwan_shape, _iwan, lambda bench: 20.0),
-    "slip:smooth": Kind(slip_shape, _bouc_wen, lambda bench: 20.0),
+    "slip": Kind(draw_slip_shape, _apply_slip, lambda bench: 20.0, (0,)),
+    "slip:iwan": Kind(_draw_iwan_shape, _apply_iwan, lambda bench: 20.0),
+    "slip:smooth": Kind(draw_slip_shape, _apply_bouc_wen, lambda bench: 20.0),
     "stiffness-hardening": _stiffness(1.0),
     "stiffness-hardening:power": _power_spring(1.0),
     "stiffness-softening": _stiffness(-1.0),
     "stiffness-softening:power": _power_spring(-1.0),
-    "natural-frequency": Kind(either_sign, _frequency, lambda bench: 5 * bench.xi / bench.tolerance[0], both_signs),
+    "natural-frequency": Kind(either_sign, _apply_frequency, lambda bench: 5 * bench.xi / bench.tolerance[0]),
 }
 PATH_KINDS = {
-    "planar-coupling": Kind(_planar_shape, _planar, lambda bench: 0.5, _list_planar_trials, (0,)),
-    "second-mode": Kind(_second_shape, second_mode, lambda bench: 1.0, _list_second_trials, (0,)),
-    "residual-modes": Kind(_residual_shape, _residual, lambda bench: 1.0, _list_residual_trials),
-    "residual-modes:rigid": Kind(_rigid_shape, _residual, lambda bench: 1.0),
+    "planar-coupling": Kind(_draw_planar_shape, _apply_planar, lambda bench: 0.5, (0,)),
+    "second-mode": Kind(_draw_second_shape, apply_second_mode, lambda bench: 1.0, (0,)),
+    "residual-modes": Kind(_draw_residual_shape, _apply_residual, lambda bench: 1.0),
+    "residual-modes:rigid": Kind(_draw_rigid_shape, _apply_residual, lambda bench: 1.0),
 }

@@ -12,10 +12,10 @@ from damping_validation.generator.forces import (
     Kind,
     Shape,
     Truth,
+    apply_second_mode,
+    draw_no_shape,
     either_sign,
     limit_friction,
-    no_shape,
-    second_mode,
     sign,
     stiffness_unit,
     with_laws,
@@ -82,19 +82,19 @@ def _partner(kind: str, place: tuple[float, float], zeta: tuple[float, float], c
     return Kind(shape, apply, lambda bench: 10.0)
 
 
-def _fluid_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_fluid_shape(rng: Generator, bench: Bench) -> Shape:
     """Frequency of the lag over the natural one, and its damping ratio."""
     return (log_uniform(rng, 0.5, 3.0), rng.uniform(1.0, 3.0))
 
 
-def _fluid(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_fluid(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """Size 1 carries 2 xi k where the fluid does not follow."""
     structure, rows = truth
     partner = Partner("memory", bench.nominal.omega * shape[0], shape[1], size * 2 * bench.xi / shape[0] ** 2)
     return replace(structure, partners=(*structure.partners, partner)), rows
 
 
-def _heated(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_heated(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """Size 1 moves the resonance at A by xi: the mean of q^2 is A^2/2."""
     structure, rows = truth
     strength = shape[0] * size * 4 * bench.xi * (bench.nominal.omega / bench.A) ** 2
@@ -102,47 +102,47 @@ def _heated(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return replace(structure, partners=(*structure.partners, partner)), rows
 
 
-def _neighbours_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_neighbours_shape(rng: Generator, bench: Bench) -> Shape:
     """Two modes on either side: places and signs."""
     return (-bench.xi * rng.uniform(1.5, 5.0), sign(rng), bench.xi * rng.uniform(1.5, 5.0), sign(rng))
 
 
-def _neighbours(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
-    one = second_mode(truth, size, (shape[0], 1.0, shape[1]), bench)
-    return second_mode(one, size, (shape[2], 1.0, shape[3]), bench)
+def _apply_neighbours(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+    one = apply_second_mode(truth, size, (shape[0], 1.0, shape[1]), bench)
+    return apply_second_mode(one, size, (shape[2], 1.0, shape[3]), bench)
 
 
-def _cycle_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_cycle_shape(rng: Generator, bench: Bench) -> Shape:
     """Cycles in the course of the test, and their phase."""
     return (rng.uniform(1.5, 4.0), rng.uniform(0.0, 2 * np.pi))
 
 
-def _cyclic_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_cyclic_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """The natural frequency goes up and down by size times xi, as with day and night."""
     structure, rows = truth
     wave = np.sin(2 * np.pi * shape[0] * course(rows, bench) + shape[1])
     return structure, replace(rows, tuning=rows.tuning * (1 + size * bench.xi * wave))
 
 
-def _loosened(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_loosened(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A bolt gives way at a moment of the test: the natural frequency falls by size times xi."""
     structure, rows = truth
     after = course(rows, bench) > shape[0]
     return structure, replace(rows, tuning=rows.tuning * (1 - size * bench.xi * after))
 
 
-def _warming(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_warming(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """The viscous coefficient goes with the course of the test, by up to half of size on either side."""
     structure, rows = truth
     return structure, replace(rows, loss=rows.loss * (1 + shape[0] * size * course(rows, bench)))
 
 
-def _line_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_line_shape(rng: Generator, bench: Bench) -> Shape:
     """Place and width of the line, relative to resonance, and the seed of its phases."""
     return (rng.uniform(-4.0, 4.0) * bench.xi, rng.uniform(0.4, 1.5) * bench.xi, float(rng.integers(1 << 30)))
 
 
-def _line(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_line(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """A foreign sine leaks into rows near it as through a rectangular window, at one phase a sweep."""
     structure, rows = truth
     phase = np.random.default_rng(int(shape[2])).uniform(0, 2 * np.pi, 64)[rows.sweep % 64]
@@ -150,17 +150,17 @@ def _line(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return structure, replace(rows, leak=rows.leak + size * bench.A * near * np.exp(1j * phase))
 
 
-def _quantised(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_quantised(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     return structure, replace(rows, quantum=size * bench.A)
 
 
-def _mount_shape(rng: Generator, bench: Bench) -> Shape:
+def _draw_mount_shape(rng: Generator, bench: Bench) -> Shape:
     """Where the sensor's mount resonates, relative to resonance, and its damping ratio over xi."""
     return (sign(rng) * rng.uniform(1.5, 6.0) * bench.xi, rng.uniform(0.5, 2.0))
 
 
-def _mount(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_mount(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """The sensor sits on a small resonator: the reading is 1 + size Y/max Y of the motion."""
     structure, rows = truth
     r, loss = rows.omega / (bench.nominal.omega * (1 + shape[0])), 2j * shape[1] * bench.xi
@@ -168,24 +168,24 @@ def _mount(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     return structure, replace(rows, gain=rows.gain * np.abs(factor), lag=rows.lag - np.angle(factor))
 
 
-def _slew(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_slew(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """The reading lags by size rad at A, less where it is smaller."""
     structure, rows = truth
     return structure, replace(rows, slew=size / bench.A)
 
 
-def _force_cell(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_force_cell(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     """The force is read too small where it is large: the true one is 1 + size (F/F_max)^2 of it."""
     structure, rows = truth
     return structure, replace(rows, drive=rows.drive * (1 + size * (rows.force / np.max(bench.rows.force)) ** 2))
 
 
-def _gain_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_gain_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     return structure, replace(rows, gain=rows.gain * (1 + shape[0] * size * course(rows, bench)))
 
 
-def _phase_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
+def _apply_phase_drift(truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
     structure, rows = truth
     return structure, replace(rows, lag=rows.lag + shape[0] * size * course(rows, bench))
 
@@ -205,20 +205,20 @@ FOREIGN_STRUCTURE = {
     "sloshing-tank": _partner("absorber", (0.0, 4.0), (0.5, 2.0), cubic=-0.4),
     "gyroscopic": _partner("gyroscopic", (0.0, 4.0), (0.5, 2.0)),
     "electric-circuit": _partner("circuit", (0.0, 4.0), (0.5, 3.0)),
-    "fluid-memory": Kind(_fluid_shape, _fluid, lambda bench: 5.0),
-    "heated-spring": Kind(either_sign, _heated, lambda bench: 4.0),
-    "two-neighbours": Kind(_neighbours_shape, _neighbours, lambda bench: 0.6),
-    "cyclic-drift": Kind(_cycle_shape, _cyclic_drift, lambda bench: 3.0),
-    "loosened": Kind(_draw_share(-0.3, 0.3), _loosened, lambda bench: 4.0),
-    "warming-damper": Kind(either_sign, _warming, lambda bench: 1.5),
+    "fluid-memory": Kind(_draw_fluid_shape, _apply_fluid, lambda bench: 5.0),
+    "heated-spring": Kind(either_sign, _apply_heated, lambda bench: 4.0),
+    "two-neighbours": Kind(_draw_neighbours_shape, _apply_neighbours, lambda bench: 0.6),
+    "cyclic-drift": Kind(_draw_cycle_shape, _apply_cyclic_drift, lambda bench: 3.0),
+    "loosened": Kind(_draw_share(-0.3, 0.3), _apply_loosened, lambda bench: 4.0),
+    "warming-damper": Kind(either_sign, _apply_warming, lambda bench: 1.5),
 }
 FOREIGN_RIG = {
-    "interference": Kind(_line_shape, _line, lambda bench: 1.0),
-    "quantised": Kind(no_shape, _quantised, lambda bench: 0.3),
-    "sensor-mount": Kind(_mount_shape, _mount, lambda bench: 1.0),
-    "slew": Kind(no_shape, _slew, lambda bench: 1.0),
-    "force-cell": Kind(no_shape, _force_cell, lambda bench: 1.0),
-    "gain-drift": Kind(either_sign, _gain_drift, lambda bench: 1.0),
-    "phase-drift": Kind(either_sign, _phase_drift, lambda bench: 1.0),
+    "interference": Kind(_draw_line_shape, _apply_line, lambda bench: 1.0),
+    "quantised": Kind(draw_no_shape, _apply_quantised, lambda bench: 0.3),
+    "sensor-mount": Kind(_draw_mount_shape, _apply_mount, lambda bench: 1.0),
+    "slew": Kind(draw_no_shape, _apply_slew, lambda bench: 1.0),
+    "force-cell": Kind(draw_no_shape, _apply_force_cell, lambda bench: 1.0),
+    "gain-drift": Kind(either_sign, _apply_gain_drift, lambda bench: 1.0),
+    "phase-drift": Kind(either_sign, _apply_phase_drift, lambda bench: 1.0),
 }
 FOREIGN_KINDS = {**FOREIGN_STRUCTURE, **FOREIGN_RIG}

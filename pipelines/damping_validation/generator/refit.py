@@ -19,11 +19,12 @@ from damping_validation.generator.balance import predicted
 from damping_validation.generator.forces import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
 from damping_validation.generator.foreign import FOREIGN_KINDS, FOREIGN_RIG
 from damping_validation.generator.laws import Array
-from damping_validation.generator.noise import Noise, draw_noise
 from damping_validation.generator.plan import (
     Bench,
     Generator,
+    Noise,
     draw_bench,
+    draw_noise,
     log_uniform,
     move_frequency,
     without_base,
@@ -71,7 +72,6 @@ def draw_effect(name: str, rng: Generator, bench: Bench) -> TrueEffect:
 WIDEST = 3.0  # tolerances
 _LARGER = 1.2  # times the largest size drawn
 _MOVED = 3.0  # factor by which a fit may move a width or place
-_FIRST = 0.05  # of the largest size: where the search for an imitation starts
 
 
 @dataclass(frozen=True)
@@ -143,20 +143,6 @@ def unscattered(rows: TrueRows) -> TrueRows:
     """The rows with neither gain nor frequency scattered (nor changed by an effect)."""
     one = np.ones(rows.omega.size)
     return replace(rows, gain=one, tuning=one)
-
-
-def nearest_imitation(cells: RecordCells, bench: Bench, besides: tuple[str, ...]) -> tuple[str, float]:
-    """The effect of the library, but those named, that alone leaves least of this record, and what it leaves."""
-    told = {name_effect(name) for name in besides}
-    left = {name: _least(cells, bench, name) for name in LIBRARY if ":" not in name and name not in told}
-    name = min(left, key=left.__getitem__)
-    return name, left[name]
-
-
-def _least(cells: RecordCells, bench: Bench, name: str) -> float:
-    kind = KINDS[name]
-    size = _FIRST * kind.most(bench)
-    return min(gap(cells, bench, (TrueEffect(name, size, shape),), reshape=True) for shape in kind.trials(bench))
 
 
 #: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.

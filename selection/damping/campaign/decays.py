@@ -15,7 +15,7 @@ from scipy.signal import find_peaks, welch
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.campaign.records import DEAD
-from damping.campaign.sources import ORDERS, CampaignRun, list_common_sensors, values_of
+from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units

@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.campaign.modes import LEAST_T, Complex, ModalFit, find_peaks_of, fit_level
-from damping.campaign.sources import ORDERS, CampaignRun, list_common_sensors, values_of
+from damping.campaign.modal_fit import Complex, ModalFit
+from damping.campaign.modes import LEAST_T, find_peaks_of, fit_level
+from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
@@ -42,6 +43,11 @@ class Level:
     H: Complex
     drive: FloatArray
     fit: ModalFit
+
+    @property
+    def rate(self) -> FloatArray | None:
+        """Rate of the frequency (n,), Hz/s, where it is known."""
+        return None if self.run.rate is None else self.run.rate[self.run.x > 0.0]
 
 
 @dataclass(frozen=True)
@@ -227,6 +233,8 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
                 "phase_sd": error,
             }
         )
+        if level.rate is not None:
+            table["sweep_rate"] = level.rate[rows]
         tables.append(table)
     return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
 

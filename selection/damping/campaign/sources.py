@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
+from damping.arrays import STANDARD_GRAVITY_M_S2
+from damping.campaign.runs import CampaignRun, Channel, Corrections, correct_run, describe_quantity
+from damping.campaign.tracked import LOOKED_AT, UNEVEN, find_table, track_arrays, track_table
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
-from damping.formats.headers import find_layout, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
@@ -28,51 +29,24 @@ _FREQUENCIES = ("frequency", "freq", "f")
 _TIMES = ("time", "t", "zeit")
 #: A control that is off from the level in its label by no more than this is that level.
 LABEL_AGREES = 0.15
-_MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
-ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
-
-    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it.
-    """
-
-    name: str
-    quantity: str
-    unit: str
-    values: Samples
-    per_drive: bool = False
-    at_drive: bool = False
-
-
-@dataclass(frozen=True)
-class CampaignRun:
-    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors."""
-
-    label: str
-    level: float | None
-    drive_unit: str
-    x: FloatArray
-    drive: Samples | None
-    channels: tuple[Channel, ...]
-    is_time: bool = False
-
-    @property
-    def is_base_driven(self) -> bool:
-        """Whether the drive is a motion."""
-        return not self.is_time and unit(self.drive_unit).powers != (1, 0, 0)
-
-
-def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[CampaignRun], Summary]:
-    """The runs of some files, lowest level first, and what was understood.
+def read_runs(
+    files: Sequence[Path], max_size: int, corrections: Corrections | None = None
+) -> tuple[list[CampaignRun], Summary]:
+    """The runs of some files, lowest level first, as corrected, and what was understood.
 
     Raises:
-        InputError: a file that cannot be read, or in which no runs are found, with what is expected.
+        InputError: a file that cannot be read, or in which no runs are found, with what is expected; a correction of
+            what is not there.
     """
-    summary = Summary()
-    runs = [run for file in files for run in _read(Path(file), max_size, summary)]
+    summary, stated = Summary(), corrections or Corrections()
+    runs = [run for file in files for run in _read(Path(file), max_size, summary, stated)]
+    drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
+    stated.require_known([run.label for run in runs], [*drives, *(one.name for run in runs for one in run.channels)])
+    runs = [correct_run(run, stated) for run in runs if stated.levels.get(run.label, 0.0) is not None]
+    if not runs:
+        raise InputError("every run is left out", file=stated.source or None, expected="one at least")
     if len({run.is_time for run in runs}) > 1:
         raise InputError("free decays beside sweeps", expected="files of one kind")
     runs = sorted(runs, key=lambda run: run.level or 0.0)
@@ -80,13 +54,45 @@ def read_runs(files: Sequence[Path], max_size: int) -> tuple[list[CampaignRun], 
     return runs, summary
 
 
-def _read(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
-    with_start = read_bytes(file, max_size)
-    if with_start.startswith(b"\x89HDF"):
-        return _list_hdf(file, max_size, summary)
-    if with_start.lstrip()[:2] == b"-1":
-        return _list_functions(read_functions(with_start, file, summary), file, summary)
-    return [_table(with_start, file, summary)]
+def _is_drive(name: str, stated: Corrections) -> bool:
+    """Whether a channel is the drive: as stated, else by its name."""
+    role = stated.of(name).role
+    return role == "drive" or (not role and bool(_DRIVE.search(name)))
+
+
+def _join_controls(values: Sequence[Samples], control: str) -> Samples:
+    """One drive (n,) of several control channels: their average, or at each row the one that is largest."""
+    stacked = np.array(values)
+    if control == "average":
+        return np.asarray(np.mean(stacked, axis=0))
+    return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
+
+
+def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
+    start = _read_start(file, max_size)
+    if start.startswith(b"\x89HDF"):
+        return _list_hdf(file, max_size, summary, stated)
+    if start.lstrip()[:2] == b"-1":
+        return _list_functions(read_functions(read_bytes(file, max_size), file, summary), file, summary, stated)
+    table = find_table(start)
+    drive = next((h.name for h in table[1] if _is_drive(h.name, stated)), None) if table else None
+    if table and drive:
+        run = track_table(file, *table, drive, stated)
+        return [_levelled(run, _level(file.stem.replace("_", " ")), file, summary)]
+    return [_table(read_bytes(file, max_size), file, summary)]
+
+
+def _read_start(file: Path, max_size: int) -> bytes:
+    """The first bytes of a file that may be read."""
+    try:
+        if file.stat().st_size > max_size:
+            raise InputError(
+                f"larger than {max_size} bytes", file=file, expected="a smaller file or a larger --max-size"
+            )
+        with file.open("rb") as stream:
+            return stream.read(LOOKED_AT)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
 def _level(text: str) -> tuple[float, str] | None:
@@ -94,19 +100,23 @@ def _level(text: str) -> tuple[float, str] | None:
     return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
 
 
-def _list_functions(functions: Sequence[Function], file: Path, summary: Summary) -> list[CampaignRun]:
+def _list_functions(
+    functions: Sequence[Function], file: Path, summary: Summary, stated: Corrections
+) -> list[CampaignRun]:
     """Runs of a universal file: functions of one level in their ID lines belong together."""
     groups: dict[str, list[Function]] = {}
     for one in functions:
         level = _level(one.title)
         groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(one)
-    return [_function_run(label, group, file, summary) for label, group in groups.items()]
+    return [_function_run(label, group, file, summary, stated) for label, group in groups.items()]
 
 
-def _function_run(label: str, group: Sequence[Function], file: Path, summary: Summary) -> CampaignRun:
+def _function_run(
+    label: str, group: Sequence[Function], file: Path, summary: Summary, stated: Corrections
+) -> CampaignRun:
     if any(one.is_time for one in group):
         raise InputError("time histories in a universal file", file=file, expected="spectra or frequency responses")
-    drives = [one for one in group if not one.per and (one.quantity == "force" or _DRIVE.search(one.title))]
+    drives = [one for one in group if not one.per and (one.quantity == "force" or _is_drive(_name_of(one), stated))]
     sensors = [one for one in group if not any(one is drive for drive in drives)]
     ratio = bool(sensors) and bool(sensors[0].per)
     if not sensors or (not drives and not ratio):
@@ -125,15 +135,21 @@ def _function_run(label: str, group: Sequence[Function], file: Path, summary: Su
             )
         run = CampaignRun(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
         return run if drive_unit in ("", level[1]) else replace(run, drive_unit=drive_unit)
-    drive = np.mean([one.y for one in drives], axis=0)  # several control channels: their average
+    drive = _join_controls([one.y * stated.of(_name_of(one)).scale for one in drives], stated.control)
+    drive_unit = stated.of(_name_of(drives[0])).unit or drive_unit
     return _levelled(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
 
 
-def _channel(one: Function) -> Channel:
+def _name_of(one: Function) -> str:
+    """Name of a channel: the ID line without its level."""
     found = _LEVEL.search(one.title)
     name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
-    name = " ".join(name.split()) or f"node {one.response[0]}"
-    quantity = one.quantity or _describe_quantity(one.units[0], name)
+    return " ".join(name.split()) or f"node {one.response[0]}"
+
+
+def _channel(one: Function) -> Channel:
+    name = _name_of(one)
+    quantity = one.quantity or describe_quantity(one.units[0], name)
     return Channel(
         name,
         quantity,
@@ -169,7 +185,7 @@ def _levelled(run: CampaignRun, stated: tuple[float, str] | None, file: Path, su
     return replace(run, level=measured)
 
 
-def _list_hdf(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
+def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
     """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
     known = read_arrays(file, "hdf5", [], max_size).known
     groups: dict[str, list[str]] = {}
@@ -179,9 +195,12 @@ def _list_hdf(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
     runs = []
     for group, leaves in groups.items():
         x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
-        drive = next((leaf for leaf in leaves if _DRIVE.search(leaf)), None)
+        drive = next((leaf for leaf in leaves if _is_drive(leaf, stated)), None)
+        t = next((leaf for leaf in leaves if leaf.lower() in _TIMES), None)
+        if t and drive and not x:
+            runs.append(_time_run(file, group, t, drive, leaves, known, max_size, summary, stated))
         if x and drive and len(leaves) > 2:
-            runs.append(_group_run(file, group, x, drive, leaves, max_size, summary))
+            runs.append(_group_run(file, group, x, drive, leaves, max_size, summary, stated))
     if not runs:
         listed = ", ".join(list(known)[:8])
         expected = f"groups with frequency, control (or force) and responses; it has {listed}"
@@ -189,8 +208,30 @@ def _list_hdf(file: Path, max_size: int, summary: Summary) -> list[CampaignRun]:
     return runs
 
 
+def _time_run(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
+              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
+    """The run of a group with times, a drive and responses of one length."""
+    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
+    like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
+    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
+    times = first.arrays[path[t]][0].real.reshape(-1)
+    step = np.diff(times)
+    if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
+        raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
+    units = {leaf: first.units.get(path[leaf], "") for leaf in leaves}
+    run = track_arrays(file, group, drive, like, float(np.mean(step)), units, max_size, stated)
+    return _levelled(run, _level((group or file.stem).replace("_", " ")), file, summary)
+
+
 def _group_run(
-    file: Path, group: str, x: str, drive: str, leaves: Sequence[str], max_size: int, summary: Summary
+    file: Path,
+    group: str,
+    x: str,
+    drive: str,
+    leaves: Sequence[str],
+    max_size: int,
+    summary: Summary,
+    stated: Corrections,
 ) -> CampaignRun:
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
     found = read_arrays(file, "hdf5", list(path.values()), max_size)
@@ -210,61 +251,43 @@ def _group_run(
         of = units[leaf] or units[drive] or (level[1] if level else "")
         for k, row in enumerate(rows):
             name = leaf if len(rows) == 1 else f"{leaf}[{k}]"
-            channels.append(Channel(name, _describe_quantity(of, leaf), of, row))
+            channels.append(Channel(name, describe_quantity(of, leaf), of, row))
     drive_unit = units[drive] or (level[1] if level else channels[0].unit if channels else "")
-    values = found.arrays[path[drive]][0]
-    values = values if values.ndim == 1 else np.mean(np.atleast_2d(values), axis=0 if values.shape[-1] == len(f) else 1)
+    values = found.arrays[path[drive]][0] * stated.of(drive).scale
+    rows = values if values.shape[-1] == len(f) else values.T
+    values = _join_controls(list(np.atleast_2d(rows)), stated.control)
+    drive_unit = stated.of(drive).unit or drive_unit
     run = CampaignRun(group, None, drive_unit, f, values, tuple(channels))
     return _levelled(run, level, file, summary)
 
 
 def _table(data: bytes, file: Path, summary: Summary) -> CampaignRun:
     """The run of a table of motions against time: a free decay."""
-    lines = data[:100_000].decode("utf-8-sig", errors="replace").splitlines()
-    layout = find_layout(lines, "auto", "auto")
-    names = layout.names if layout else ()
-    headers = [parse_header(name.strip()) for name in names]
+    table = find_table(data[:LOOKED_AT])
+    headers = table[1] if table else []
     time = next((h for h in headers if h.name.lower() in _TIMES), None)
     sensors = [h for h in headers if h is not time and h.text]
     if time is None or not sensors:
+        first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        raise InputError(f"columns {describe_shortened(', '.join(names), 80)}", file=file, expected=expected)
+        raise InputError(f"columns {describe_shortened(first, 80)}", file=file, expected=expected)
     mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
     found = read_columns(data, file, mapped, {})
     channels = []
     for k, header in enumerate(sensors):
         of = header.unit.replace("m/s2", "m/s^2")
-        channels.append(Channel(header.name, _describe_quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
+        channels.append(Channel(header.name, describe_quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
     return CampaignRun(file.stem, None, "", found.numbers["time"], None, tuple(channels), is_time=True)
 
 
-def _describe_quantity(text: str, name: str) -> str:
-    """What a unit is one of. InputError where that is no motion."""
-    powers = unit(text, what=f"unit of {name!r}").powers if text else (0, 1, -2)
-    if powers not in _MOTIONS:
-        raise InputError(f"{name!r} is in {text}", expected="a displacement, velocity or acceleration")
-    return _MOTIONS[powers]
-
-
 def _described(runs: Sequence[CampaignRun], summary: Summary) -> None:
+    """A row a run and a row a channel: what can be corrected, by the names that a correction uses."""
     for run in runs:
-        sensors = ", ".join(f"{one.name} ({one.unit or 'no unit'})" for one in run.channels)
-        drive = "free decay" if run.is_time else f"{run.level:g} {run.drive_unit}"
-        kind = "" if run.is_time else (", base" if run.is_base_driven else ", force")
+        drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
+        kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
         span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
-        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; sensors {sensors}", "found in the file")
-
-
-def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
-    """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
-    names = [one.name for one in runs[0].channels]
-    kept = [name for name in names if all(name in {one.name for one in run.channels} for run in runs)]
-    if not kept:
-        raise InputError("no sensor is in every run", expected="runs of one set of sensors")
-    return kept
-
-
-def values_of(run: CampaignRun, names: Sequence[str]) -> Samples:
-    """Values (sensors, n) of a run."""
-    by_name: Mapping[str, Channel] = {one.name: one for one in run.channels}
-    return np.array([by_name[name].values for name in names])
+        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
+    for one in {channel.name: channel for run in runs for channel in run.channels}.values():
+        ratio = ", per drive" if one.per_drive else ""
+        text = f"sensor of {one.quantity}{ratio} in {one.unit or 'no unit'}"
+        summary.add(f"channel {one.name!r}", text, "found in the file")

@@ -2,7 +2,7 @@
 
     rows near resonance -> which laws, with what weight -> draws of each -> prediction averaged by weight
 
-The draws are chains, or those of the estimate that weighed the laws (importance sampling, Laplace).
+The draws are chains, or those of the estimate that weighed the laws (importance sampling).
 
 Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
 """

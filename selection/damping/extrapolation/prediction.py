@@ -50,12 +50,16 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
 def _list_of_trend(force: float, plan: Plan) -> list[str]:
     p = plan.trend
     if not plan.allows(np.asarray(force)):
-        return [f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say where p goes"]
+        return [
+            f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
+        ]
     if p.falling:
         return [
-            f"p is falling at the top of the test ({p.words}): damping may stop growing, and the band allows for it"
+            f"force grows as a falling power of amplitude ({p.words}, from level to level): damping may stop growing, "
+            "and the band allows for it"
         ]
-    return [f"p is rising with level ({p.words})"] if p.rising else []
+    said = f"force grows as a rising power of amplitude ({p.words}, from level to level)"
+    return [said] if p.rising else []
 
 
 def _list_of_test(force: float, data: Observations) -> list[str]:
@@ -65,7 +69,7 @@ def _list_of_test(force: float, data: Observations) -> list[str]:
     if levels == 1:
         said.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
     elif levels < 5:
-        said.append(f"{_WORDS[levels]} points: p from {levels - 2} degree{'s' * (levels != 3)} of freedom")
+        said.append(f"{_WORDS[levels]} force levels say little about how damping grows with amplitude")
     span = data.tested_force.max() / data.tested_force.min()
     if levels > 1 and force / data.tested_force.max() > span:
         said.append(f"farther beyond the test than the test is wide (largest over smallest tested force {span:.2f})")
@@ -185,14 +189,16 @@ def predict(
 
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    laws = [np.where(np.isfinite(s.law).any(axis=0), s.law, 0.0) for s in spreads]  # no draw at all: no prediction
+    known = [np.isfinite(s.law).any(axis=0) for s in spreads]  # no draw at all: no prediction of that law
+    laws = [np.where(any_draw, s.law, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
+    strays = [np.where(any_draw, s.stray, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
     mean = np.array([np.nanmean(law, axis=0) for law in laws])
     within = np.array([np.nanvar(law, axis=0) for law in laws])
     variances = {
         "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "discrepancy": weights @ np.array([np.nanvar(s.stray, axis=0) for s in spreads]),
+        "discrepancy": weights @ np.array([np.nanvar(stray, axis=0) for stray in strays]),
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 

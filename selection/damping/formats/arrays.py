@@ -51,13 +51,16 @@ class Arrays:
     steps: dict[str, tuple[float, float]]
 
 
-def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int) -> Arrays:
+def read_arrays(
+    path: str | Path, kind: str, names: Sequence[str], max_size: int, rows: tuple[int, int] | None = None
+) -> Arrays:
     """The arrays ``names`` that the file has, and what is in it.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes.
+        max_size: largest file read, bytes. rows: first and behind the last sample of every array of an HDF5 file that
+            are read, along its longest axis; all where None.
 
     Raises:
         AnalysisError: the package that reads the format is not installed.
@@ -66,7 +69,7 @@ def read_arrays(path: str | Path, kind: str, names: Sequence[str], max_size: int
     size = _size(path, max_size)
     script = Path(__file__).with_name("worker.py")
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
-    words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits)]
+    words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits), json.dumps(rows)]
     try:
         done = subprocess.run(
             [sys.executable, "-P", str(script), *words],

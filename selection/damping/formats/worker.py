@@ -21,6 +21,8 @@ _MOST_NAMES = 200
 _DEEPEST = 6
 #: Arrays that one name may stand for.
 _MOST_PARTS = 1000
+#: First and behind the last sample of every array that are read; empty: all.
+_ROWS: list[int] = []
 _FILTERS = {"gzip", "lzf", None}
 
 
@@ -32,6 +34,7 @@ def main() -> None:
     """Read ``sys.argv``: format, path, JSON list of names, most bytes of arrays, of memory, and most seconds."""
     kind, path, names = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
     most, memory, seconds = map(int, sys.argv[4:7])
+    _ROWS.extend(json.loads(sys.argv[7]) or [])
     _limit(memory, seconds)
     known: dict[str, list[int]] = {}
     units: dict[str, str] = {}
@@ -52,11 +55,10 @@ def main() -> None:
         missing = error.name
     loaded = [(name, "complex" if np.iscomplexobj(array) else "float", array.shape) for name, array in arrays]
     answer = {"known": known, "units": units, "steps": steps, "loaded": loaded, "problem": problem, "missing": missing}
-    out = sys.stdout.buffer
-    out.write(json.dumps(answer).encode() + b"\n")
+    sys.stdout.buffer.write(json.dumps(answer).encode() + b"\n")
     for _, array in arrays:
-        out.write(array.data if array.size else b"")
-    out.flush()
+        sys.stdout.buffer.write(array.data if array.size else b"")
+    sys.stdout.buffer.flush()
 
 
 def _limit(memory: int, seconds: int) -> None:
@@ -173,12 +175,23 @@ def _hdf(path: str, kind: str, names: list[str], most: int, known: Any, units: A
                 known[name] = known[place]
             found = file[place]
             _readable(h5py, found, name)
-            _bounded(found.shape, max(found.dtype.itemsize, 16), most)
-            array = _numbers(found[()], name)
+            shape, part = _choose_rows(found.shape)
+            _bounded(shape, max(found.dtype.itemsize, 16), most)
+            array = _numbers(found[part], name)
             named = found.attrs.get("units", found.attrs.get("unit"))
             if isinstance(named, str | bytes):
                 units[name] = (named if isinstance(named, str) else named.decode(errors="replace"))[:60]
             yield name, array.T if kind == "mat73" else array
+
+
+def _choose_rows(shape: Any) -> tuple[Any, Any]:
+    """Shape and index of the samples that are wanted, along the longest axis."""
+    if not _ROWS or not shape:
+        return shape, ()
+    axis = max(range(len(shape)), key=lambda k: shape[k])
+    part = slice(*(min(place, shape[axis]) for place in _ROWS))
+    index = tuple(part if k == axis else slice(n) for k, n in enumerate(shape))
+    return tuple(one.stop - (one.start or 0) for one in index), index
 
 
 def _rattlesnake(h5py: Any, file: Any, most: int, known: Any, units: Any, steps: Any) -> Any:

@@ -19,12 +19,12 @@ from damping.arrays import FloatArray
 
 #: How far in ln F a strayed slope is remembered: about a factor of four in force.
 LENGTH = 1.5
-#: Prior of sigma: median and log standard deviation, so that 5 % lie below 0.002 and 5 % above 0.7. Tried on the
+#: Prior of sigma: median and log standard deviation, so that 5 % lie below 0.0025 and 5 % above 0.35. Tried on the
 #: structures of ``damping calibrate``: half have a law of the library, and a joint's slope can double within the band.
-DOUBT_MEDIAN = 0.04
-DOUBT_LOG_SD = 1.75
+DOUBT_MEDIAN = 0.03
+DOUBT_LOG_SD = 1.5
 #: A slope that strays upwards beyond the test strays by this factor more: joints let go at once, and take hold slowly.
-STEEPER = 1.5
+STEEPER = 3.0
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 

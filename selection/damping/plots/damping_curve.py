@@ -1,4 +1,4 @@
-"""Damping ratio and Q of a resonance against its amplitude; measured sweeps beside those of a law.
+"""Damping ratio and Q of a resonance against its amplitude or its level; measured sweeps beside those of a law.
 
 A line is solid within the test and dashed beyond it, where the ground is hatched too.
 """
@@ -21,17 +21,16 @@ from damping.plots.style import (
     LINEAR,
     MEASURED,
     MUTED,
+    NARROW,
     PREDICTIVE,
     WIDTH,
     Drawing,
     describe_short,
     describe_with_unit,
+    distinguish,
     law_style,
     styled,
 )
-
-#: Ends of the band that a load is sized with, in words.
-_BOUND = "the low end: a load is sized with it"
 
 
 @styled
@@ -42,10 +41,15 @@ def damping_curve(table: pd.DataFrame, level: float, unit: str = "", tested: pd.
         table: rows of a curve, ``amplitude, damping_ratio, damping_ratio_low, damping_ratio_high, tested``; NaN where
             there is none. level: content of the band. tested: of each sweep, ``amplitude, damping_ratio``.
     """
-    figure = Drawing(figsize=(WIDTH, 3.4))
+    figure = Drawing(figsize=(NARROW, 3.7))
     axes = figure.add_subplot()
     draw_damping_curve(axes, table, level, unit, tested)
-    figure.legend(handles=_list_curve_marks(level, tested is not None), loc="outside lower center", ncols=2)
+    figure.legend(
+        handles=_list_curve_marks(level, 0 if tested is None else len(tested)),
+        loc="outside lower left",
+        ncols=2,
+        columnspacing=1.2,
+    )
     return figure
 
 
@@ -105,56 +109,82 @@ def _to_q(percent: FloatArray) -> FloatArray:
 
 
 def shade_beyond(axes: Axes, edge: float, end: float) -> None:
-    """Hatch the ground from ``edge`` on, beyond which nothing was tested."""
+    """Hatch the ground from ``edge`` to ``end``, where nothing was tested."""
     if end > edge:
         axes.axvspan(edge, end, facecolor=BEYOND, edgecolor=GRID, hatch="///", linewidth=0, zorder=0)
 
 
-def _list_curve_marks(level: float, tested: bool) -> list[Line2D | Patch]:
+def _list_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
     dashed = (0, (4, 1.5))
-    marks: list[Line2D | Patch] = [Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested amplitudes")]
-    marks.append(
-        Line2D([], [], color=AVERAGE, linewidth=2.2, linestyle=dashed, label="median, beyond the test (hatched)")
-    )
-    marks.append(Patch(color=PREDICTIVE, label=f"{100 * level:g} % band"))
-    marks.append(Line2D([], [], color=LINEAR, linewidth=1.2, label=_BOUND))
+    marks: list[Line2D | Patch] = [
+        Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, linestyle=dashed, label="median, beyond (hatched)"),
+        Patch(color=PREDICTIVE, label=f"{100 * level:g} % band"),
+        Line2D([], [], color=LINEAR, linewidth=1.2, label="its low end: size loads with it"),
+    ]
     if tested:
-        marks.append(Line2D([], [], marker="o", color=MEASURED, linestyle="", label="measured, a sweep each"))
+        marks.append(Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {tested})"))
     return marks
 
 
-#: Sweeps drawn beside the fit at most, evenly from the lowest level to the highest.
-MOST_SWEEPS = 5
+#: Sweeps named beside their curves; more hide them.
+MOST_NAMED = 6
 
 
 @styled
-def fitted_sweeps(measured: pd.DataFrame, fitted: pd.DataFrame, law: str, unit: str = "") -> Figure:
-    """Draw measured sweeps with the curves of one law through them; resonances alone as force against amplitude.
+def fitted_sweeps(
+    measured: pd.DataFrame, fitted: pd.DataFrame, law: str, unit: str = "", *, force_unit: str | None = None
+) -> Figure:
+    """Draw measured sweeps with the curves of one law through them, or resonances with its curve over force.
 
     Args:
         measured: ``sweep, x, y``. fitted: the same columns, rows of a sweep in order of x. law: its name, for the
-            legend. ``x`` is frequency in Hz and ``y`` amplitude in ``unit``.
+            legend. unit: of the amplitude y. force_unit: of x where that is force; None where it is frequency in Hz.
     """
-    figure = Drawing(figsize=(WIDTH, 3.6))
+    figure = Drawing(figsize=(NARROW, 3.7))
     axes = figure.add_subplot()
-    sweeps = list(dict.fromkeys(measured["sweep"]))
-    for number, sweep in enumerate(sweeps):
-        shade = str(0.15 + 0.5 * number / max(len(sweeps) - 1, 1))
-        rows, line = measured[measured["sweep"] == sweep], fitted[fitted["sweep"] == sweep]
-        axes.plot(rows["x"], rows["y"], "o", color=shade, markersize=3.2, mec="white", mew=0.3, zorder=3)
+    for _, line in fitted.groupby("sweep", sort=False):
         axes.plot(line["x"], line["y"], color=law_style(law).colour, linewidth=1.3)
-        top = rows.iloc[int(rows["y"].argmax())]
-        axes.annotate(
-            describe_short(sweep), (top["x"], top["y"]), (5, 3), textcoords="offset points", fontsize=7.5, color=shade
-        )
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(describe_with_unit("amplitude", unit))
-    axes.margins(x=0.06, y=0.1)
+    axes.plot(measured["x"], measured["y"], "o", color=MEASURED, markersize=3.6, mec="white", mew=0.3, zorder=3)
+    sweeps = measured.groupby("sweep", sort=False)
+    if sweeps.ngroups <= MOST_NAMED:
+        tops = measured.loc[sweeps["y"].idxmax()]
+        for label, x, y in zip(distinguish(tops["sweep"]), tops["x"], tops["y"], strict=True):
+            axes.annotate(label, (x, y), (5, 2), textcoords="offset points", fontsize=7.5)
+    axes.set_xlabel("frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit))
+    axes.set_ylabel(describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit))
+    axes.margins(x=0.1, y=0.1)
+    said = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
     marks = [
-        Line2D(
-            [], [], marker="o", color=MEASURED, linestyle="", label=f"measured, {len(sweeps)} sweeps by their labels"
-        ),
-        Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 48)}"),
+        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=said),
+        Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),
     ]
-    figure.legend(handles=marks, loc="outside lower center", ncols=2)
+    figure.legend(handles=marks, loc="outside lower left", ncols=1)
+    return figure
+
+
+@styled
+def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
+    """Two panels over the level: damping ratio with its band, and frequency.
+
+    Args:
+        table: a row a level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
+        unit: of the level.
+    """
+    figure = Figure(figsize=(WIDTH, 2.6))
+    left, right = figure.subplots(1, 2)
+    level = table["level"].to_numpy(dtype=float)
+    tested = table["tested"].to_numpy(dtype=bool)
+    left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=PREDICTIVE, label="90 % band")
+    for axes, name, factor in ((left, "median", 100.0), (right, "frequency", 1.0)):
+        values = factor * table[name].to_numpy(dtype=float)
+        axes.plot(level, values, color=AVERAGE)
+        axes.plot(level[tested], values[tested], "o", color=MEASURED, label="tested")
+        axes.plot(level[~tested], values[~tested], "o", mfc="white", color=MEASURED, label="design")
+        axes.set_xlabel(f"level, {unit}")
+    left.set_ylabel("damping ratio, %")
+    right.set_ylabel("frequency, Hz")
+    left.legend(loc="best")
+    span = np.ptp(table["frequency"]) or 1e-3 * float(table["frequency"].iloc[0])
+    right.set_ylim(table["frequency"].min() - span, table["frequency"].max() + span)
     return figure

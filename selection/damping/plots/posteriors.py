@@ -2,8 +2,6 @@
 
 What was believed before the test against what is believed after it.
 
-Have the chains said enough? R-hat, effective size and length of every quantity of every law.
-
 Would the law have predicted the tests it was fitted to?
 """
 
@@ -20,7 +18,6 @@ from scipy.ndimage import gaussian_filter
 
 from damping.arrays import FloatArray
 from damping.plots.style import (
-    ALERT,
     AVERAGE,
     CREDIBLE,
     INK,
@@ -30,6 +27,7 @@ from damping.plots.style import (
     PREDICTIVE,
     WIDTH,
     describe_short,
+    distinguish,
     draw_plain_rows,
     law_style,
     plain_log,
@@ -118,49 +116,8 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 
 
-_HISTOGRAM_BINS = 60
 #: Values below this share of the median are drawn at it.
 _FLOOR = 1e-3
-
-
-@styled
-def prior_posterior(prior: Mapping[str, FloatArray], posterior: Mapping[str, FloatArray]) -> Figure:
-    """Draw the densities of each parameter of one law.
-
-    Args:
-        prior, posterior: label of each parameter, with its unit, and its draws. A positive parameter that spans more
-            than a decade is drawn on a logarithmic axis with its density per unit of ln.
-    """
-    columns = min(3, len(posterior))
-    rows = -(-len(posterior) // columns)
-    figure = Figure(figsize=(WIDTH, 1.9 * rows + 0.3))
-    for number, (label, draws) in enumerate(posterior.items()):
-        axes = figure.add_subplot(rows, columns, number + 1)
-        _draw_densities(axes, prior[label], draws)
-        axes.set_xlabel(label)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=2)
-    return figure
-
-
-def _draw_densities(axes: Axes, prior: FloatArray, posterior: FloatArray) -> None:
-    low, high = np.percentile(prior, [1.0, 99.0])
-    low, high = min(low, np.percentile(posterior, 0.5)), max(high, np.percentile(posterior, 99.5))
-    logarithmic = low > 0.0 and high / low > 10.0
-    edges = np.geomspace(low, high, _HISTOGRAM_BINS + 1) if logarithmic else np.linspace(low, high, _HISTOGRAM_BINS + 1)
-    widths = np.diff(np.log(edges) if logarithmic else edges)
-    if logarithmic:
-        axes.set_xscale("log")
-        axes.set_xlim(low, high)
-        plain_log(axes.xaxis)
-    else:
-        axes.xaxis.set_major_locator(MaxNLocator(5))
-    for draws, style in ((posterior, {"fill": True, "color": CREDIBLE}), (prior, {"color": LINEAR, "linewidth": 1.3})):
-        density = np.histogram(draws, edges)[0] / (len(draws) * widths)
-        axes.stairs(density, edges, label="prior" if draws is prior else "posterior", **style)  # type: ignore[arg-type]  # mixed keywords
-    axes.set_yticks([])
-    axes.grid(visible=False)
-    axes.set_ylim(bottom=0.0)
 
 
 @styled
@@ -181,7 +138,7 @@ def prior_posterior_summary(table: pd.DataFrame) -> Figure:
     colours = [law_style(law).colour for law in rows["law"]]
     axes.hlines(rows.index, scaled["low"], scaled["high"], color=colours, linewidth=2.2)
     axes.plot(np.ones(len(rows)), rows.index, "|", color=INK, markersize=6)
-    axes.set_xlabel("relative to the posterior median: prior grey, posterior coloured", x=0.4)
+    axes.set_xlabel("over the posterior median\n(prior grey, posterior coloured)")
     axes.set_xlim(0.8 * scaled["prior_low"].min(), 1.25 * scaled["prior_high"].max())
     plain_log(axes.xaxis)
     starts = np.flatnonzero(rows["law"].ne(rows["law"].shift()))
@@ -190,50 +147,16 @@ def prior_posterior_summary(table: pd.DataFrame) -> Figure:
     return figure
 
 
+#: Letters of a law's name beside the names of its parameters.
+_MOST_LETTERS = 26
+
+
 def _list_row_labels(rows: pd.DataFrame) -> list[str]:
     """The law where its first parameter stands, then the parameters."""
     return [
-        f"{law}:  {parameter}" if law != before else str(parameter)
+        f"{describe_short(law, _MOST_LETTERS)}:  {parameter}" if law != before else str(parameter)
         for law, before, parameter in zip(rows["law"], rows["law"].shift(), rows["parameter"], strict=True)
     ]
-
-
-@styled
-def convergence(table: pd.DataFrame, r_hat: float, effective_size: float, lengths: float) -> Figure:
-    """Draw a dot for each quantity, a row for each law, and the limit to be met; what fails it is an orange cross.
-
-    Args:
-        table: ``law, quantity, r_hat, effective_size, lengths``.
-        r_hat, effective_size, lengths: the limits (at most, at least, at least).
-    """
-    laws = list(table["law"].unique())
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.2 * len(laws)))
-    panels = figure.subplots(1, 3, sharey=True)
-    limits = (
-        ("r_hat", r_hat, "R-hat"),
-        ("effective_size", effective_size, "effective size"),
-        ("lengths", lengths, "length / τ"),
-    )
-    for axes, (column, limit, title) in zip(panels, limits, strict=True):
-        draw_plain_rows(axes, [str(law) for law in laws])
-        failed = table[column] > limit if column == "r_hat" else table[column] < limit
-        _draw_dots(axes, table[column], table["law"].map(laws.index), failed | table[column].isna())
-        axes.axvline(limit, color=ALERT, linewidth=1.0, linestyle=(0, (3, 2)))
-        if column != "r_hat":
-            axes.set_xscale("log")
-            axes.set_xlim(0.7 * min(limit, table[column].min()), 1.4 * max(limit, table[column].max()))
-            plain_log(axes.xaxis)
-        else:
-            axes.set_xlim(0.999, max(1.013, 1.002 * float(table[column].max())))
-        axes.set_xlabel(f"{title} {'≤' if column == 'r_hat' else '≥'} {limit:g}")
-    return figure
-
-
-def _draw_dots(axes: Axes, values: pd.Series, rows: pd.Series, failed: pd.Series) -> None:
-    for row, of_law in values.groupby(rows):
-        axes.hlines(row, of_law.min(), of_law.max(), color=MUTED, linewidth=0.8)
-    axes.plot(values[~failed], rows[~failed], "o", color=AVERAGE, markersize=4, alpha=0.6)
-    axes.plot(values[failed], rows[failed], "X", color=ALERT, markersize=6)
 
 
 #: Panels beside one another.
@@ -255,14 +178,14 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes in panels[len(sweeps) :]:
         axes.remove()
-    for axes, sweep in zip(panels, sweeps, strict=False):
+    for axes, sweep, label in zip(panels, sweeps, distinguish(sweeps, 8), strict=False):
         of_sweep = table[table["sweep"] == sweep]
-        draw_plain_rows(axes, laws)
+        draw_plain_rows(axes, [describe_short(law, _MOST_LETTERS) for law in laws])
         axes.axvline(100.0, color=MEASURED, linewidth=1.2)
         for law, median, low, high in of_sweep[["law", "median", "low", "high"]].itertuples(index=False):
             row, colour = laws.index(str(law)), law_style(str(law)).colour
             axes.plot([low, high], [row, row], color=colour, linewidth=2.0)
             axes.plot(median, row, "o", color=colour, markersize=4.5, markeredgecolor="white")
-        axes.set_title(f"sweep {describe_short(sweep)}")
+        axes.set_title(f"sweep {label}")
     figure.supxlabel(f"{100 * level:g} % predictive interval of resonant amplitude (% of the measured)", fontsize=8.5)
     return figure

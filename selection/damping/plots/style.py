@@ -14,7 +14,7 @@ import io
 import json
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 from xml.etree import ElementTree
@@ -73,6 +73,8 @@ def _scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
 
 #: Width of a full figure, inches: 17 cm, the text width of an A4 page.
 WIDTH = 6.7
+#: Width of a figure that stands beside another or on a telephone, inches.
+NARROW = 4.8
 #: Labels beside points: more hide the points.
 MOST_LABELS = 40
 #: Texts and axes.
@@ -190,11 +192,6 @@ def describe_with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
-def describe_three(value: float) -> str:
-    """A number to three digits for a label: 2.90, 0.865, 1234."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:#.3g}"
-
-
 def weight_text(weight: float) -> str:
     """A posterior probability for a label: three decimals where it is small."""
     if weight >= 0.0095 or weight == 0.0:
@@ -223,6 +220,17 @@ def describe_short(label: object, most: int = 14) -> str:
     """A label for beside a point: one line of at most ``most`` characters."""
     text = " ".join(str(label).split())
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def distinguish(labels: Iterable[object], most: int = 10) -> list[str]:
+    """Labels in a line without the words that all of them begin or end with; at most ``most`` characters each."""
+    words = [str(label).split() for label in labels]
+    if len(words) > 1:
+        while all(len(w) > 1 for w in words) and len({w[0] for w in words}) == 1:
+            words = [w[1:] for w in words]
+        while all(len(w) > 1 for w in words) and len({w[-1] for w in words}) == 1:
+            words = [w[:-1] for w in words]
+    return [describe_short(" ".join(w), most) for w in words]
 
 
 def identifier(name: str) -> str:

@@ -21,7 +21,9 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
+from damping.records.implied import sense_rate
 from damping.records.record import Record
+from damping.records.runs import runs_of
 
 Complex = npt.NDArray[np.complex128]
 
@@ -32,7 +34,6 @@ NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
 #: A rate is believed where it is so many standard errors, and looked for where a first look says so many octaves/min.
 _KNOWN = 5.0
-_LEAST_SENSED = 0.1
 #: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
 _BETTER = 0.6
 _FEWEST = 5  # rows of a sweep
@@ -262,8 +263,8 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     counts = record.table.groupby("sweep")["force"].size()
     if counts.min() < _FEWEST or len(record) > _MOST_ROWS:
         return record, ()
-    sense = _sensed(record, mass)
-    if abs(sense) < _LEAST_SENSED:
+    sense = sense_rate(runs_of(record))
+    if sense is None:
         return record, ()
     rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
     found = abs(rate.octaves_a_minute)
@@ -278,25 +279,3 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         "state sweep_rate (Hz/s) to be sure"
     )
     return correct_rate(Record(record.table.assign(sweep_rate=hertz), record.source), mass), (said,)
-
-
-def _sensed(record: Record, mass: float) -> float:
-    """Octaves a minute, up or down, by linear regression: Re(F/(m a)) + omega^2 = omega_n^2 + r Re(2 i omega^2 a'/a).
-
-    Noise of the slope makes it too small; it only says whether a closer look is worth it.
-    """
-    design, target, weight = [], [], []
-    for _, rows in record.table.groupby("sweep", sort=False):
-        ordered = rows.sort_values("frequency").drop_duplicates("frequency")
-        w = RAD_S_PER_HZ * ordered["frequency"].to_numpy(dtype=float)
-        if len(w) < _FEWEST:
-            return 0.0
-        a, slope = _slope(w, ordered)
-        force = ordered["force"].to_numpy(dtype=float)
-        near = np.abs(a) >= NEAR * np.abs(a).max()
-        design.append(np.column_stack([np.ones_like(w), (2j * w**2 * slope / a).real])[near])
-        target.append(((force / (mass * a)).real + w**2)[near])
-        weight.append((np.abs(a) / force)[near])
-    scale = np.concatenate(weight)
-    found = np.linalg.lstsq(np.concatenate(design) * scale[:, None], np.concatenate(target) * scale, rcond=None)[0]
-    return float(found[1] * 60.0 / log(2.0))

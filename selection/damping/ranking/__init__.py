@@ -195,7 +195,7 @@ def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
     held_out, said = _hold_levels_out(row.law, data) if hold_out else (np.nan, ())
     return replace(
         row,
-        coefficients=_list_tabulate_coefficients(row),
+        coefficients=_tabulate_coefficients(row),
         held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
         cautions=(*_list_cautions(row, data), *said),
@@ -212,7 +212,7 @@ def _hold_levels_out(law: Law, data: Observations) -> tuple[float, tuple[str, ..
         return np.nan, ("with a level left out it cannot carry the other forces",)
 
 
-def _list_tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
+def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
     """Posterior median, standard deviation and interval of every parameter but the scatters."""
     assert row.evidence is not None
     assert row.coordinates is not None

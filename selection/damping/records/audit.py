@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_levels, check_phases, check_sweeps, check_units
+from damping.records import check_sweeps, check_units
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding, View
@@ -34,9 +34,9 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_exchange, _EVERYTHING),
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
-    (check_levels.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
-    (check_phases.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model")),
-    (check_phases.check_phase_sign, ("phase-offset", "energy")),
+    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
+    (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model")),
+    (check_units.check_phase_sign, ("phase-offset", "energy")),
     (
         check_sweeps.check_sweep_rate,
         ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", "amplitude-falls"),
@@ -45,9 +45,9 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_edge, ("amplitude-falls", "beyond-model", "phase-offset")),
     (check_units.check_energy, ()),
     (check_units.check_units, ("beyond-model", "amplitude-falls")),
-    (check_phases.check_phase_offset, ()),
-    (check_levels.check_repeats, ("amplitude-falls",)),
-    (check_levels.check_amplitude_falls, ("beyond-model",)),
+    (check_units.check_phase_offset, ()),
+    (check_sweeps.check_repeats, ("amplitude-falls",)),
+    (check_sweeps.check_amplitude_falls, ("beyond-model",)),
     (check_units.check_beyond_model, ()),
 )
 

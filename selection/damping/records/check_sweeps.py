@@ -1,15 +1,15 @@
-"""Checks of single sweeps: a resonance, one only, slowly enough, and no wild reading."""
+"""Checks of single sweeps (resonance, rate, wild readings) and of sweeps against each other (levels, copies)."""
 
 from __future__ import annotations
 
-from math import pi
+from math import log, pi
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.records.implied import INCOHERENT, SMOOTH, Implied
-from damping.records.runs import Run, count_beats, find_peaks_of
-from damping.records.view import WILD, Finding, View, label_sweeps, name_sweeps
+from damping.records.implied import INCOHERENT, NEAR, SMOOTH, Implied
+from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
+from damping.records.view import WILD, Finding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_noise(view: View) -> Finding | None:
@@ -30,16 +30,21 @@ def check_noise(view: View) -> Finding | None:
 
 def check_outlier(view: View) -> Finding | None:
     """Single amplitudes far from what the rows beside them say."""
-    if not view.wild:
-        return None
     table = view.record.table
-    places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in sorted(view.wild)]
+    largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
+    beats = view.sensed is not None  # the response after a peak that was passed too fast falls to nothing between beats
+    wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
+    if not wild:
+        return None
+    places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in wild]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
-    taken = not view.record.has_phase and any(row in peaks for row in view.wild)
-    values = ", ".join(f"{table['amplitude'][row]:g}" for row in sorted(view.wild)[:3])
+    taken = not view.record.has_phase and any(row in peaks for row in wild)
+    values = ", ".join(f"{table['amplitude'][row]:g}" for row in wild[:3])
     what = f"amplitude {values} at {', '.join(places[:3])}: more than {WILD:g} times off the rows beside it"
     advice = "correct the gain range of that reading, or leave the row out"
-    return Finding("outlier", "refuse" if taken else "caution", what, advice, tuple(dict.fromkeys(view.wild.values())))
+    return Finding(
+        "outlier", "refuse" if taken else "caution", what, advice, tuple(dict.fromkeys(view.wild[r] for r in wild))
+    )
 
 
 def check_edge(view: View) -> Finding | None:
@@ -103,6 +108,17 @@ def check_sweep_rate(view: View) -> Finding | None:
         )
     if rates:
         return None
+    middle = take_median(view.implied["frequency"])
+    width = 2.0 * take_median(view.implied["damping_ratio"]) * middle
+    apart = any(float(p.max() / p.min()) > SEPARATE for _, p in _find_further_peaks(view))
+    if (
+        view.sensed is not None
+        and not apart
+        and abs(view.sensed) * take_median(view.implied["frequency"]) > FAST * width**2
+    ):
+        what = f"the phases turn late, as in a sweep of {abs(view.sensed) * 60.0 / log(2.0):.2g} octaves a minute"
+        advice = "sweep slower, or dwell; peaks are corrected: state sweep_rate (Hz/s) to be sure"
+        return Finding("sweep-rate", "caution", what, advice, view.record.sweeps)
     beats = {run.sweep: count_beats(run) for run in view.runs}
     turned = label_sweeps(run for run, turn in zip(view.runs, view.turns, strict=True) if turn and _is_dragged(turn))
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
@@ -142,3 +158,115 @@ def _measure_rates(view: View) -> dict[str, float]:
         if width > 0.0:
             speeds[str(sweep)] = rate / width**2
     return speeds
+
+
+#: Forces of levels differ by this factor at least; of one level by less than a quarter of that (in the logarithm).
+LEVEL = 1.12
+
+
+def check_mixed_levels(view: View) -> Finding | None:
+    """One label, several forces: rows of different levels take turns over the same frequencies."""
+    mixed = {
+        sweep: levels
+        for sweep, levels in ((sweep, _find_levels(view, sweep)) for sweep in view.record.sweeps)
+        if levels
+    }
+    if not mixed:
+        return None
+    levels = next(iter(mixed.values()))
+    forces = ", ".join(f"{force:.4g}" for force in levels[:6])
+    what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
+    return Finding("mixed-levels", "caution", what, "give every level a label of its own", tuple(mixed))
+
+
+def _find_levels(view: View, sweep: str) -> list[float]:
+    """Forces of the levels that one label holds; none where it is one level."""
+    table = view.record.table[view.record.table["sweep"] == sweep].sort_values("frequency", kind="stable")
+    x = np.log(table["force"].to_numpy(dtype=np.float64))
+    order = np.sort(x)
+    cuts = np.flatnonzero(np.diff(order) > log(LEVEL))
+    groups = np.split(order, cuts + 1)
+    if len(groups) < 2 or min(map(len, groups)) < 2 or max(map(np.ptp, groups)) > 0.5 * np.diff(order)[cuts].min():
+        return []
+    level = np.searchsorted(order[cuts], x - 1e-12)
+    frequency = table["frequency"].to_numpy(dtype=np.float64)
+    spans = [(frequency[level == k].min(), frequency[level == k].max()) for k in range(len(groups))]
+    low, high = max(span[0] for span in spans), min(span[1] for span in spans)
+    shared = (frequency >= low) & (frequency <= high)
+    changes = int(np.sum(np.diff(level[shared]) != 0))
+    return [float(np.exp(group.mean())) for group in groups] if changes >= max(4, len(groups)) else []
+
+
+def check_repeats(view: View) -> Finding | None:
+    """A sweep that is another one to the last digit, or a multiple of it: noise never repeats itself."""
+    runs = [run for run in view.raw]
+    copies: list[tuple[Run, Run, float]] = []
+    for k, second in enumerate(runs):
+        for first in runs[:k]:
+            factor = _find_factor(first, second)
+            if factor is not None and first.sweep != second.sweep:
+                copies.append((first, second, factor))
+                break
+    if not copies:
+        return None
+    first, second, factor = copies[0]
+    scaled = "" if abs(factor - 1.0) < 1e-9 else f" times {factor:.4g}"
+    what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, which no measurement does"
+    return Finding(
+        "repeated-sweep",
+        "caution",
+        what,
+        "leave the copy out: its rows would count twice",
+        label_sweeps(c[1] for c in copies),
+    )
+
+
+#: Proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded.
+COPY = 2e-4
+#: And where the noise of their rows is larger than that by this factor.
+NOISE_OF_COPY = 5.0
+
+
+def _find_factor(first: Run, second: Run) -> float | None:
+    """The factor by which the amplitudes of two runs differ, the same for all rows; None where they are no copy."""
+    if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
+        return None
+    same_phase = first.phase is None or (
+        second.phase is not None and np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
+    )
+    if len(first) < FEWEST_ROWS:
+        same = np.allclose(first.A, second.A, rtol=1e-12) and np.allclose(first.F, second.F, rtol=1e-12)
+        return 1.0 if same and same_phase else None
+    if np.allclose(first.A, second.A, rtol=1e-12) and same_phase:
+        return 1.0
+    ratio = np.log(second.A / first.A)
+    if np.ptp(np.log(second.F / first.F)) > COPY:
+        return None
+    noisy = first.noise > NOISE_OF_COPY * COPY
+    return float(np.exp(np.median(ratio))) if noisy and same_phase and np.ptp(ratio) < COPY else None
+
+
+#: Levels are compared where their forces differ by this factor.
+FORCE_STEP = 1.1
+#: A resonant amplitude has fallen below this share of that at less force.
+FALLEN = 0.87
+
+
+def check_amplitude_falls(view: View) -> Finding | None:
+    """A resonant amplitude that falls with force: no passive structure does that."""
+    table = view.implied[
+        [
+            all(seen for run, seen in zip(view.runs, view.resonant, strict=True) if run.sweep == sweep)
+            for sweep in view.implied["sweep"]
+        ]
+    ]
+    table = table.sort_values("force", kind="stable")
+    F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
+    pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
+    falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]
+    if not falling or len(falling) < 0.3 * len(pairs):
+        return None
+    i, j = min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
+    what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
+    advice = "check the labels and the force of each level, and whether the structure was altered between them"
+    return Finding("amplitude-falls", "refuse", what, advice, tuple(table["sweep"].iloc[sorted({i, j})]))

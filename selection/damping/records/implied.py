@@ -7,7 +7,7 @@ the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -142,3 +142,75 @@ def classify_phase(turn: Implied) -> str:
     if turn.taken < -CERTAIN:
         return "acceleration" if half else "negated"
     return "minus pi" if half and turn.taken > CERTAIN else ""
+
+
+#: Rows of at least this share of the largest A/F show a rate of sweeping; beyond, the response beats after its peak.
+NEAR = 0.35
+#: Slopes of the phase are taken over a row on either side, and one more for every so many rows of a run.
+ROWS_A_SIDE = 30
+#: Fewest rows of all runs, beside those that the fit takes.
+FREE_ROWS = 8
+#: A rate is one where it is so many standard errors ...
+CERTAIN_RATE = 8.0
+#: ... leaves at most this share of the squares that no rate leaves ...
+OF_STEADY = 0.35
+#: ... and this share of those that a spring leaves whose stiffness changes with amplitude.
+OF_SPRING = 0.6
+
+
+def sense_rate(runs: Sequence[Run]) -> float | None:
+    """Rate of sweeping (d omega/dt)/omega, 1/s, that all runs show in common; None where they show none.
+
+    With the slow envelope of a swept motion, Re Y = K - M omega^2 + 2 r M omega^2 d phase/d omega, by least squares
+    over rows near resonance with a stiffness K for every run. A spring whose stiffness changes with amplitude, K + k A
+    + l A^2, must explain the rows worse.
+    """
+    rows = [part for k, run in enumerate(runs) if (part := _list_terms(run, k, len(runs))) is not None]
+    if not rows:
+        return None
+    linear, slope, spring, real = (np.concatenate([part[n] for part in rows]) for n in range(4))
+    count = len(real) - linear.shape[1] - 1
+    if count < FREE_ROWS:
+        return None
+    swept = np.column_stack([linear, slope])
+    found, left, spread = _solve(swept, real)
+    steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
+    error = spread * np.sqrt(left / count)
+    told = abs(found[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent
+    return float(found[-1] / found[-2]) if told and found[-2] > 0.0 else None
+
+
+def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | None:
+    """Columns of K of every run and M (n, count + 1), of the rate (n,), of a spring (n, 2), and Re Y, times A/F."""
+    if run.phase is None or len(run) < FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
+        return None
+    lag, side = np.unwrap(run.phase), 1 + len(run) // ROWS_A_SIDE
+    slope = np.array([_slope_at(run.omega, lag, k, side) for k in range(len(run))])
+    weight = run.A / run.F
+    near = weight >= NEAR * weight.max()
+    own = np.zeros((len(run), count))
+    own[:, number] = 1.0
+    columns = (
+        np.column_stack([own, -(run.omega**2)]),
+        2.0 * run.omega**2 * slope,
+        np.column_stack([run.A, run.A**2]),
+        run.stiffness.real,
+    )
+    return tuple((column.T * weight).T[near] for column in columns)
+
+
+def _slope_at(x: FloatArray, y: FloatArray, k: int, side: int) -> float:
+    """Slope of the line through the points up to ``side`` places from ``k``."""
+    part = slice(max(k - side, 0), k + side + 1)
+    u = x[part] - np.mean(x[part])
+    return float(u @ y[part] / (u @ u))
+
+
+def _solve(design: FloatArray, target: FloatArray) -> tuple[FloatArray, float, float]:
+    """Least squares of columns of any size, the sum of squares left, and the spread of the last for one of 1."""
+    size = np.linalg.norm(design, axis=0)
+    size[size == 0.0] = 1.0
+    found = np.linalg.lstsq(design / size, target)[0] / size
+    left = target - design @ found
+    spread = np.sqrt(np.linalg.pinv((design / size).T @ (design / size))[-1, -1]) / size[-1]
+    return found, float(left @ left), float(spread)

@@ -18,6 +18,7 @@ from damping.records.implied import (
     estimate_mass_without_phase,
     find_implied,
     is_incoherent,
+    sense_rate,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -145,6 +146,11 @@ class View:
             lag = AS_LAG[kind](run.phase - offset)
             lags.append(np.angle(np.exp(1j * (lag - 0.5 * pi))) + 0.5 * pi)
         return lags
+
+    @cached_property
+    def sensed(self) -> float | None:
+        """Rate of sweeping (d omega/dt)/omega, 1/s, that the phases show; None where they show none."""
+        return sense_rate([run for run, lag in zip(self.runs, self.lags, strict=True) if lag is not None])
 
     @cached_property
     def resonant(self) -> list[bool]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 
 from damping.campaign.answer import Campaign, ModeAnswer
-from damping.plots.campaign import mode_over_level
+from damping.plots.damping_curve import mode_over_level
 from damping.plots.style import to_svg
 from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, describe_page
 

@@ -8,27 +8,36 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from damping.infer.chains import Settings
+from damping.arrays import RAD_S_PER_HZ
+from damping.plots.damping_curve import damping_curve, fitted_sweeps
 from damping.plots.design_loads import design_loads
-from damping.plots.fits import energy_surface, fits, percent_deviations, ranking
-from damping.plots.posteriors import convergence, corner, predictive_check, prior_posterior, prior_posterior_summary
-from damping.plots.style import describe_with_unit
-from damping.ranking import Candidate
+from damping.plots.fits import ranking
+from damping.plots.posteriors import corner, predictive_check, prior_posterior_summary
+from damping.predict.steady import resonant_amplitude, steady_state
 from damping.report import forms, tables
-from damping.report.results import LawPosterior, RecordResult, posterior_draws, prior_draws
+from damping.report.results import (
+    LawPosterior,
+    RecordResult,
+    posterior_draws,
+    prior_draws,
+    weighted,
+)
 from damping.report.words import (
-    format_energy_unit,
+    choose_length,
     format_force_text,
     format_joined,
     format_parameter_label,
+    format_quantity,
     format_share,
     number,
 )
 
-#: Laws whose fits are drawn: more curves cannot be told apart.
-MOST_LAWS = 5
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
 MOST_SWEEPS = 8
+#: Laws drawn as bars; the rest weigh next to nothing.
+MOST_BARS = 12
+#: Points of a fitted curve between the ends of a sweep.
+POINTS = 120
 
 
 class Drawn(NamedTuple):
@@ -42,16 +51,13 @@ class Drawn(NamedTuple):
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
     """Figures of a record by name; those its results cannot fill are left out. ``level``: of predictive checks."""
     drawn = {
+        "damping_curve": _draw_curve(result),
+        "fitted": _draw_fitted(result),
+        "design_loads": _draw_design_loads(result),
         "ranking": _draw_ranking(result),
-        "fits": _draw_fits(result),
-        "deviations": _draw_deviations(result),
-        "energy_surface": _draw_energy_surface(result),
         "corner": _draw_corner(result),
-        "prior_posterior": _draw_prior_posterior(result),
         "priors": _draw_priors(result),
         "predictive_check": _draw_predictive_check(result, level),
-        "convergence": _draw_convergence(result),
-        "design_loads": _draw_design_loads(result),
     }
     return {name: one for name, one in drawn.items() if one is not None}
 
@@ -62,106 +68,78 @@ def leading(result: RecordResult) -> LawPosterior | None:
     return max(converged, key=lambda sampled: sampled.weight) if converged else None
 
 
-def shown_laws(result: RecordResult) -> list[Candidate]:
-    """The candidates of largest weight, and viscous damping for comparison."""
-    best = [c for c in result.ranking.candidates if c.rank is not None and c.weight > 0.0][:MOST_LAWS]
-    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in best]
-    return best + viscous
+def _draw_curve(result: RecordResult) -> Drawn | None:
+    curve = result.curve
+    if curve is None or not np.isfinite(curve.damping_ratio.median).any():
+        return None
+    table, data = curve.table, result.data
+    factor, unit = choose_length(result.mode.units.length, table["amplitude"].max())
+    table["amplitude"] *= factor
+    tested = None
+    if result.backbone is not None:
+        mass = result.backbone.mass_at(data.tested_amplitude)
+        ratio = data.tested_force / (2.0 * mass * data.tested_omega**2 * data.tested_amplitude)
+        tested = pd.DataFrame({"amplitude": factor * data.tested_amplitude, "damping_ratio": ratio})
+    rows = table[np.isfinite(table["damping_ratio"])]
+    said = format_joined(
+        f"{number(100.0 * z)} per cent at {format_quantity(A, unit)} ({number(100.0 * low)} to {number(100.0 * high)})"
+        for A, z, low, high in rows.iloc[[0, -1]][
+            ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
+        ].itertuples(index=False)
+    )
+    description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent band: {said}."
+    return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
+
+
+def _draw_fitted(result: RecordResult) -> Drawn | None:
+    """Measured rows beside the leading law: sweeps over frequency, or resonances as amplitude over force."""
+    best, data, units = weighted(result)[0], result.data, result.mode.units
+    if best.fit is None:
+        return None
+    force = best.fit.force
+    record, frame = result.record, result.record.table
+    factor, length = choose_length(units.length, data.tested_amplitude.max())
+    swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
+    if swept:
+        measured = frame.assign(sweep=frame["sweep"].astype(str), x=frame["frequency"], y=factor * frame["amplitude"])
+        measured = measured[measured["sweep"].isin(swept)][["sweep", "x", "y"]]
+        curves = []
+        for sweep in swept:
+            rows = frame[frame["sweep"].astype(str) == sweep].sort_values("frequency")
+            f = np.linspace(rows["frequency"].min(), rows["frequency"].max(), POINTS)
+            F = np.interp(f, rows["frequency"], rows["force"])
+            at = data.sweeps.index(sweep) if sweep in data.sweeps else data.top
+            mass = float(record.masses(result.mode.mass)[rows.index[0]])
+            state = steady_state(force, F, RAD_S_PER_HZ * f, mass, float(data.tested_omega[at]))
+            curves.append(pd.DataFrame({"sweep": sweep, "x": f, "y": factor * state.amplitude}))
+        figure = fitted_sweeps(measured, pd.concat(curves, ignore_index=True), best.name, length)
+        what = f"Amplitude against frequency of {len(swept)} sweeps"
+    else:
+        measured = pd.DataFrame({"sweep": data.sweeps, "x": data.tested_force, "y": factor * data.tested_amplitude})
+        F = np.linspace(0.85 * data.tested_force.min(), 1.1 * data.tested_force.max(), POINTS)
+        y = factor * resonant_amplitude(force, F, data.tested_omega[data.top])
+        line = pd.DataFrame({"sweep": "", "x": F, "y": y})
+        figure = fitted_sweeps(measured, line, best.name, length, force_unit=units.force)
+        what = f"Resonant amplitude against force of {len(data.sweeps)} sweeps"
+    error = number(best.average_absolute_percent)
+    return Drawn(
+        figure,
+        f"{result.title}: measured and fitted",
+        f"{what}, measured and by {best.name}; mean absolute error of resonant amplitude {error} per cent.",
+    )
 
 
 def _draw_ranking(result: RecordResult) -> Drawn:
-    table = tables.tabulate_ranking(result)
+    table = tables.tabulate_ranking(result).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
     said = format_joined(
         f"{law} {format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
     )
     description = (
-        f"Bars of the weight of {len(table)} candidate laws, beside their error at the tested resonances, fitted and "
-        f"with the level held out. Largest weights: {said}."
+        f"Bars of the weight of the first {len(table)} candidate laws, beside their error at the tested resonances, "
+        f"fitted and with the level held out. Largest weights: {said}."
     )
     return Drawn(ranking(table), f"{result.title}: candidate laws ranked", description)
-
-
-def _draw_fits(result: RecordResult) -> Drawn:
-    one_sweep = len(result.data.sweeps) == 1
-    units = result.mode.units
-    observed = tables.tabulate_observations(result)
-    laws = shown_laws(result)
-    x = "frequency" if one_sweep else "amplitude"
-    y = "energy" if one_sweep else "damping_force"
-    measured = pd.DataFrame({"x": observed[x], "y": observed[y], "label": observed["point"]})
-    curves = [_tabulate_curve(result, law, one_sweep) for law in laws]
-    deviations = tables.tabulate_deviations(result)
-    chosen = deviations[deviations["law"].isin([law.name for law in laws])]
-    figure = fits(
-        measured,
-        pd.concat(curves, ignore_index=True),
-        pd.DataFrame({"law": chosen["law"], "x": chosen[x], "percent": chosen["percent"]}),
-        describe_with_unit("frequency", "Hz") if one_sweep else describe_with_unit("amplitude", units.length),
-        describe_with_unit("energy per cycle", format_energy_unit(units))
-        if one_sweep
-        else describe_with_unit("damping force", units.force),
-    )
-    means = chosen.groupby("law", sort=False)["percent"].agg(lambda percent: percent.abs().mean())
-    said = format_joined(f"{law} {number(mean)} per cent" for law, mean in means.items())
-    what = "Energy per cycle against frequency" if one_sweep else "Damping force against amplitude"
-    description = f"{what}, measured and by {len(laws)} laws, with deviations below. Mean absolute deviation: {said}."
-    return Drawn(figure, f"{result.title}: fits and residuals", description)
-
-
-def _tabulate_curve(result: RecordResult, law: Candidate, one_sweep: bool) -> pd.DataFrame:
-    """A law's curve: energy at the measured points of one sweep, or damping force over a grid of amplitudes."""
-    data = result.data
-    if one_sweep:
-        order = np.argsort(data.omega)
-        A, omega = data.A[order], data.omega[order]
-        y = np.pi * A * tables.damping_force(law, A, omega)
-        return pd.DataFrame({"law": law.name, "weight": law.weight, "x": omega / (2.0 * np.pi), "y": y})
-    grid = np.linspace(0.9 * data.A.min(), 1.05 * data.A.max(), 60)
-    y = tables.damping_force(law, grid, data.reference[1])
-    return pd.DataFrame({"law": law.name, "weight": law.weight, "x": grid, "y": y})
-
-
-def _draw_deviations(result: RecordResult) -> Drawn | None:
-    names = [law.name for law in shown_laws(result)]
-    table = tables.tabulate_deviations(result)
-    table = table[table["law"].isin(names)]
-    if len(result.data.A) < 5:
-        return None
-    worst = table.iloc[int(table["percent"].abs().argmax())]
-    description = (
-        f"Per cent deviation of the energy per cycle of {len(result.data.A)} points from {len(names)} laws. The "
-        f"largest is {number(worst['percent'])} per cent, at point {worst['point']} by {worst['law']}."
-    )
-    return Drawn(percent_deviations(table), f"{result.title}: per cent deviations", description)
-
-
-def _draw_energy_surface(result: RecordResult) -> Drawn | None:
-    best = next((c for c in result.ranking.candidates if c.weight > 0.0 and c.rank is not None), None)
-    data = result.data
-    if best is None or len(data.A) < 5:
-        return None
-    units = result.mode.units
-    frequency = data.omega / (2.0 * np.pi)
-    spare = 0.06 * np.ptp(frequency) or 0.01 * frequency[0]
-    f = np.linspace(frequency.min() - spare, frequency.max() + 2.0 * spare, 60)
-    A = np.linspace(0.5 * data.A.min(), 1.08 * data.A.max(), 60)
-    grid_A, grid_f = np.meshgrid(A, f, indexing="ij")
-    energy = np.pi * grid_A * tables.damping_force(best, grid_A, 2.0 * np.pi * grid_f)
-    figure = energy_surface(
-        A,
-        f,
-        energy,
-        tables.tabulate_observations(result)[["amplitude", "frequency", "energy"]],
-        describe_with_unit("amplitude", units.length),
-        describe_with_unit("frequency", "Hz"),
-        describe_with_unit("energy per cycle", format_energy_unit(units)),
-    )
-    description = (
-        f"Contours of the energy per cycle by {best.name} over amplitude and frequency, with {len(data.A)} measured "
-        "points in the same colours and their measured energies."
-    )
-    return Drawn(figure, f"{result.title}: energy surface", description)
 
 
 def _labelled(result: RecordResult, sampled: LawPosterior) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -184,16 +162,6 @@ def _draw_corner(result: RecordResult) -> Drawn | None:
     prior, posterior = _labelled(result, best)
     description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_describe_intervals(posterior)}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
-
-
-def _draw_prior_posterior(result: RecordResult) -> Drawn | None:
-    best = leading(result)
-    if best is None:
-        return None
-    prior, posterior = _labelled(result, best)
-    description = f"{best.law.name}. Prior: {_describe_intervals(prior)}. Posterior: {_describe_intervals(posterior)}."
-    figure = prior_posterior(prior, posterior)
-    return Drawn(figure, f"{result.title}: prior and posterior of {best.law.name}", description)
 
 
 def _draw_priors(result: RecordResult) -> Drawn | None:
@@ -223,37 +191,19 @@ def _draw_predictive_check(result: RecordResult, level: float) -> Drawn | None:
     return Drawn(predictive_check(table, level), f"{result.title}: predictive check", description)
 
 
-def _draw_convergence(result: RecordResult) -> Drawn | None:
-    table = tables.tabulate_convergence(result)
-    if table.empty:
-        return None
-    limits = Settings()
-    description = (
-        f"R-hat up to {table['r_hat'].max():.4f}, effective sizes from {table['effective_size'].min():.0f}, chains "
-        f"from {table['lengths'].min():.0f} autocorrelation times, over {table['law'].nunique()} laws."
-    )
-    figure = convergence(table, limits.r_hat, limits.effective_size, limits.lengths)
-    return Drawn(figure, f"{result.title}: convergence", description)
-
-
 def _draw_design_loads(result: RecordResult) -> Drawn | None:
     if result.bands is None or result.design is None or not np.isfinite(result.design.average.median).any():
         return None
     data, units = result.data, result.mode.units
-    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
-    design = forms.tabulate_loads(result.design)
-    figure = design_loads(
-        forms.tabulate_loads(result.bands),
-        forms.tabulate_loads_by_model(result.bands),
-        tested,
-        design,
-        result.bands.level,
-        units.force,
-        units.length,
-        result.bands.limit,
-    )
+    design, bands = forms.tabulate_loads(result.design), forms.tabulate_loads(result.bands)
+    factor, length = choose_length(units.length, bands["median"].max())
+    amplitude = factor * data.tested_amplitude
+    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": amplitude})
+    for table in (design, bands):
+        table[["median", "low", "high", "linear"]] *= factor
+    figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)
     said = format_joined(
-        f"at {format_force_text(force, units.force)} median {number(median)} {units.length} "
+        f"at {format_force_text(force, units.force)} median {number(median)} {length} "
         f"({number(low)} to {number(high)}), linear {number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
     )

@@ -1,191 +1,235 @@
-"""Design loads: resonant amplitude beyond the test, with bands, the linear prediction, and every model's own.
+"""Design loads on the page: a table by parts, what to test next, and the figure with its slider.
 
-Force against resonant amplitude on logarithmic axes: the exponent of a power law.
+The force moves, and the band with it, from predictions made beforehand.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
 import numpy as np
 import pandas as pd
 
-from damping.extrapolation.prediction import Loads
-from damping.report.answer import build_bands_figure, describe_bands_caption
-from damping.report.page import Block, Format, Heading, List, Section, Table, Text
-from damping.report.results import RecordResult, StudyResult, Svgs, build_figure, describe_file_stem
-from damping.report.tables import INTERVAL, tabulate_loads, tabulate_power_laws
-from damping.report.words import format_between, format_force_text, format_percent, format_share, format_signed, number
+from damping.extrapolation.prediction import PARTS, Loads
+from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
+from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
+from damping.report.tables import tabulate_loads
+from damping.report.words import (
+    NOTHING,
+    choose_length,
+    format_between,
+    format_force_text,
+    format_gravity,
+    format_joined,
+    format_length,
+    format_length_band,
+    format_percent,
+    format_quantity,
+    format_signed,
+    number,
+)
 
 
-def build_loads(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The section; none where the study asks for no design loads."""
+def find_largest(loads: Loads | None) -> int | None:
+    """Index of the largest design force that has a prediction."""
+    if loads is None or not np.isfinite(loads.average.median).any():
+        return None
+    return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
+
+
+def format_percent_ratio(ratio: float) -> str:
+    """A damping ratio in per cent: ``0.287 %``."""
+    return f"{number(100.0 * ratio)} %" if np.isfinite(ratio) else NOTHING
+
+
+def build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
+    """The screen of the prediction by parts and of what to test next; nothing where no design load is asked for."""
     asked = [result for result in study.records if result.design is not None]
     if not asked:
         return []
     blocks: list[Block] = [
-        Text(
-            "Resonant amplitude is the amplitude at phase resonance under the force given. Median and bands are "
-            "averaged over the models; linear takes the viscous coefficient of the sweep with the largest tested "
-            "force. The weights here are not those of the ranking: they come from how well each law, fitted to the "
-            "levels below, predicts a level that it has not seen, and are drawn towards equal weights while fewer than "
-            "four levels can be held out."
-        )
+        Text("Amplitude at resonance under each design force; linear scales the largest tested level in proportion.")
     ]
-    first = next((r for r in asked if describe_file_stem(r, "design_loads") in svgs), None)
     for result in asked:
         assert result.design is not None  # chosen so above
-        blocks.append(Heading(result.title))
-        if result is first:
-            blocks.append(Text("The figure stands with the answer, at the top."))
-        else:
-            blocks += build_bands_figure(result, svgs, describe_bands_caption(result))
-        blocks += [
-            _build_predictions(result, result.design),
-            _build_by_model(result, result.design),
-            _build_parts(result, result.design),
-            *_build_cautions(result.design),
-        ]
-    return [Section("loads", "Design loads", blocks)]
-
-
-def _build_predictions(result: RecordResult, design: Loads) -> Table:
-    table, shared = tabulate_loads(design), _list_shared(design)
-    spoken = pd.DataFrame(
-        {
-            "force": table["force"],
-            "times tested": table["extrapolation_ratio"],
-            "median": table["median"],
-            "predictive": [format_between(a, b) for a, b in zip(table["low"], table["high"], strict=True)],
-            "credible": [
-                format_between(a, b) for a, b in zip(table["credible_low"], table["credible_high"], strict=True)
-            ],
-            "linear": table["linear"],
-            "over": table["overprediction"],
-            "over_interval": [
-                f"{format_signed(a)} to {format_signed(b)}"
-                for a, b in zip(table["overprediction_low"], table["overprediction_high"], strict=True)
-            ],
-            "caution": ["; ".join(c for c in said if c not in shared) for said in design.cautions],
-        }
-    )
-    level = f"{100 * design.level:g} %"
-    headings = {
-        "force": _describe_headed("force", result.mode.units.force),
-        "median": _describe_headed("median", result.mode.units.length),
-        "predictive": f"{level} predictive",
-        "credible": f"{level} credible",
-        "linear": _describe_headed("linear", result.mode.units.length),
-        "over": "linear over median",
-        "over_interval": f"its {level} interval",
-    }
-    formats: dict[str, Format] = dict.fromkeys(("times tested", "median", "linear"), number)
-    formats |= {"force": lambda force: f"{force:.6g}", "over": format_signed}
-    caption = (
-        "Resonant amplitude at the design forces; the last columns say by how much the linear prediction exceeds it."
-    )
-    return Table(spoken, caption, formats, headings, key=describe_file_stem(result, "design_loads"))
-
-
-def _describe_headed(what: str, unit: str) -> str:
-    return f"{what} ({unit})" if unit else what
-
-
-def _build_by_model(result: RecordResult, design: Loads) -> Table:
-    """A row a model, a column a force: median and predictive interval."""
-    unit = result.mode.units.force
-    columns: dict[str, list[str]] = {
-        "model": [band.name for band in design.by_model],
-        "weight": [format_share(band.weight) for band in design.by_model],
-    }
-    for i, force in enumerate(design.force):
-        columns[f"at {format_force_text(force, unit)}"] = [
-            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
-        ]
-    caption = f"Each model's own median, and its {100 * design.level:g} % predictive interval in parentheses."
-    return Table(pd.DataFrame(columns), caption, key=describe_file_stem(result, "design_loads_by_model"))
-
-
-def _build_parts(result: RecordResult, design: Loads) -> Table:
-    """What the predictive band is made of, in per cent of amplitude."""
-    table = pd.DataFrame({"force": design.force, **design.parts})
-    table["together"] = np.sqrt(np.sum([values**2 for values in design.parts.values()], axis=0))
-    headings = {"force": _describe_headed("force", result.mode.units.force)}
-    formats: dict[str, Format] = dict.fromkeys((*design.parts, "together"), format_percent)
-    caption = (
-        "What the predictive band is made of: standard deviation of each part, per cent of amplitude; squares add. "
-        "With one row a level, noise and scatter from level to level cannot be told apart and stand under noise."
-    )
-    return Table(table, caption, formats | {"force": lambda force: f"{force:.6g}"}, headings)
-
-
-def _list_shared(design: Loads) -> list[str]:
-    """Cautions that hold at every design force."""
-    return [c for c in design.cautions[0] if all(c in others for others in design.cautions)] if design.cautions else []
-
-
-def _build_cautions(design: Loads) -> list[Block]:
-    """What to know before using any of the predictions."""
-    shared = [f"{_describe_capital(caution)}." for caution in _list_shared(design)]
-    dash = [] if np.isfinite(design.average.median).all() else ["A dash stands where no prediction is given."]
-    return [List([*shared, *dash])] if shared or dash else []
-
-
-def _describe_capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def build_power_law_section(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The section; none where no record has two levels."""
-    fitted = [result for result in study.records if result.power_laws]
-    if not fitted:
-        return []
-    blocks: list[Block] = [
-        Text(
-            "If damping is a power law, force and resonant amplitude lie on a straight line on logarithmic axes, "
-            "and its slope is the exponent of velocity p for α|q̇|ᵖ sgn q̇, or p + 1 for α|q||q̇|ᵖ sgn q̇. Slope 1 "
-            "is linear damping."
-        ),
-        *build_figure(
-            svgs,
-            "force-amplitude",
-            "Modal force against resonant amplitude with the fitted line, its t interval, and linear damping "
-            "through the largest level. With three points there is one degree of freedom and the interval is wide.",
-        ),
-        *(_build_table(result) for result in fitted),
+        heading = [Heading(result.title)] if len(study.records) > 1 else []
+        tables = _tabulate_design(result, result.design), _tabulate_parts(result, result.design)
+        blocks += [*heading, *_list_refusals(result.design), *tables]
+        further = result.next_level
+        if further is not None:
+            unit = result.mode.units.force
+            blocks.append(
+                Text(
+                    f"To test next: one more level at {format_quantity(further.force, unit)}. It would shrink the band "
+                    f"at {format_force_text(further.design, unit)} from a factor of {further.width:.2f} between its "
+                    f"ends to {further.expected:.2f}."
+                )
+            )
+    drawn = [
+        block for number, result in enumerate(asked) for block in build_loads_figure(result, study, svgs, number == 0)
     ]
-    return [Section("power-laws", "Force against amplitude", blocks)]
+    return [*blocks, Row(drawn)] if drawn else blocks
 
 
-def _build_table(result: RecordResult) -> Table:
-    rows = tabulate_power_laws(result)
-    alphas = [column for column in rows.columns if str(column).startswith("alpha_")]
-    units = result.mode.units
-    spoken = pd.DataFrame(
+def _list_refusals(design: Loads) -> list[Block]:
+    """Why no prediction is given, where none is."""
+    if np.isfinite(design.average.median).any():
+        return []
+    why = format_joined(dict.fromkeys(said[0] for said in design.cautions if said))
+    return [Text(f"No amplitude is predicted: {why}.")]
+
+
+def _tabulate_design(result: RecordResult, design: Loads) -> Table:
+    units, curve = result.mode.units, result.design_curve
+    table = pd.DataFrame(
         {
-            "form": rows["form"],
-            "p": rows["p"],
-            "std_error": rows["std_error"],
-            "freedom": rows["degrees_of_freedom"],
-            "interval": [format_between(a, b) for a, b in zip(rows["p_low"], rows["p_high"], strict=True)],
-            "posterior": [
-                f"{number(m)} ({format_between(a, b)})"
-                for m, a, b in rows[["posterior_p", "posterior_p_low", "posterior_p_high"]].itertuples(index=False)
+            "force": [format_force_text(force, units.force) for force in design.force],
+            "times tested": design.ratio,
+            "median": [format_length(value, units.length) for value in design.average.median],
+            "band": [
+                format_length_band(a, b, units.length)
+                for a, b in zip(design.average.low, design.average.high, strict=True)
             ],
-            "factor": rows["factor"],
-            "alpha": rows["alpha"],
-            **{name: rows[name] for name in alphas},
+            "linear": [
+                f"{format_length(value, units.length)} ({format_signed(over)})"
+                for value, over in zip(design.linear, design.overprediction, strict=True)
+            ],
         }
     )
-    headings = {
-        "freedom": "degrees of freedom",
-        "interval": f"{100 * result.power_laws[0].level:g} % t interval",
-        "posterior": f"posterior p ({100 * INTERVAL:g} %)",
-        "factor": "β or B",
-        "alpha": "α",
-        **{name: f"α, sweep {str(name).removeprefix('alpha_')}" for name in alphas},
-    }
+    if curve is not None:
+        ratio = curve.damping_ratio
+        table["damping ratio"] = [format_percent_ratio(value) for value in ratio.median]
+        table["low end"] = [format_percent_ratio(value) for value in ratio.low]
+        f = curve.frequency.median
+        table["frequency"] = [format_quantity(value, "Hz", 4) for value in f]
+        gravities = [format_gravity(a, b, units.length) for a, b in zip(design.average.median, f, strict=True)]
+        if any(text != NOTHING for text in gravities):
+            table.insert(3, "peak acceleration", gravities)
+    headings = {"band": f"{100 * design.level:g} % band"}
+    caption = "Amplitude and damping at the design forces; the low end of the damping ratio is the one to size with."
+    key = describe_file_stem(result, "design_loads")
+    return Table(table, caption, {"times tested": number}, headings, key=key)
+
+
+def _tabulate_parts(result: RecordResult, design: Loads) -> Table:
+    """What the band is made of."""
+    force = [format_force_text(force, result.mode.units.force) for force in design.force]
+    table = pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
+    headings = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
+    headings |= {"discrepancy": "the law changing beyond the test, %"}
+    formats: dict[str, Format] = dict.fromkeys(PARTS, format_percent)
+    caption = "What the band is made of: standard deviations in per cent of amplitude, whose squares add."
+    return Table(table, caption, formats, headings)
+
+
+_DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "linear")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A value that follows the slider: ``name`` in ``texts``, what it is, and its text at the start."""
+
+    name: str
+    what: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Explorer(FigureBlock):
+    """A figure of design loads and the predictions behind it.
+
+    Attributes:
+        name: an id on the page. data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null
+            and a dash where no prediction is given. start: position of the slider. jumps: positions of the design
+            forces with their text. shown: what stands beside the slider.
+    """
+
+    kind: ClassVar[str] = "explorer"
+    name: str
+    data: dict[str, Any]
+    start: int
+    jumps: tuple[tuple[int, str], ...]
+    shown: tuple[Shown, ...]
+
+    @property
+    def last(self) -> int:
+        """The last position of the slider."""
+        return len(self.data["force"]) - 1
+
+
+def build_loads_figure(result: RecordResult, study: StudyResult, svgs: Svgs, slider: bool) -> list[Block]:
+    """The figure of a record's design loads, with its slider where asked; nothing where there is no such figure."""
+    stem = describe_file_stem(result, "design_loads")
+    if stem not in svgs or result.bands is None or result.design is None:
+        return []
     caption = (
-        f"{result.title}: exponent and coefficient of both power laws ({units}). α = β F/(ω A)ᵖ or B F/(ωᵖ Aᵖ⁺¹), a "
-        "constant over the sweeps where the law holds."
+        f"{name_record(result, study, '.')}Resonant amplitude against force, n = {len(result.data.A)} points: the "
+        f"{100 * result.bands.level:g} % band holds what the next test would read."
     )
-    formats = dict.fromkeys(("p", "std_error", "factor", "alpha", *alphas), number)
-    return Table(spoken, caption, formats, headings, key=describe_file_stem(result, "power_laws"))
+    if not slider:
+        return [FigureBlock(svgs[stem], caption)]
+    table = pd.concat([tabulate_loads(result.bands), tabulate_loads(result.design)], ignore_index=True)
+    # a design force keeps the numbers of the table of design loads, whatever the grid says there
+    table = table.drop_duplicates("force", keep="last").sort_values("force", ignore_index=True)
+    factor, length = choose_length(result.mode.units.length, table["median"].max())
+    table[list(_DRAWN[1:])] *= factor
+    force, unit = table["force"].to_numpy(float), result.mode.units.force
+    positions = [int(np.flatnonzero(force == f)[0]) for f in result.design.force]
+    texts = _texts(table, unit, length)
+    start = max(positions)
+    level = f"{100 * result.bands.level:g} %"
+    shown = tuple(Shown(name, what.format(level=level), texts[name][start]) for name, what in _WHAT.items())
+    return [
+        Explorer(
+            svgs[stem],
+            caption,
+            name=stem,
+            data={**{name: _numbers(table[name]) for name in _DRAWN}, "texts": texts},
+            start=start,
+            jumps=tuple((i, format_force_text(force[i], unit)) for i in sorted(set(positions))),
+            shown=shown,
+        )
+    ]
+
+
+_WHAT = {
+    "force": "design force",
+    "ratio": "times the largest tested force",
+    "median": "expected (median)",
+    "predictive": "{level} predictive: the next test",
+    "credible": "{level} credible: the law's own",
+    "linear": "linear prediction",
+    "over": "linear over median, and its {level} interval",
+}
+
+
+def _texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
+    """What the page says at each force, written as in the tables."""
+    rows = table.to_dict("records")
+    return {
+        "force": [format_quantity(row["force"], force_unit, 4) for row in rows],
+        "ratio": [number(row["extrapolation_ratio"]) for row in rows],
+        "median": [_describe_given(row, format_quantity(row["median"], length_unit)) for row in rows],
+        "predictive": [_describe_given(row, format_between(row["low"], row["high"], length_unit)) for row in rows],
+        "credible": [
+            _describe_given(row, format_between(row["credible_low"], row["credible_high"], length_unit)) for row in rows
+        ],
+        "linear": [format_quantity(row["linear"], length_unit) for row in rows],
+        "over": [
+            _describe_given(
+                row,
+                f"{format_signed(row['overprediction'])} "
+                f"({format_signed(row['overprediction_low'])} to {format_signed(row['overprediction_high'])})",
+            )
+            for row in rows
+        ],
+    }
+
+
+def _describe_given(row: dict[Any, Any], text: str) -> str:
+    return text if np.isfinite(row["median"]) else NOTHING
+
+
+def _numbers(column: pd.Series) -> list[float | None]:
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in column]

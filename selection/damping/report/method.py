@@ -1,6 +1,6 @@
 """How the numbers were made, with the constants that made them.
 
-What was tested: records, levels, and what the simulation assumes of each mode.
+What the rows of a record are, and what the simulation assumes of its mode.
 
 Cautions, all in one place: each said once, with the records it holds for.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from damping.extrapolation.draws import AVERAGE_DRAWS
@@ -19,16 +18,15 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
-from damping.report.answer import largest
-from damping.report.page import Block, Callout, Fold, Heading, List, Section, Table, Text
-from damping.report.results import RecordResult, StudyResult, describe_file_stem, list_failed_chains, weighted
-from damping.report.tables import tabulate_observations
+from damping.report.page import Block, Callout, Heading, List, Table, Text
+from damping.report.results import RecordResult, StudyResult, list_failed_chains, weighted
+from damping.report.screens import find_largest
 from damping.report.words import count, format_quantity, number
 
 
-def build_method(study: StudyResult) -> Section:
-    """The section."""
-    blocks: list[Block] = [
+def build_method(study: StudyResult) -> list[Block]:
+    """The method in words."""
+    return [
         Heading("What is compared"),
         Text(
             "At a steady state the damping force in phase with velocity, C(A, ω), balances the applied force in "
@@ -48,7 +46,6 @@ def build_method(study: StudyResult) -> Section:
         Heading("Ranking, sampling, prediction"),
         *(Text(text) for text in _list_steps(study)),
     ]
-    return Section("method", "Method", blocks)
 
 
 def _build_laws(study: StudyResult) -> Table:
@@ -84,6 +81,8 @@ def _list_priors() -> list[str]:
 def _list_steps(study: StudyResult) -> list[str]:
     run, content, level = Settings(), f"{100 * INTERVAL:g}", f"{100 * study.level:g}"
     return [
+        "Weights: predictions average the laws by their probability on the rows near resonance, where those of the "
+        "ranking rest on every row.",
         "Ranking: the score is −2 ln Z, Z the marginal likelihood by importance sampling with coefficients at least "
         "0. Weights are Z over the sum of Z, all candidates being equally probable before the test; a candidate "
         "whose least-squares coefficient is negative is a simpler law with a force that is not there, and gets "
@@ -109,38 +108,7 @@ def _list_steps(study: StudyResult) -> list[str]:
     ]
 
 
-#: Points of a record from which on its table is folded away.
-FOLDED_POINTS = 30
-#: Points that the page shows of a longer record, the first.
-MOST_POINTS = 300
-
-
-def build_tested(study: StudyResult) -> Section:
-    """The section: a table of tested levels, and for each record where its numbers come from."""
-    levels = pd.concat([_tabulate_levels(result) for result in study.records], ignore_index=True)
-    units = {str(result.mode.units) for result in study.records}
-    caption = f"Tested levels, each at its phase resonance. Units: {'; '.join(sorted(units))}; frequency in Hz."
-    blocks: list[Block] = [Table(levels, caption)]
-    for result in study.records:
-        blocks += [Heading(result.title), Text(_describe_said(result)), *_build_points(result)]
-    return Section("tested", "What was tested", blocks)
-
-
-def _tabulate_levels(result: RecordResult) -> pd.DataFrame:
-    data = result.data
-    return pd.DataFrame(
-        {
-            "record": result.title,
-            "sweep": data.sweeps,
-            "points": data.rows_per_sweep,
-            "force": data.tested_force,
-            "frequency": data.tested_omega / (2.0 * np.pi),
-            "amplitude": data.tested_amplitude,
-        }
-    )
-
-
-def _describe_said(result: RecordResult) -> str:
+def describe_record(result: RecordResult) -> str:
     """The record and its mode in sentences."""
     record, mode, units = result.record, result.mode, result.mode.units
     columns = record.table.columns
@@ -165,18 +133,6 @@ def _describe_said(result: RecordResult) -> str:
     )
 
 
-def _build_points(result: RecordResult) -> list[Block]:
-    """All points of a record that has more than its resonances."""
-    if len(result.data.A) <= len(result.data.sweeps):
-        return []
-    table = tabulate_observations(result).drop(columns="omega")
-    caption = "Points used: frequency (Hz), amplitude, force in quadrature E/(π A), and energy per cycle E."
-    block = Table(table.head(MOST_POINTS), caption, key=describe_file_stem(result, "observations"))
-    if len(table) <= FOLDED_POINTS:
-        return [block]
-    return [Fold(f"The first {len(block.frame)} of {count(len(table), 'point')}; the file has all", [block])]
-
-
 #: Cautions of laws with less weight change nothing.
 LEAST_WEIGHT = 0.01
 
@@ -191,8 +147,8 @@ STANDING = (
 )
 
 
-def build_cautions(study: StudyResult) -> Section:
-    """The section."""
+def build_cautions(study: StudyResult) -> list[Block]:
+    """Every caution, with the records it holds for."""
     said: dict[str, list[str]] = {}
     for result in study.records:
         for caution in dict.fromkeys(_of(result)):
@@ -206,7 +162,7 @@ def build_cautions(study: StudyResult) -> Section:
             Heading("Of these records"),
             List([_describe_sentence(caution, titles) for caution, titles in said.items()]),
         ]
-    return Section("cautions", "Cautions", blocks)
+    return blocks
 
 
 def _of(result: RecordResult) -> Iterator[str]:
@@ -218,7 +174,7 @@ def _of(result: RecordResult) -> Iterator[str]:
     rough = [s for s in result.posteriors if s.leave_one_out.caution]
     if rough:
         yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
-    i = largest(result.design)
+    i = find_largest(result.design)
     if result.design is not None:
         yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
 

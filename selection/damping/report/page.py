@@ -99,6 +99,14 @@ class FigureBlock(Block):
         return Markup(self.svg)
 
 
+@dataclass(frozen=True)
+class Row(Block):
+    """Figures beside one another where the window has room."""
+
+    kind: ClassVar[str] = "row"
+    blocks: Sequence[Block]
+
+
 class Link(NamedTuple):
     """A value of a table, or an item of ``Links``: a text that leads to ``href``, a relative address made by us."""
 

@@ -17,7 +17,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
+from damping.extrapolation.backbone import Backbone
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
+from damping.extrapolation.what_if import NextLevel
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
@@ -49,7 +52,9 @@ class RecordResult:
     Attributes:
         bands: predictions on a fine grid of forces, for the figure; design: at the design forces; None where the
             study asks for none. power_laws: of both forms; empty with fewer than two levels.
-        findings: of the audit of the record.
+        findings: of the audit of the record. curve, design_curve: damping ratio over amplitude, and at the design
+            forces; None where laws could not be weighed. backbone: frequency and mass. next_level: what to test next.
+        note: what to know of where its numbers come from.
     """
 
     name: str
@@ -63,6 +68,11 @@ class RecordResult:
     design: Loads | None
     power_laws: tuple[PowerLaw, ...]
     findings: tuple[Finding, ...] = ()
+    curve: Curve | None = None
+    design_curve: Curve | None = None
+    backbone: Backbone | None = None
+    next_level: NextLevel | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -120,6 +130,11 @@ class StudyResult:
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
     exhibits: tuple[Exhibit, ...] = ()
+
+
+def name_record(result: RecordResult, study: StudyResult, mark: str) -> str:
+    """The record's title with a ``mark`` after it where the study has several; nothing where it has this one only."""
+    return f"{result.title}{mark} " if len(study.records) > 1 else ""
 
 
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.

@@ -12,8 +12,11 @@ from itertools import pairwise
 from math import isfinite
 from typing import SupportsFloat
 
+from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
+from damping.errors import InputError
 from damping.forces import component
 from damping.forces.shapes import Dimension
+from damping.formats.quantity import unit as parse_unit
 from damping.records.mode import Units
 
 _SMALL = ("no", "one", "two", "three", "four", "five", "six")
@@ -81,6 +84,43 @@ def count(n: int, what: str) -> str:
 def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
     """A number with its unit, where it has one: ``2.90 in``."""
     return f"{number(value, digits)} {unit}".strip()
+
+
+#: Smaller names of a metre, each with what it is multiplied by, for amplitudes up to the first number.
+_SMALLER_METRES = ((2e-5, 1e6, "µm"), (0.02, 1e3, "mm"))
+
+
+def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
+    """Factor and name of the unit that a length up to ``largest`` is said in: small ones of metres in mm or µm."""
+    size = abs(float(largest))
+    for most, factor, name in _SMALLER_METRES:
+        if unit == "m" and 0.0 < size < most:
+            return factor, name
+    return 1.0, unit
+
+
+def format_length(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+    """A length with its unit, small ones of metres in mm or µm."""
+    factor, name = choose_length(unit, value)
+    return format_quantity(factor * float(value), name, digits)
+
+
+def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> str:
+    """The ends of a band of lengths, in the unit of the upper one."""
+    factor, name = choose_length(unit, high)
+    return format_between(factor * float(low), factor * float(high), name)
+
+
+def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str) -> str:
+    """Peak acceleration omega^2 A of a harmonic motion in standard gravities; a dash where the unit is not known."""
+    try:
+        metres = parse_unit(unit)
+    except InputError:
+        return NOTHING
+    if metres.powers != parse_unit("m").powers:
+        return NOTHING
+    omega = RAD_S_PER_HZ * float(frequency)
+    return format_quantity(metres.factor * float(amplitude) * omega**2 / STANDARD_GRAVITY_M_S2, "g")
 
 
 def format_force_text(force: SupportsFloat, unit: str) -> str:

@@ -1,0 +1,167 @@
+"""Modes of a driven campaign at every level: damping ratio, and through the motion near resonance every sensor's peak.
+
+A tested level is answered by what was measured there, a design level by the laws of the mode's record. A band of modal
+amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, hypot, log, pi
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.campaign.answer import NORMAL_90, At, DesignLevel, ModeAnswer, Response
+from damping.campaign.modal_fit import receptance
+from damping.campaign.records import Level, ModeFound
+from damping.campaign.runs import ORDERS
+from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.prediction import Loads
+from damping.formats.quantity import unit
+from damping.predict.measured import prepare
+from damping.records.audit import audit
+from damping.records.mode import Mode
+from damping.records.record import Record
+
+#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
+LEAST_SPREAD = 0.01
+#: Content of the bands of a campaign.
+LEVEL = 0.9
+
+
+def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str, tuple[str, ...]]:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+
+    Also the name of the law with the largest weight, and what was done about the sweep rate.
+
+    Raises:
+        AnalysisError: the levels do not allow a prediction.
+    """
+    asked = np.array(forces, dtype=float)
+    measured = prepare(record, mode)
+    data = near_resonance(measured.record)
+    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, sampler=draw_evidence)
+    return predicted.loads, max(predicted.plan.laws, key=lambda law: law.weight).name, measured.said
+
+
+def answer_driven(
+    names: Sequence[str], levels: Sequence[Level], mode: ModeFound, design: Sequence[DesignLevel], seed: int
+) -> ModeAnswer:
+    """Tested and design levels of a mode of a structure that is driven."""
+    run = levels[0].run
+    to_si = unit(run.drive_unit).factor
+    of_force = abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0
+    asked = [float(level.run.level or 0.0) for level in levels]
+    asked += [level.at(float(mode.frequency[-1])) for level in design]
+    drives = np.array(asked) * to_si
+    loads, law, swept = modal_loads(mode.record, mode.mode, [float(of_force * drive) for drive in drives], seed)
+    bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
+    frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
+    places = []
+    for k, (level, drive) in enumerate(zip(asked, drives, strict=True)):
+        tested = k < len(levels)
+        fit_of = levels[k if tested else -1]
+        ratio = None
+        response: tuple[Response, ...] = ()
+        if tested:
+            ratio = _measured_ratio(mode, k)
+            response = _list_responses(names, fit_of, mode, float(frequency[k]), _turn(ratio), float(drive))
+        elif np.isfinite(bands[k]).all():
+            w = 2.0 * pi * frequency[k]
+            z, z_high, z_low = (float(of_force * drive / (2.0 * mode.mode.mass * w**2 * A)) for A in bands[k])
+            ratio = (z, z_low, z_high)
+            response = _list_responses(names, fit_of, mode, float(frequency[k]), (z, z_high, z_low), float(drive))
+        places.append(
+            At(
+                level,
+                tested,
+                float(frequency[k]),
+                ratio,
+                response,
+                (*swept, *mode.cautions, *(() if tested else loads.cautions[k])),
+            )
+        )
+    forces = tuple(float(of_force * drive) for drive in drives[len(levels) :])
+    return ModeAnswer(
+        mode.name, float(mode.frequency[0]), law, tuple(places), mode.left_out, mode.record, mode.mode, forces,
+        audit(mode.record, mode.mode).findings,
+    )  # fmt: skip
+
+
+def _measured_ratio(mode: ModeFound, k: int) -> tuple[float, float, float]:
+    """Damping ratio (median, low, high) that was measured at a level."""
+    spread = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD))
+    return float(mode.ratio[k]), float(mode.ratio[k]) * exp(-spread), float(mode.ratio[k]) * exp(spread)
+
+
+def _turn(ratio: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Damping ratios in the order of the amplitudes that they give: median, low, high."""
+    return ratio[0], ratio[2], ratio[1]
+
+
+def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
+    """Tested frequencies, then those of the design levels on a straight line through the tested ones over amplitude."""
+    known = amplitude[:count]
+    beyond = amplitude[count:]
+    if count < 3 or not np.isfinite(amplitude).all():
+        return np.concatenate([tested, np.full(len(beyond), tested[-1])])
+    slope, start = np.polyfit(known, tested, 1)
+    return np.concatenate([tested, start + slope * beyond])
+
+
+def _list_responses(
+    names: Sequence[str],
+    level: Level,
+    mode: ModeFound,
+    frequency: float,
+    ratios: tuple[float, float, float],
+    drive: float,
+) -> tuple[Response, ...]:
+    """Peak of every sensor kept, at the damping ratios of the median, low and high amplitude."""
+    by_name = {one.name: one for one in level.run.channels}
+    peaks = np.array([_peaks(level, mode, frequency, ratio) for ratio in ratios]) * drive  # (3, sensors)
+    found = []
+    for s, name in enumerate(names):
+        if not np.isfinite(mode.residues[s]):
+            continue
+        of = by_name[name]
+        size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[of.quantity]) / unit(of.unit).factor
+        spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
+        found.append(
+            Response(name, of.quantity, of.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread))
+        )
+    return tuple(found)
+
+
+def _peaks(level: Level, mode: ModeFound, frequency: float, ratio: float) -> FloatArray:
+    """|H| of each sensor (sensors,) at its peak nearest to the resonance, with the other modes and the base.
+
+    Where a sensor has no peak there (it stands on the slope of a neighbour) it is |H| at the resonance.
+    """
+    fit, k = level.fit, mode.number
+    f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
+    columns = fit.columns(f)
+    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]))
+    coefficients = fit.local[k].copy()
+    coefficients[:, 2 + k] = np.nan_to_num(mode.residues)
+    size = np.abs(coefficients @ columns.T)
+    middle = len(f) // 2
+    inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
+    places = [np.flatnonzero(row) + 1 for row in inner]
+    nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
+    return np.asarray(size[np.arange(len(size)), nearest])
+
+
+def _widened(median: float, low: float, high: float, spread: float) -> tuple[float, float, float]:
+    """The band with an independent spread of ln added."""
+    return (
+        median,
+        median * exp(-hypot(log(median / low), spread)),
+        median * exp(hypot(log(high / median), spread)),
+    )
+
+
+#: A peak is looked for within so many half-power half-widths of the resonance.
+_SEARCHED = 1.5

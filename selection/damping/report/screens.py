@@ -1,0 +1,305 @@
+"""The page of a study as five screens: the answer, damping, measured beside fitted, which law, the design load.
+
+What a screen rests on stands folded away (:mod:`damping.report.study`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.curve import Curve
+from damping.ranking import Candidate
+from damping.records.resonance import number_levels
+from damping.report.loads import build_loads, find_largest, format_percent_ratio
+from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
+from damping.report.results import (
+    RecordResult,
+    StudyResult,
+    Svgs,
+    build_figure,
+    describe_file_stem,
+    name_record,
+    weighted,
+)
+from damping.report.words import (
+    NOTHING,
+    count,
+    format_between,
+    format_force_text,
+    format_length,
+    format_length_band,
+    format_parameter_unit,
+    format_percent,
+    format_quantity,
+    format_share,
+    format_signed,
+    number,
+)
+
+#: Laws with less weight are folded away.
+LEAST_SHOWN = 0.02
+#: Laws of a record shown at most.
+MOST_SHOWN = 6
+#: Cautions of a record above the fold at most, the gravest first.
+MOST_CAUTIONS = 3
+
+
+def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
+    """The five screens; a screen without content is left out."""
+    screens = [
+        Section("answer", "The answer", _build_answer(study)),
+        Section("damping", "Damping against amplitude", _build_curves(study, svgs)),
+        Section("sweeps", "Measured beside fitted", _build_fits(study, svgs)),
+        Section("laws", "Which law", _build_laws(study)),
+        Section("loads", "At the design load, and what to test next", build_loads(study, svgs)),
+    ]
+    return [screen for screen in screens if screen.blocks]
+
+
+def find_lead(study: StudyResult) -> RecordResult:
+    """The record that the page opens with: the first with a predicted design load, else the first."""
+    return next((r for r in study.records if find_largest(r.design) is not None), study.records[0])
+
+
+def count_levels(result: RecordResult) -> int:
+    """Force levels of a record."""
+    return int(number_levels(result.data.tested_force).max()) + 1
+
+
+def _build_answer(study: StudyResult) -> list[Block]:
+    lead = find_lead(study)
+    others = [result for result in study.records if result is not lead]
+    blocks: list[Block] = [Text(_describe_lead(lead), lead=True), Facts(_list_facts(lead))]
+    blocks.append(Text(_describe_conditions(lead, study)))
+    blocks.append(Callout("Before this is used", _list_cautions(study)))
+    if others:
+        blocks += [_tabulate_answers(study), List([_describe_conditions(result, study) for result in others])]
+    return blocks
+
+
+def _describe_lead(result: RecordResult) -> str:
+    """The one answer, with its band and what it is conditional on."""
+    i, design, units = find_largest(result.design), result.design, result.mode.units
+    if i is None or design is None:
+        return f"{result.title}: {_describe_tested_damping(result)}."
+    band, force = design.average, format_force_text(design.force[i], units.force)
+    said = (
+        f"{result.title}: at {force} expect {format_length(band.median[i], units.length)} ("
+        f"{format_length_band(band.low[i], band.high[i], units.length)}, {100 * design.level:g} % band)"
+    )
+    curve = result.design_curve
+    if curve is None:
+        return said + "."
+    ratio = curve.damping_ratio
+    return (
+        f"{said}, with {format_percent_ratio(ratio.median[i])} of critical damping; size loads with "
+        f"{format_percent_ratio(ratio.low[i])}, the low end of its band."
+    )
+
+
+def _describe_tested_damping(result: RecordResult) -> str:
+    """Damping ratio and frequency at the top of the test."""
+    curve = result.curve
+    row = None if curve is None else _find_top(curve)
+    if curve is None or row is None:
+        return "no damping ratio could be told"
+    ratio = curve.damping_ratio
+    return (
+        f"{format_percent_ratio(ratio.median[row])} of critical damping "
+        f"({format_ratio_band(curve, row)}) at {format_length(curve.amplitude.median[row], result.mode.units.length)}"
+        f", {number(curve.frequency.median[row], 4)} Hz, the top of the test"
+    )
+
+
+def _find_top(curve: Curve) -> int | None:
+    """The row of the largest tested amplitude that has a ratio."""
+    rows = np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
+    return int(rows[np.argmax(curve.amplitude.median[rows])]) if len(rows) else None
+
+
+def format_ratio_band(curve: Curve, row: int) -> str:
+    """The band of a damping ratio in per cent."""
+    ratio = curve.damping_ratio
+    return format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%")
+
+
+def _list_facts(result: RecordResult) -> list[tuple[str, str]]:
+    best, units = weighted(result)[0], result.mode.units
+    facts = []
+    i, design = find_largest(result.design), result.design
+    if i is not None and design is not None:
+        band, force = design.average, format_force_text(design.force[i], units.force)
+        over = format_signed(design.overprediction[i])
+        facts.append((format_length(band.median[i], units.length), f"amplitude at {force}, median"))
+        facts.append((over, f"linear scaling against that ({format_length(design.linear[i], units.length)})"))
+    curve = result.curve
+    row = None if curve is None else _find_top(curve)
+    if curve is not None and row is not None:
+        zeta = curve.damping_ratio.median[row]
+        said = f"of critical at the top of the test ({format_ratio_band(curve, row)}); Q {number(0.5 / zeta)}"
+        facts.append((format_percent_ratio(zeta), said))
+    facts.append((best.name, f"leading law, weight {format_share(best.weight)} of 1"))
+    return facts
+
+
+def _tabulate_answers(study: StudyResult) -> Table:
+    """A row a record: what was tested, damping there, the law, the amplitude at the largest design force."""
+    rows = []
+    for result in study.records:
+        units, curve, best = result.mode.units, result.curve, weighted(result)[0]
+        row = None if curve is None else _find_top(curve)
+        ratio = NOTHING
+        if curve is not None and row is not None:
+            ratio = f"{format_percent_ratio(curve.damping_ratio.median[row])} ({format_ratio_band(curve, row)})"
+        i, design = find_largest(result.design), result.design
+        at = "none asked"
+        if i is not None and design is not None:
+            band = design.average
+            at = (
+                f"{format_length(band.median[i], units.length)} "
+                f"({format_length_band(band.low[i], band.high[i], units.length)}) "
+                f"at {format_force_text(design.force[i], units.force)}"
+            )
+        rows.append(
+            {
+                "record": result.title,
+                "tested to": f"{format_quantity(result.data.tested_force.max(), units.force)}, "
+                f"{number(result.data.tested_omega[result.data.top] / RAD_S_PER_HZ, 4)} Hz",
+                "damping ratio there": ratio,
+                "law and weight": best.name + f" {format_share(best.weight)}" if count_levels(result) > 1 else "open",
+                "at the design load": at,
+            }
+        )
+    return Table(pd.DataFrame(rows), "Every record of the study; bands in parentheses.")
+
+
+def _describe_conditions(result: RecordResult, study: StudyResult) -> str:
+    """Points, levels, how far beyond the test, and what else the answer rests on."""
+    data, levels = result.data, count_levels(result)
+    said = f"{name_record(result, study, ':')}{count(len(data.A), 'point')} at {count(levels, 'force level')}"
+    i, design = find_largest(result.design), result.design
+    if i is not None and design is not None and design.ratio[i] > 1.0:
+        said += f"; the design load is {number(design.ratio[i])} times the largest tested force"
+    if levels == 1:
+        fitting = sum(1 for c in result.ranking.candidates if c.weight > LEAST_SHOWN)
+        said += (
+            f"; one sweep does not determine the law ({fitting} laws fit it), and nothing here says how damping "
+            "changes with level"
+        )
+    return said + (f". {result.note}" if result.note else ".")
+
+
+def _list_cautions(study: StudyResult) -> list[str]:
+    """The gravest cautions, each once with the records it holds for, and what no band holds."""
+    said: dict[str, list[str]] = {}
+    for result in study.records:
+        cautions = [str(finding) for finding in result.findings]
+        if result.ranking.fit.sentence:
+            cautions.append(result.ranking.fit.sentence)
+        i = find_largest(result.design)
+        if result.design is not None:
+            cautions += result.design.cautions[-1 if i is None else i]
+        for caution in list(dict.fromkeys(cautions))[:MOST_CAUTIONS]:
+            if not caution.startswith("beyond the test"):  # the conditions say it
+                said.setdefault(caution, []).append(result.title)
+    several = len(study.records) > 1
+    named = [f"{text[:1].upper()}{text[1:]}{_name_titles(titles) if several else ''}." for text, titles in said.items()]
+    standing = (
+        "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
+        "begins to slip, or a crack, is in no band."
+    )
+    return [*named, standing]
+
+
+def _name_titles(titles: Sequence[str]) -> str:
+    return f" ({'; '.join(titles)})"
+
+
+def _build_curves(study: StudyResult, svgs: Svgs) -> list[Block]:
+    drawn: list[Block] = []
+    for result in study.records:
+        drawn += build_figure(
+            svgs,
+            describe_file_stem(result, "damping_curve"),
+            name_record(result, study, ".")
+            + f"Damping ratio and Q against resonant amplitude, n = {len(result.data.A)} points.",
+        )
+    if not drawn:
+        return []
+    said = (
+        "One damping ratio holds at one amplitude. Solid: tested; dashed on hatched ground: beyond the test. The red "
+        "line is the low end of the band, the one to size a load with."
+    )
+    return [Text(said), Row(drawn)]
+
+
+def _build_fits(study: StudyResult, svgs: Svgs) -> list[Block]:
+    drawn: list[Block] = []
+    for result in study.records:
+        best = weighted(result)[0]
+        measured = "sweeps" if result.data.has_repeats else "resonances"
+        caption = f"{name_record(result, study, '.')}Measured {measured} and {best.name}, which misses the resonant "
+        caption += f"amplitudes by {format_percent(best.average_absolute_percent)} % on average."
+        drawn += build_figure(svgs, describe_file_stem(result, "fitted"), caption)
+    return [Row(drawn)] if drawn else []
+
+
+def _build_laws(study: StudyResult) -> list[Block]:
+    blocks: list[Block] = [
+        Text(
+            "A weight is the probability of a law among those tried, given the test; weights of a record add to 1. "
+            "Laws that predict the same on a record share one line. A coefficient is a posterior median."
+        )
+    ]
+    for result in study.records:
+        levels = count_levels(result)
+        if len(study.records) > 1:
+            blocks.append(Heading(result.title))
+        if levels == 1:
+            blocks.append(
+                Text(
+                    "One sweep does not determine the law: amplitude and frequency change together along it. "
+                    "The weights below order what was tried and decide nothing."
+                )
+            )
+        blocks.append(_tabulate_laws(result))
+    return blocks
+
+
+def _tabulate_laws(result: RecordResult) -> Table:
+    shown = [law for law in weighted(result) if law.weight >= LEAST_SHOWN][:MOST_SHOWN] or weighted(result)[:1]
+    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in shown]
+    rows = [
+        {
+            "law": law.name,
+            "weight": format_share(law.weight),
+            "coefficients": _describe_coefficients(result, law),
+            "error of amplitude": f"{format_percent(law.average_absolute_percent)} %",
+            "level held out": NOTHING
+            if not np.isfinite(law.held_out_error)
+            else f"{format_percent(law.held_out_error)} %",
+            "predicts the same": _describe_equivalents(law.equivalents),
+        }
+        for law in (*shown, *viscous)
+    ]
+    rest = len(result.ranking.candidates) - len(rows)
+    caption = f"{result.ranking.fit.sentence or 'The leading law fits to the noise'}. "
+    caption += f"{count(rest, 'further law')} in the folded table." if rest > 0 else ""
+    return Table(pd.DataFrame(rows), caption, key=describe_file_stem(result, "ranking"))
+
+
+def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
+    units = result.mode.units
+    named = [(f"{c.force} {c.shape}".strip(), c.value) for c in law.coefficients]
+    return "; ".join(f"{name} {format_quantity(value, format_parameter_unit(name, units))}" for name, value in named)
+
+
+def _describe_equivalents(names: Sequence[str]) -> str:
+    if not names:
+        return NOTHING
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return names[0] + more
