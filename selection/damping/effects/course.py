@@ -140,7 +140,7 @@ def _offset_form(sweep: int, sign: float, force: bool) -> Form:
         return one_sweep(terms, sweep, sign * size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
+        values: dict[str, Floats] = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
         return values | ({"force": np.ones_like(size)} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"

@@ -1,4 +1,9 @@
-"""How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart."""
+"""How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart.
+
+Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017): those of Laplace and of forms that are nearly the true
+ones are too large. The chance that the library holds the cause is a logistic regression (Platt 1999) on what an answer
+leaves.
+"""
 
 from __future__ import annotations
 
