@@ -128,7 +128,8 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
 def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Standard normals (n, d), chi-squares (n,) and uniforms (n,) on one set of points that fill space."""
     u = fill_cube(dimension + 2, power, seed)
-    return ndtri(u[:, 2:]), 2.0 * gammaincinv(0.5 * DEGREES_OF_FREEDOM, u[:, 1]), u[:, 0]
+    chi_square = np.asarray(2.0 * gammaincinv(0.5 * DEGREES_OF_FREEDOM, u[:, 1]), dtype=np.float64)
+    return ndtri(u[:, 2:]), chi_square, u[:, 0]
 
 
 def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
