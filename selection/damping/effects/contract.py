@@ -29,11 +29,11 @@ class Plane(NamedTuple):
 class Drive(NamedTuple):
     """What the rig does at each row, (n,) each: force, frequency in rad/s, and the factor of each row on M.
 
-    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``state``: of the
-    structure, from 0; ``ratio``, ``own``: its frequency, and its simulated damping, over those of the first. ``time``:
-    when the row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
+    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``time``: when the
+    row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
     rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
-    M; the stiffness stays.
+    M; the stiffness stays. ``state``: of the structure, from 0; ``ratio``, ``own``: its frequency, and its simulated
+    damping, over those of the first.
     """
 
     F: FloatArray

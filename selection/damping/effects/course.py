@@ -140,7 +140,7 @@ def _offset_form(sweep: int, sign: float, force: bool) -> Form:
         return one_sweep(terms, sweep, sign * size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
+        values: dict[str, Floats] = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
         return values | ({"force": np.ones_like(size)} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"
@@ -165,6 +165,7 @@ LEVEL_OFFSET = Effect(
     forms=offset_forms,
     simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
     shapes=(Shape("factor", above=0.0), Shape("sweep", least=1.0), Shape("force", least=0.0, default=0.0)),
+    need="sweep",
 )
 
 

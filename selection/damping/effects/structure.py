@@ -110,8 +110,8 @@ NATURAL_FREQUENCY = Effect(
 )
 
 
-#: Damping of the second plane over that of the first: the report takes them equal; a tenth more or less is usual.
-DAMPING = FormVariable(centre=1.0, width=0.1, starts=(0.0,))
+#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
+DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
 
 
 def planar_forms(scales: Scales) -> tuple[Form, ...]:

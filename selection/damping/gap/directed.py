@@ -1,4 +1,4 @@
-"""Is there more than noise left? Directed tests of what a fit leaves, and the free-form curves that picture it.
+"""Is there more than noise left? Directed tests (Rao 1948) of what a fit leaves, and free-form curves that show it.
 
 Each test asks whether a free-form addition to the fitted model, with a handful of linear coefficients a, improves it:
 with the columns D of the change of the residuals r, freed of what the fitted variables can do,

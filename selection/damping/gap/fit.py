@@ -1,15 +1,10 @@
 """Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
 
-The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2); the weights are those of
-expectation maximisation for this mixture. The evidence is Laplace's: with standard normal priors on every variable
+The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2) (Box and Tiao 1968); the
+weights are those of expectation maximisation for this mixture (Dempster, Laird and Rubin 1977), the steps those of
+Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standard normal priors on every variable
 
     ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
-
-Repeatability and noise that are not stated: evidence of a fit over a grid of both.
-
-Gain and frequency of each sweep deviate by b = scatter z, z ~ N(0, 1), and the noise is a factor s times its estimate.
-Around the mode of a fit the residuals are linear in (x, b), so the evidence of any scatter and noise is a Gaussian
-integral in closed form, with the fit's robust weights.
 """
 
 from __future__ import annotations

@@ -146,7 +146,7 @@ def _with_channel(rows: Rows, channel: str) -> Rows:
     """The rows with one more channel, whose noise is that of the smallest amplitudes, or of `FLOOR`."""
     noise = min(float(np.min(rows.sd_amplitude * rows.A)), FLOOR * float(np.max(rows.A)))
     floor = np.full(len(rows), noise)
-    return replace(rows, has_further=True, **{f"sd_{channel}": floor})
+    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), has_further=True)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,8 @@ class Setting:
     def unknowns(self) -> Unknowns:
         """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
-        error = 0.0 if self.noise_known else max(NOISE_ERROR, float(np.sqrt(2.0 / len(rows))))
+        of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # there it is no more than a guess
+        error = 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
         return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
 
     @property

@@ -208,7 +208,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
                 "ratio": np.full(n, mode.omega_n / base.omega_n),
             }
         place["own"] = np.full(n, _damping_ratio(mode, base))
-        rows.append(replace(own, **place))
+        rows.append(own.taken(np.arange(n), **place))
     return _joined(rows)
 
 

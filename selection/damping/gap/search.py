@@ -1,4 +1,7 @@
-"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them."""
+"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them.
+
+The evidence pays for every shape and strength that a hypothesis leaves free (MacKay 1992), the prior for every effect.
+"""
 
 from __future__ import annotations
 
@@ -193,19 +196,13 @@ class Search:
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
-        candidates = sorted(candidates, key=lambda tried: -tried[0].gain)
-        count = len(candidates)
-        most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
-        least = candidates[0][0].gain * _FAR - _SURE
-        jumps = [tried for tried in candidates[most:] if tried[0].part.form.sizes and rough > _ROUGH]
-        candidates = [tried for tried in candidates[:most] if tried[0].gain > least or tried[0].part.form.sizes]
-        promising = [tried for tried in candidates + jumps if rough > _ROUGH or tried[0].gain > _SLIGHT]
+        promising = _choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
         found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
         if found:
             top = max(one.log_evidence for one in found)
-            near = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
-            self._store((*base.effects, name), polish_fits(near), count)
+            worth = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
+            self._store((*base.effects, name), polish_fits(worth), len(candidates))
 
     def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
         """Modes of a fit's model with one more form."""
@@ -235,6 +232,15 @@ class Search:
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
+
+
+def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
+    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
+    ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
+    least = ranked[0][0].gain * _FAR - _SURE
+    beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
+    near = [tried for tried in ranked[:most] if tried[0].gain > least or tried[0].part.form.sizes]
+    return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
 
 
 def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:

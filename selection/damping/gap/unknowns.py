@@ -1,5 +1,11 @@
-"""What is not stated: noise from how roughly residuals run along a sweep; the
-evidence over every scatter and noise."""
+"""What is not stated: noise from how roughly residuals run along a sweep, and evidence over every scatter and noise.
+
+Differences of neighbours free residuals of what is smooth (Hall, Kay and Titterington 1990). Gain and frequency of each
+sweep deviate by b = scatter z, z ~ N(0, 1), the noise is a factor s times its estimate, and errors of neighbours go
+together as rho (Prais and Winsten 1954). Around the mode of a fit the residuals are linear in (x, b), so the evidence
+of any scatter, correlation and noise is a Gaussian integral in closed form, with the fit's robust weights; every
+hypothesis is averaged over all of them by itself.
+"""
 
 from __future__ import annotations
 
@@ -170,7 +176,8 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
         noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
         dispersion: by how much every explanation misses the record by more than noise.
     """
-    noises, p_noise, correlations = [1.0], np.ones(1), ((0.0, 1.0),)
+    noises, p_noise = [1.0], np.ones(1)
+    correlations: tuple[tuple[float, float], ...] = ((0.0, 1.0),)
     if noise_error > 0.0:
         noises = [float(factor) for factor in np.exp(noise_error * _NODES)]
         p_noise = np.exp(-0.5 * _NODES**2) / np.sum(np.exp(-0.5 * _NODES**2))

@@ -1,4 +1,9 @@
-"""How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart."""
+"""How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart.
+
+Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017): those of Laplace and of forms that are nearly the true
+ones are too large. The chance that the library holds the cause is a logistic regression (Platt 1999) on what an answer
+leaves.
+"""
 
 from __future__ import annotations
 
@@ -38,12 +43,16 @@ def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
 
 
 #: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
-#: are not quite the true ones), and where it is not and all of them imitate it.
+#: are not quite the true ones), the same where the noise is not stated, and where the cause is not in the library and
+#: all of them imitate it.
 TEMPERATURE = 1.3
+TEMPERATURE_UNSTATED = 2.0
 TEMPERATURE_OUTSIDE = 8.0
 
 
-def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
+def blend_probabilities(
+    hypotheses: tuple[Explanation, ...], in_library: float, noise_known: bool
+) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
     logarithms = np.array([one.hypothesis.log_posterior for one in hypotheses])
 
@@ -52,7 +61,9 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
         return np.asarray(weights / weights.sum())
 
     doubt = 1.0 - in_library / float(expit(IN_LIBRARY))  # beyond that of an explanation that leaves noise only
-    p = (1.0 - doubt) * tempered(TEMPERATURE) + doubt * tempered(TEMPERATURE_OUTSIDE)
+    p = (1.0 - doubt) * tempered(TEMPERATURE if noise_known else TEMPERATURE_UNSTATED) + doubt * tempered(
+        TEMPERATURE_OUTSIDE
+    )
     return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
 
 

@@ -228,10 +228,10 @@ def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
             explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
             better = explained > most
             if size == terms and better.all():  # the best of all, wherever its coefficients are >= 0
-                return fit
+                return np.asarray(fit, dtype=np.float64)
             most = np.where(better, explained, most)
             best[better] = 0.0
-            best[np.ix_(better, among)] = fit[better]
+            best[np.flatnonzero(better)[:, None], among] = fit[better]
     return best
 
 
