@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from damping.forces.powers import EXPONENT
+from damping.infer.checks import inference_data
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
 from damping.records.mode import Units
 from damping.report.figures import leading, record_figures
@@ -31,6 +32,7 @@ from damping.report.words import (
     format_signed,
     number,
 )
+from damping_pipelines.study_output import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")
@@ -205,3 +207,15 @@ def test_numbers_as_people_write_them() -> None:
     assert format_joined(["a", "b", "c"]) == "a, b and c"
     assert format_joined(["a, b", "c", "d"]) == "a, b; c and d"
     assert [count(n, "sweep") for n in (1, 3)] == ["1 sweep", "3 sweeps"]
+
+
+def test_posterior_files_hold_the_damping_ratio(peaks: RecordResult) -> None:
+    law = peaks.posteriors[0]
+    data = add_damping_ratio(inference_data(law.posterior, peaks.data), law, peaks)
+    ratio = data.posterior["damping_ratio"]
+    assert ratio.dims == ("chain", "draw", "sweep")
+    assert ratio.attrs["law"] == law.law.name
+    # the law fits three resonances: its ratio there is F/(2 M omega^2 A) of Table 4.II to the scatter, some per cent
+    mass = peaks.record.column("mass")
+    measured = peaks.data.tested_force / (2.0 * mass * peaks.data.tested_omega**2 * peaks.data.tested_amplitude)
+    np.testing.assert_allclose(ratio.median(("chain", "draw")), measured, rtol=0.05)
