@@ -20,7 +20,6 @@ from damping.report.tables import record_tables
 from damping.report.words import (
     count,
     format_between,
-    format_energy_unit,
     format_gravity,
     format_joined,
     format_length,
@@ -142,7 +141,7 @@ def test_power_law_row_is_the_fit(peaks: RecordResult, tables: dict[str, pd.Data
 
 
 def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: RecordResult) -> None:
-    common = {"damping_curve", "fitted", "ranking", "corner", "priors", "predictive_check"}
+    common = {"damping_curve", "fitted", "ranking", "corner", "predictive_check"}
     assert set(record_figures(peaks, 0.9)) == common | {"design_loads"}
     assert set(record_figures(sweep, 0.9)) == common
 
@@ -182,7 +181,7 @@ def test_other_units_and_labels() -> None:
     # E = a A^3 omega^2 in lb in: a in lb s^2/in^2
     assert said == ["lb/in", "lb", "lb/in", "in", "lb·s²/in²"]
     assert format_parameter_unit("velocity-power exponent", POUND) == format_parameter_unit("scatter", POUND) == ""
-    assert format_parameter_unit("viscous", Units()) == format_energy_unit(Units()) == ""
+    assert format_parameter_unit("viscous", Units()) == ""
     assert format_parameter_label("viscous", POUND) == "viscous (lb·s/in)"
     assert format_parameter_label("viscous", Units()) == "viscous"
 
