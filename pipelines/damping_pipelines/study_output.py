@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from damping.errors import InputError
@@ -46,7 +47,7 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     for record in study.records:
         for law in record.posteriors:
-            data = inference_data(law.posterior, record.data)
+            data = add_damping_ratio(inference_data(law.posterior, record.data), law, record)
             files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = to_netcdf(data)
     for exhibit in study.exhibits:
         for name, data in exhibit.posteriors.items():
@@ -57,6 +58,24 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
     files["summary.json"] = to_json(summary(study)).encode()
     files["report.html"] = rendered.html.encode()
     return files
+
+
+def add_damping_ratio(data: Any, law: LawPosterior, record: RecordResult) -> Any:
+    """The posterior with ``damping_ratio`` (chain, draw, sweep): zeta = C/(2 M omega^2 A) at each tested resonance.
+
+    Attributes of the variable say its unit, the law, and where it holds.
+    """
+    tested = record.data
+    if record.backbone is None:
+        return data
+    A, omega = tested.tested_amplitude, tested.tested_omega
+    C = law.posterior.coordinates.force(law.posterior.draws).quadrature(A, omega)
+    ratio = C / (2.0 * record.backbone.mass_at(A) * omega**2 * A)
+    shape = (*law.posterior.x.shape[:2], len(A))
+    about = {"units": "1", "of": "critical damping", "law": law.law.name, "amplitude": A, "frequency_rad_s": omega}
+    values = np.broadcast_to(ratio, (len(law.posterior.draws), len(A))).astype(np.float32).reshape(shape)
+    data.posterior["damping_ratio"] = (("chain", "draw", "sweep"), values, about)
+    return data
 
 
 def slug(name: str) -> str:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from damping.plots.damping_curve import damping_curve, fitted_sweeps, mode_over_level
 from damping.plots.design_loads import design_loads
 from damping.plots.fits import ranking, sweeps
-from damping.plots.posteriors import corner, predictive_check, prior_posterior_summary
+from damping.plots.posteriors import corner, predictive_check
 from damping.plots.style import to_svg
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 
@@ -86,14 +86,6 @@ def _corner() -> Figure:
     return corner(_draws(0), _draws(1))
 
 
-def _priors() -> Figure:
-    table = pd.DataFrame(
-        {"law": [LAWS[0], LAWS[0], HOSTILE], "parameter": ["a", HOSTILE, "a"], "median": [1.0, 2.0, 3.0]}
-    )
-    columns = {"prior_low": 0.1, "prior_high": 10.0, "low": 0.8, "high": 1.3}
-    return prior_posterior_summary(table.assign(**{name: factor * table["median"] for name, factor in columns.items()}))
-
-
 def _predictive_check() -> Figure:
     rows = [(law, sweep, 101.0, 95.0, 108.0) for law in LAWS for sweep in ("A", "B", HOSTILE, "D", "E")]
     return predictive_check(pd.DataFrame(rows, columns=["law", "sweep", "median", "low", "high"]), 0.9)
@@ -115,7 +107,7 @@ def _reproduction() -> Figure:
 
 
 ALL: tuple[Callable[[], Figure], ...] = (
-    *(_loads, _curve, _fitted, _level, _ranking, _sweeps, _corner, _priors, _predictive_check, _reproduction),
+    *(_loads, _curve, _fitted, _level, _ranking, _sweeps, _corner, _predictive_check, _reproduction),
 )
 
 

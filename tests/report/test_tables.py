@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from damping.forces.powers import EXPONENT
+from damping.infer.checks import inference_data
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
 from damping.records.mode import Units
 from damping.report.figures import leading, record_figures
@@ -19,7 +20,6 @@ from damping.report.tables import record_tables
 from damping.report.words import (
     count,
     format_between,
-    format_energy_unit,
     format_gravity,
     format_joined,
     format_length,
@@ -31,6 +31,7 @@ from damping.report.words import (
     format_signed,
     number,
 )
+from damping_pipelines.study_output import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")
@@ -140,7 +141,7 @@ def test_power_law_row_is_the_fit(peaks: RecordResult, tables: dict[str, pd.Data
 
 
 def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: RecordResult) -> None:
-    common = {"damping_curve", "fitted", "ranking", "corner", "priors", "predictive_check"}
+    common = {"damping_curve", "fitted", "ranking", "corner", "predictive_check"}
     assert set(record_figures(peaks, 0.9)) == common | {"design_loads"}
     assert set(record_figures(sweep, 0.9)) == common
 
@@ -180,7 +181,7 @@ def test_other_units_and_labels() -> None:
     # E = a A^3 omega^2 in lb in: a in lb s^2/in^2
     assert said == ["lb/in", "lb", "lb/in", "in", "lb·s²/in²"]
     assert format_parameter_unit("velocity-power exponent", POUND) == format_parameter_unit("scatter", POUND) == ""
-    assert format_parameter_unit("viscous", Units()) == format_energy_unit(Units()) == ""
+    assert format_parameter_unit("viscous", Units()) == ""
     assert format_parameter_label("viscous", POUND) == "viscous (lb·s/in)"
     assert format_parameter_label("viscous", Units()) == "viscous"
 
@@ -205,3 +206,15 @@ def test_numbers_as_people_write_them() -> None:
     assert format_joined(["a", "b", "c"]) == "a, b and c"
     assert format_joined(["a, b", "c", "d"]) == "a, b; c and d"
     assert [count(n, "sweep") for n in (1, 3)] == ["1 sweep", "3 sweeps"]
+
+
+def test_posterior_files_hold_the_damping_ratio(peaks: RecordResult) -> None:
+    law = peaks.posteriors[0]
+    data = add_damping_ratio(inference_data(law.posterior, peaks.data), law, peaks)
+    ratio = data.posterior["damping_ratio"]
+    assert ratio.dims == ("chain", "draw", "sweep")
+    assert ratio.attrs["law"] == law.law.name
+    # the law fits three resonances: its ratio there is F/(2 M omega^2 A) of Table 4.II to the scatter, some per cent
+    mass = peaks.record.column("mass")
+    measured = peaks.data.tested_force / (2.0 * mass * peaks.data.tested_omega**2 * peaks.data.tested_amplitude)
+    np.testing.assert_allclose(ratio.median(("chain", "draw")), measured, rtol=0.05)

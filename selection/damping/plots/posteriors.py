@@ -1,7 +1,5 @@
 """Corner plot: every parameter of a posterior alone, and every pair.
 
-What was believed before the test against what is believed after it.
-
 Would the law have predicted the tests it was fitted to?
 """
 
@@ -30,7 +28,6 @@ from damping.plots.style import (
     distinguish,
     draw_plain_rows,
     law_style,
-    plain_log,
     styled,
 )
 
@@ -116,49 +113,8 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 
 
-#: Values below this share of the median are drawn at it.
-_FLOOR = 1e-3
-
-
-@styled
-def prior_posterior_summary(table: pd.DataFrame) -> Figure:
-    """Draw the intervals of every parameter of every law, each relative to its posterior median.
-
-    Args:
-        table: ``law, parameter, prior_low, prior_high, low, median, high``, rows of a law together.
-    """
-    rows = table[table["median"] > 0.0].reset_index(drop=True)
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.165 * len(rows)))
-    axes = figure.add_subplot()
-    draw_plain_rows(axes, _list_row_labels(rows))
-    scaled = rows[["prior_low", "prior_high", "low", "high"]].div(rows["median"], axis=0)
-    axes.set_xscale("log")
-    scaled = scaled.clip(lower=_FLOOR)
-    axes.hlines(rows.index, scaled["prior_low"], scaled["prior_high"], color=MUTED, alpha=0.35, linewidth=4)
-    colours = [law_style(law).colour for law in rows["law"]]
-    axes.hlines(rows.index, scaled["low"], scaled["high"], color=colours, linewidth=2.2)
-    axes.plot(np.ones(len(rows)), rows.index, "|", color=INK, markersize=6)
-    axes.set_xlabel("over the posterior median\n(prior grey, posterior coloured)")
-    axes.set_xlim(0.8 * scaled["prior_low"].min(), 1.25 * scaled["prior_high"].max())
-    plain_log(axes.xaxis)
-    starts = np.flatnonzero(rows["law"].ne(rows["law"].shift()))
-    axes.hlines(starts[1:] - 0.5, 0.0, 1.0, transform=axes.get_yaxis_transform(), color=MUTED, linewidth=0.4)
-    axes.axvline(1.0, color=AVERAGE, linewidth=0.5)
-    return figure
-
-
-#: Letters of a law's name beside the names of its parameters.
+#: Letters of a law's name beside a row.
 _MOST_LETTERS = 26
-
-
-def _list_row_labels(rows: pd.DataFrame) -> list[str]:
-    """The law where its first parameter stands, then the parameters."""
-    return [
-        f"{describe_short(law, _MOST_LETTERS)}:  {parameter}" if law != before else str(parameter)
-        for law, before, parameter in zip(rows["law"], rows["law"].shift(), rows["parameter"], strict=True)
-    ]
-
-
 #: Panels beside one another.
 _COLUMNS = 4
 

@@ -12,7 +12,7 @@ from damping.arrays import RAD_S_PER_HZ
 from damping.plots.damping_curve import damping_curve, fitted_sweeps
 from damping.plots.design_loads import design_loads
 from damping.plots.fits import ranking
-from damping.plots.posteriors import corner, predictive_check, prior_posterior_summary
+from damping.plots.posteriors import corner, predictive_check
 from damping.predict.steady import resonant_amplitude, steady_state
 from damping.report import forms, tables
 from damping.report.results import (
@@ -56,7 +56,6 @@ def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
         "design_loads": _draw_design_loads(result),
         "ranking": _draw_ranking(result),
         "corner": _draw_corner(result),
-        "priors": _draw_priors(result),
         "predictive_check": _draw_predictive_check(result, level),
     }
     return {name: one for name, one in drawn.items() if one is not None}
@@ -162,18 +161,6 @@ def _draw_corner(result: RecordResult) -> Drawn | None:
     prior, posterior = _labelled(result, best)
     description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_describe_intervals(posterior)}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
-
-
-def _draw_priors(result: RecordResult) -> Drawn | None:
-    table = tables.tabulate_posteriors(result)
-    table = table[table["median"].notna()] if not table.empty else table
-    if table.empty:
-        return None
-    description = (
-        f"90 per cent intervals of prior and posterior of {len(table)} parameters of {table['law'].nunique()} laws, "
-        "each relative to its posterior median; the numbers are in the table of posteriors."
-    )
-    return Drawn(prior_posterior_summary(table), f"{result.title}: prior and posterior of every law", description)
 
 
 def _draw_predictive_check(result: RecordResult, level: float) -> Drawn | None:

@@ -207,16 +207,12 @@ def _list_cautions(study: StudyResult) -> list[str]:
             if not caution.startswith("beyond the test"):  # the conditions say it
                 said.setdefault(caution, []).append(result.title)
     several = len(study.records) > 1
-    named = [f"{text[:1].upper()}{text[1:]}{_name_titles(titles) if several else ''}." for text, titles in said.items()]
+    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in said.items()]
     standing = (
         "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
         "begins to slip, or a crack, is in no band."
     )
     return [*named, standing]
-
-
-def _name_titles(titles: Sequence[str]) -> str:
-    return f" ({'; '.join(titles)})"
 
 
 def _build_curves(study: StudyResult, svgs: Svgs) -> list[Block]:

@@ -219,11 +219,6 @@ def _build_posteriors(result: RecordResult, svgs: Svgs) -> list[Block]:
         )
     blocks += build_figure(
         svgs,
-        describe_file_stem(result, "priors"),
-        "Prior (grey) and posterior (coloured) 90 per cent intervals of every parameter of every sampled law.",
-    )
-    blocks += build_figure(
-        svgs,
         describe_file_stem(result, "predictive_check"),
         "Predictive intervals of the tested resonant amplitudes; 100 is what was measured.",
     )

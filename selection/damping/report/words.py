@@ -169,11 +169,6 @@ def format_parameter_unit(parameter: str, units: Units) -> str:
     return format_dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
 
 
-def format_energy_unit(units: Units) -> str:
-    """Unit of energy per cycle."""
-    return f"{units.force}·{units.length}" if units.force and units.length else ""
-
-
 def format_parameter_label(parameter: str, units: Units) -> str:
     """A parameter with its unit for an axis."""
     unit = format_parameter_unit(parameter, units)
