@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import log1p, tan
+from math import inf, isfinite, log1p, tan
 
 import numpy as np
 
@@ -195,15 +195,27 @@ def _path_form(effect: str, sign: float, above: bool, distance: FormVariable, lo
 
 
 def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The mode of a table ``compliance``, ``frequency_ratio``, ``loss``."""
-    return path(terms, table["compliance"], table["frequency_ratio"], table["loss"])
+    """The mode of a table ``compliance``, ``frequency_ratio``, ``loss``.
+
+    Without a frequency ratio, modes far above: R = compliance (1 + slope (x - 1)).
+    """
+    compliance, slope, centre = table["compliance"], table["slope"], terms.omega_n
+    if isfinite(table["frequency_ratio"]):
+        return path(terms, compliance, table["frequency_ratio"], table["loss"])
+
+    def part(drive: Drive) -> Floats:
+        return compliance * (1.0 + slope * (drive.omega / centre - 1.0))
+
+    return replace(terms, compliance=(*terms.compliance, part))
 
 
-#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0.
+#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
+#: far above have none.
 PATH = (
     Shape("compliance", LENGTH / FORCE),
-    Shape("frequency_ratio", least=0.0),
+    Shape("frequency_ratio", least=0.0, default=inf),
     Shape("loss", least=0.0, default=0.0),
+    Shape("slope", default=0.0),
 )
 #: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
