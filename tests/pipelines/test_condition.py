@@ -13,10 +13,10 @@ from numpy.testing import assert_allclose
 from damping.errors import AnalysisError, InputError
 from damping.infer.observations import observe
 from damping.records.keys import read_toml
+from damping.records.mode import read_mode
 from damping.records.reading import read_record, read_table
 from damping.signals import description as schema
 from damping_pipelines.condition import condition
-from damping_pipelines.rank import load
 
 SIZE = 10**8
 PRINCIPAL = """
@@ -53,7 +53,8 @@ def test_the_record_is_one_that_the_other_commands_take(
 ) -> None:
     out = tmp_path / "record.csv"
     condition(raw, config, out, None, SIZE)
-    record, mode = load(out, saturn_data / "modes" / "config-1-mode-2-rough.toml", SIZE)
+    record = read_record(out)
+    mode = read_mode(saturn_data / "modes" / "config-1-mode-2-rough.toml")
     assert len(record) == 15
     assert record.sweeps == ("I",)
     assert_allclose(observe(record).A, record.column("amplitude"), rtol=1e-15)
