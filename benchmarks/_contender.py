@@ -83,7 +83,7 @@ def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
     from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
     from damping.infer.importance import more_draws  # noqa: PLC0415 - as above
-    from damping.infer.law import log_posterior  # noqa: PLC0415 - as above
+    from damping.infer.likelihood import log_posterior  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)

@@ -23,7 +23,7 @@ LAWS = ("viscous", "velocity-squared")
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
     vars(study)["candidate_laws"] = lambda *_: [Law((name,)) for name in LAWS]
-    build.record_figures = lambda result, level: {"fits": figures._draw_fits(result)}
+    build.record_figures = lambda result, level: {"fitted": figures._draw_fitted(result)}
     vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:
         settings, out, seed = line.rstrip("\n").split("\t")

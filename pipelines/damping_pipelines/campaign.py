@@ -27,6 +27,7 @@ def campaign(
     design: Sequence[str],
     modes: str | None,
     correct: Path | None,
+    limit: Sequence[str],
     seed: int,
     max_size: int,
 ) -> None:
@@ -44,7 +45,7 @@ def campaign(
         raise InputError("a file is given twice", expected="each once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
-    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections)
+    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit))
     inputs = {file.name: digest(file.read_bytes()) for file in files}
     title = f"Campaign: {', '.join(file.name for file in files)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
@@ -71,6 +72,20 @@ def _read_design(word: str) -> DesignLevel:
     if missing:
         raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
     return DesignLevel(found["frequency"], found["level"])
+
+
+def _read_limits(words: Sequence[str]) -> dict[str, float]:
+    """SENSOR=VALUE words. InputError for what is no limit."""
+    found = {}
+    for word in words:
+        name, _, text = word.rpartition("=")
+        try:
+            found[name] = float(text)
+        except ValueError:
+            found[name] = math.nan
+        if not (name and math.isfinite(found[name]) and found[name] > 0.0):
+            raise InputError(f"--limit {word!r} is not understood", expected="SENSOR=VALUE, in the sensor's unit")
+    return found
 
 
 def _frequencies(text: str | None) -> list[float]:
@@ -113,6 +128,8 @@ def _show(found: Campaign, out: Path) -> None:
     for mode in found.modes:
         for name, why in mode.left_out.items():
             to.print(f"- {mode.name} without {name}: {why}", highlight=False, markup=False)
+        for notch in mode.notches:
+            to.print(f"- {notch}", highlight=False, markup=False)
         for finding in mode.findings:
             to.print(f"- {mode.name}: {finding}", highlight=False, markup=False)
     to.print(f"written to {out}", highlight=False, markup=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from damping.records.audit import Audit, audit
-from damping.records.mode import Mode, read_mode
+from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.store import refuse_inputs, write_json
@@ -23,7 +23,7 @@ def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) 
     if json_out is not None:
         write_json(json_out, found.to_json())
     if json_out != "-":
-        _print(found)
+        _print(found, None if mode is None else read_mode(mode, max_size=max_size))
     if found.verdict == "refuse":
         raise typer.Exit(1)
 
@@ -41,11 +41,14 @@ def report_findings(record: Record, mode: Mode | None, despite: Collection[str] 
     return found
 
 
-def _print(found: Audit) -> None:
+def _print(found: Audit, mode: Mode | None) -> None:
     out = console()
     for line in str(found).splitlines():
         out.print(line, highlight=False, soft_wrap=True)
-    headings = ("frequency", "force", "amplitude", "mass", "damping ratio", "phase offset")
+    units = mode.units if mode else Units()
+    named = (("force", units.force), ("amplitude", units.length))
+    measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
+    headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
     table = plain_table("What each sweep implies at its resonance", headings, ("sweep",))
     for row in found.implied.to_dict(orient="records"):
         numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")

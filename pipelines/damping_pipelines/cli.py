@@ -226,13 +226,17 @@ def campaign(
         Path | None,
         typer.Option("--correct", metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated."),
     ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", metavar="SENSOR=VALUE", help="Largest reading allowed: gives the notch; repeat."),
+    ] = None,
     seed: Seed = DEFAULT_SEED,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """A laboratory's files, several levels, modes and sensors, to the answer."""
     from damping_pipelines.campaign import campaign as run
 
-    run(sources, out, tuple(design or ()), modes, correct, seed, max_size)
+    run(sources, out, tuple(design or ()), modes, correct, tuple(limit or ()), seed, max_size)
 
 
 #: Commands whose options stand elsewhere.

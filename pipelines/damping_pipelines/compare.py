@@ -34,25 +34,26 @@ class _Units(_SummaryTable):
     length: str = ""
 
 
-class _Ratio(_SummaryTable):
+class _RatioBand(_SummaryTable):
     median: float | None = None
     low: float | None = None
     high: float | None = None
 
 
-class _Row(_SummaryTable):
+class _CurveRow(_SummaryTable):
     amplitude: float | None = None
     frequency: float | None = None
-    damping_ratio: _Ratio = _Ratio()
+    damping_ratio: _RatioBand = _RatioBand()
     tested: bool = False
 
 
 class _Curve(_SummaryTable):
-    rows: list[_Row] = []
+    rows: list[_CurveRow] = []
 
 
 class _PowerLaw(_SummaryTable):
-    form: str
+    """Of the velocity: the first that a study lists."""
+
     p: float
     std_error: float | None = None
 
@@ -157,14 +158,14 @@ def _record(record: _Record, folder: Folder) -> RecordSummary:
         loads=_tabulate_frame(loads, _LOADS),
         posteriors=_tabulate_frame(_list_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
         top=_find_top(record.curve.rows if record.curve else []),
-        exponent=next(((law.p, law.std_error) for law in record.power_laws if law.form == "velocity-power"), None),
+        exponent=next(((law.p, law.std_error) for law in record.power_laws), None),
         groups=tuple(
             ((model.name, *model.equivalents), model.weight) for model in record.rank.models if model.weight is not None
         ),
     )
 
 
-def _find_top(rows: Sequence[_Row]) -> TopOfTest | None:
+def _find_top(rows: Sequence[_CurveRow]) -> TopOfTest | None:
     """Amplitude, frequency and damping ratio of the largest tested amplitude that has them."""
     tested = [(row, row.damping_ratio) for row in rows if row.tested]
     known = [(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high) for row, ratio in tested]

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from damping.extrapolation.prediction import PARTS, Band
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.words import format_parameter_unit
+from damping.report.words import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.check import report_findings
 from damping_pipelines.export import check_picture, write_picture
@@ -141,9 +141,10 @@ def print_loads(result: LoadsResult) -> None:
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
     for said in result.against:
         out.print(f"{said[0].upper()}{said[1:]}.", style="bold red")
-    by_force = loads.amplitude is None
+    by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
-    named = {"force": units.force, "amplitude": units.length}
+    factor, length = choose_length(units.length, largest[0])
+    named, factors = {"force": units.force, "amplitude": length}, {"force": 1.0, "amplitude": factor}
     first = f"{asked} {_bracket(named[asked])}".strip()
     band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
     table = plain_table(f"{mode.name}: {answer} at resonance {_bracket(named[answer])}".rstrip(), (first, *band))
@@ -151,8 +152,8 @@ def print_loads(result: LoadsResult) -> None:
     ratios = plain_table("Damping there; the low end is the one a load is sized with", (first, *damped))
     shares = plain_table(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
-        at = f"{row[asked]:g}"
-        ends = (row["median"], row["low"], row["high"], row["linear"])
+        at = f"{factors[asked] * row[asked]:g}"
+        ends = (factors[answer] * row[name] for name in ("median", "low", "high", "linear"))
         over = number(row["linear_overprediction_percent"], 3)
         table.add_row(at, number(row["extrapolation_ratio"], 3), *map(number, ends), over, notes.numbers(cautions))
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
@@ -171,7 +172,7 @@ def print_loads(result: LoadsResult) -> None:
     show_cautions(out, result.cautions)
 
 
-def _name_laws(laws: Sequence[Band] | Sequence[Member]) -> str:
+def _name_laws(laws: Iterable[Band | Member]) -> str:
     """The laws of largest weight in a line."""
     ordered = sorted(laws, key=lambda law: -law.weight)
     rest = len(ordered) - MOST_NAMED
@@ -187,10 +188,11 @@ def _print_what_if(result: LoadsResult) -> None:
     """Bands with other priors, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors()
+    factor, length = choose_length(units.length, varied["median"].max())
     headings = (f"force {_bracket(units.force)}".strip(), "prior times", "median", "low", "high")
-    table = plain_table(f"The same with other priors {_bracket(units.length)}".rstrip(), headings, ("prior",))
+    table = plain_table(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
-        ends = (number(row[name]) for name in ("median", "low", "high"))
+        ends = (number(factor * row[name]) for name in ("median", "low", "high"))
         table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
     out.print(table)
     if further is not None:
@@ -218,8 +220,9 @@ def curve(asked: Asked, amplitudes: Sequence[float], forces: Sequence[float], le
 def print_curve(result: CurveResult) -> None:
     """The table for people."""
     out, notes, units = console(), Notes(), result.mode.units
+    factor, length = choose_length(units.length, result.table["amplitude"].max())
     numbers = (
-        *(f"amplitude {_bracket(units.length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),
+        *(f"amplitude {_bracket(length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),
         *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
     )
     table = plain_table(f"{result.mode.name}: damping of the resonance", numbers)
@@ -227,7 +230,7 @@ def print_curve(result: CurveResult) -> None:
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
         said = [caution for caution in cautions if not caution.startswith("beyond the test")]
         table.add_row(
-            *(number(row[name]) for name in ("amplitude", "force", "frequency")),
+            *(number(value) for value in (factor * row["amplitude"], row["force"], row["frequency"])),
             *(number(z, 3) for z in zeta),
             number(row["q"], 3),
             "yes" if row["tested"] else "beyond",

@@ -9,6 +9,8 @@ from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from damping.errors import InputError
 from damping.infer.checks import inference_data
 from damping.records.record import record_to_csv
@@ -134,7 +136,7 @@ def _posterior(law: LawPosterior) -> dict[str, Any]:
 
 def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     """``NAME.png`` of every figure drawn as ``NAME.svg``, a path in the folder of the study."""
-    figures = {}
+    figures: dict[str, Figure] = {}
     for result in study.records:
         figures |= {
             describe_file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()

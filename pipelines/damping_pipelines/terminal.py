@@ -125,7 +125,8 @@ class PlainTable:
         count = len(self.names)
         needed = [self._width(column) for column in range(count + len(self.numbers))]
         least = [min(size, _LEAST_NAME) for size in needed[:count]]
-        blocks, room = [[]], width - sum(least) - _GAP * count
+        blocks: list[list[int]] = [[]]
+        room = width - sum(least) - _GAP * count
         left = room
         for column in range(count, len(needed)):
             if blocks[-1] and left < needed[column] + _GAP:

@@ -85,7 +85,7 @@ def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str
 
 
 def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
-    """One row per kind: cases, and how many answers were good, right, flagged, confidently wrong, put on the structure."""
+    """One row per kind: cases, and how many answers were good, right, flagged, confidently wrong, unfair."""
     order = {kind: (FAMILIES[case.family], kind) for case in cases for kind in [case.kind]}
     rows = []
     for kind in sorted(order, key=order.__getitem__):
@@ -272,8 +272,8 @@ def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _describe_figure(figure: Figure) -> str:
-    numbers = [np.nan if value is None else value for value in (figure.measured, figure.low, figure.high)]
-    return _describe_measured(*numbers, figure.share)
+    value, low, high = (np.nan if bound is None else bound for bound in (figure.measured, figure.low, figure.high))
+    return _describe_measured(value, low, high, figure.share)
 
 
 def _describe_measured(value: float, low: float, high: float, share: bool) -> str:

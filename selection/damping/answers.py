@@ -204,11 +204,11 @@ class LoadsResult(Result):
         low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), force.max(initial=0.0))
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
-        tables = (forms.tabulate_loads(bands), tested)
-        about = (self.loads.level, units.force, units.length, bands.limit)
+        about = (units.force, units.length, bands.limit)
+        tables = (forms.tabulate_loads(bands), tested, forms.tabulate_loads(design))
         if ax is None:
-            return design_loads(*tables, forms.tabulate_loads(design), *about)
-        draw_design_loads(ax, *tables, forms.tabulate_loads(design), *about)
+            return design_loads(*tables, self.loads.level, *about)
+        draw_design_loads(ax, *tables, self.loads.level, *about)
         return ax
 
     @property

@@ -15,8 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import DesignLevel
+from damping.campaign.answer import At, DesignLevel, Response
 from damping.campaign.decays import decay_modes
+from damping.campaign.notches import find_notches
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import read_corrections
 from damping.campaign.sources import read_runs
@@ -304,3 +305,31 @@ def test_broken_tables_of_time(tmp_path):
     path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)))
     with pytest.raises(InputError, match="not evenly spaced"):
         read_runs([path], SIZE)
+
+
+def steady_peak(level: float) -> tuple[float, float]:
+    """Peak of 20 level/(2 z), z = .01 (1 + level), and z: a mode whose damping grows with its input."""
+    z = 0.01 * (1.0 + level)
+    return 20.0 * level / (2.0 * z), z
+
+
+def test_a_notch_keeps_the_upper_bound_at_its_limit():
+    """Against the closed form of one resonance: at the ends of the notch the whole input gives the limit."""
+    places = []
+    for level in np.geomspace(0.1, 2.0, 40):
+        peak, z = steady_peak(level)
+        response = Response("tip", "acceleration", "g", (0.9 * peak, 0.8 * peak, peak))
+        places.append(At(float(level), False, 50.0, (z, z, z), (response,), ()))
+    allowed = 0.7
+    limit, z = steady_peak(allowed)
+    notch = find_notches("mode-1", places, 0.5, 2.0, {"tip": limit, "absent": 1.0})
+    assert len(notch) == 1
+    np.testing.assert_allclose(notch[0].level, allowed, rtol=1e-3)  # straight lines between 40 levels
+    np.testing.assert_allclose(notch[0].depth_db, 20 * np.log10(2.0 / allowed), atol=0.01)
+    np.testing.assert_allclose(notch[0].more_db, 20 * np.log10(allowed / 0.5), atol=0.01)
+    for end in (notch[0].low, notch[0].high):  # 20 level/sqrt(x^2 + (2 z)^2), x = 2 (f/50 - 1), near resonance
+        assert end is not None
+        np.testing.assert_allclose(20.0 * 2.0 / np.hypot(2.0 * (end / 50.0 - 1.0), 2.0 * z), limit, rtol=2e-3)
+    none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
+    assert (none.low, none.depth_db) == (None, 0.0)
+    assert "no notch; at most +2.9 dB" in str(none)

@@ -6,7 +6,8 @@ from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal
 
 from damping.infer.doubt import LENGTH, SLOPES, STEEPER, extend, stray, stray_covariance
-from damping.infer.law import Coordinates, Law, level_covariance, log_likelihood, residuals
+from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import level_covariance, log_likelihood, residuals
 from damping_validation.truths import draw_truth
 from damping_validation.truths import sweeps as simulated_sweeps
 

@@ -9,7 +9,8 @@ from scipy.integrate import simpson
 from damping.errors import AnalysisError
 from damping.infer.evidence import brief_evidence, evidence, find_mode
 from damping.infer.importance import fill_cube
-from damping.infer.law import Coordinates, Law, log_posterior
+from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import log_posterior
 from damping.infer.observations import Observations
 
 
@@ -39,7 +40,7 @@ def test_two_forces_against_prior_sampling(saturn):
     c = undoubted(Law(("viscous", "displacement-velocity")), data)
     found = evidence(c, data)
     x = np.random.default_rng(0).standard_normal((400_000, c.dimension))
-    from damping.infer.law import log_likelihood
+    from damping.infer.likelihood import log_likelihood
 
     likelihood = np.exp(log_likelihood(x, c, data))
     error = likelihood.std() / likelihood.mean() / np.sqrt(len(x))

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from damping.infer.law import (
+from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import (
     MOST,
     REACH,
-    Coordinates,
-    Law,
     by_blocks,
     log_likelihood,
     log_posterior,

@@ -6,7 +6,7 @@ import pytest
 from benchmarks import _contender
 from damping.errors import AnalysisError
 from damping.infer.importance import importance, more_draws
-from damping.infer.law import log_posterior
+from damping.infer.likelihood import log_posterior
 
 
 def normal(x: np.ndarray) -> np.ndarray:

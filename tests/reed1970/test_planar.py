@@ -13,7 +13,7 @@ from scipy.stats import kstest, multivariate_normal, norm
 from damping.errors import InputError
 from damping.infer.chains import Settings
 from damping.infer.importance import importance
-from damping.infer.law import log_prior
+from damping.infer.likelihood import log_prior
 from damping_reed1970.chapter_3.planar_fit import Phasors, PlanarModel, fit_planar
 from damping_reed1970.chapter_3.planar_posterior import (
     PlanarPrior,

@@ -92,7 +92,7 @@ def test_every_part_is_a_page_that_the_report_links(rendered: Rendered, results:
     linked = re.findall(r'<a href="(reproduction/[^"]+)\.html"', rendered.html)
     assert linked == list(rendered.pages)
     anchors = re.findall(r'<section id="([^"]+)"', rendered.html)
-    assert anchors[-3:] == ["source-report", "cautions", "method"]
+    assert anchors[-2:] == ["source-report", "details"]
     assert not set(anchors) & set(names)
     for name, page in zip(names, rendered.pages.values(), strict=True):
         first, *headings, last = re.findall(r'<section id="([^"]+)"', page)

@@ -12,7 +12,8 @@ from scipy.stats import kurtosis, norm
 from damping.infer.chains import ChainStart, Target, run, sample
 from damping.infer.evidence import evidence
 from damping.infer.importance import Proposal
-from damping.infer.law import Coordinates, Law, log_likelihood, log_posterior, log_prior
+from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import log_likelihood, log_posterior, log_prior
 
 pytestmark = pytest.mark.sampling
 

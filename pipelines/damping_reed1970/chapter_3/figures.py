@@ -25,10 +25,7 @@ Curve = tuple[FloatArray, FloatArray, FloatArray]
 def single(y_label: str) -> tuple[Figure, Axes]:
     """A figure of one panel over frequency."""
     figure = Figure(figsize=(0.72 * WIDTH, 3.3))
-    axes = figure.add_subplot()
-    axes.set_xlabel(OMEGA)
-    axes.set_ylabel(y_label)
-    return figure, axes
+    return figure, figure.add_subplot(xlabel=OMEGA, ylabel=y_label)
 
 
 def draw_band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
@@ -252,11 +249,11 @@ def draw_planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, F
         "theta": ("θ (°)", 0.0, 1.0),
         "M": ("M (lb s²/in)", 0.0, 1.0),
     }
-    scaled = [
-        {label: factor * (values[name] - off) for name, (label, off, factor) in shown.items()}
-        for values in (draws, prior)
-    ]
-    return corner(*scaled)
+
+    def scale(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {label: factor * (values[name] - off) for name, (label, off, factor) in shown.items()}
+
+    return corner(scale(draws), scale(prior))
 
 
 @styled
@@ -279,12 +276,9 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest:
     none = branches[branches["roots"] == 0]
     axes.plot(none["omega"], none["xi_of_largest"], "x", color=ALERT, label="no root: ξ of the largest energy")
     draw_printed(axes, omega, branches["xi_printed"], "printed (Table 3.IV)")
-    axes.set_yscale("log")
-    axes.set_ylim(1e-4, largest)
+    axes.set(yscale="log", ylim=(1e-4, largest), xlabel=OMEGA, ylabel="damping factor ξ")
     axes.set_yticks([1e-4, 1e-3, 0.005, 1e-2, largest], ["0.0001", "0.001", "0.005", "0.01", f"{largest:g}"])
     axes.minorticks_off()
-    axes.set_xlabel(OMEGA)
-    axes.set_ylabel("damping factor ξ")
     figure.legend(loc="outside lower center", ncols=3)
     return figure
 

@@ -29,7 +29,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import Evidence, fill_cube, importance
-from damping.infer.law import REACH, log_prior
+from damping.infer.likelihood import REACH, log_prior
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
 
 #: Log standard deviation of M: a factor of 2.3 either way in 90 %.

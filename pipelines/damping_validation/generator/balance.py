@@ -153,7 +153,7 @@ def sweep_phasor(structure: Structure, rows: TrueRows) -> Complex:
     for number in np.unique(rows.sweep):
         place = np.flatnonzero(rows.sweep == number)
         z = X[place[0]]
-        for before, here in pairwise(place):
+        for before, here in pairwise(place.tolist()):
             z = _move(structure, rows, z, before, here)
             X[here] = z
     return X

@@ -53,7 +53,7 @@ class TrueMotion:
         self.structure, self.rows, self.steps = structure, rows, steps
         angle = np.arange(2 * steps + 1) * np.pi / steps
         #: The drive over its amplitude at every half step.
-        self.wave = np.sin(angle)
+        self.wave: list[float] = np.sin(angle).tolist()
         self._mass = structure.mass + rows.added
         self._stiffness = structure.mass * (structure.omega * rows.tuning) ** 2
         self._viscous = structure.viscous * rows.loss

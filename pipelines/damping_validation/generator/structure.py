@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -111,15 +111,21 @@ def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: boo
 
 def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
     """The chosen rows alone."""
-    columns = {part.name: getattr(rows, part.name) for part in fields(rows)}
-    return replace(rows, **{name: value[chosen] for name, value in columns.items() if isinstance(value, np.ndarray)})
+    return replace(rows, **{name: column[chosen] for name, column in _list_columns(rows).items()})
+
+
+def _list_columns(rows: TrueRows) -> dict[str, Any]:
+    """What rows hold one entry a row of."""
+    every = {part.name: getattr(rows, part.name) for part in fields(rows)}
+    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
 
 
 def joined_rows(rows: TrueRows, more: TrueRows) -> TrueRows:
     """Rows of one test and then of another of the same rig."""
-    columns = {part.name: getattr(rows, part.name) for part in fields(rows)}
-    arrays = {name: value for name, value in columns.items() if isinstance(value, np.ndarray)}
-    return replace(rows, **{name: np.concatenate([value, getattr(more, name)]) for name, value in arrays.items()})
+    joined: dict[str, Any] = {
+        name: np.concatenate([column, getattr(more, name)]) for name, column in _list_columns(rows).items()
+    }
+    return replace(rows, **joined)
 
 
 def show_signal(signal: Array, rows: TrueRows) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import exp, pi
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from damping.campaign.driven import answer_driven, modal_loads
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import ORDERS, CampaignRun, Corrections
 from damping.campaign.sources import read_runs
+from damping.errors import InputError
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.audit import audit
@@ -29,13 +30,14 @@ def analyse(
     seed: int = 1970,
     max_size: int = 200_000_000,
     corrections: Corrections | None = None,
+    limits: Mapping[str, float] | None = None,
 ) -> Campaign:
     """Everything from some files.
 
     Args:
         design: levels asked, in the unit of the drive; of free decays the amplitude of the sensor that moves most.
             By default twice the top level. frequencies: of the modes, Hz, where they are not to be looked for.
-        corrections: of what is found in the files.
+        corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit.
 
     Raises:
         InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
@@ -48,7 +50,10 @@ def analyse(
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(one.level.max()) for one in inputs)
     names, levels = fit_levels(runs, frequencies)
-    modes = tuple(answer_driven(names, levels, mode, inputs, seed) for mode in tie_modes(names, levels))
+    unknown = next((name for name in limits or {} if name not in names), None)
+    if unknown is not None:
+        raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
+    modes = tuple(answer_driven(names, levels, mode, inputs, seed, limits or {}) for mode in tie_modes(names, levels))
     return Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
 
 

@@ -78,6 +78,7 @@ class ModeAnswer:
     mode: Mode
     design_forces: tuple[float, ...]
     findings: tuple[Finding, ...] = ()
+    notches: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,7 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
         "law": mode.law,
         "sensors_left_out": list(mode.left_out),
         "why_left_out": dict(mode.left_out),
+        "notches": [asdict(notch) for notch in mode.notches],
         "at": [
             {
                 "level": at.level,

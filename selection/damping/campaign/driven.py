@@ -6,7 +6,7 @@ amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import exp, hypot, log, pi
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.campaign.answer import NORMAL_90, At, DesignLevel, ModeAnswer, Response
 from damping.campaign.modal_fit import receptance
+from damping.campaign.notches import find_notches, list_levels
 from damping.campaign.records import Level, ModeFound
 from damping.campaign.runs import ORDERS
 from damping.extrapolation import draw_evidence, extrapolate_loads
@@ -47,46 +48,44 @@ def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) 
 
 
 def answer_driven(
-    names: Sequence[str], levels: Sequence[Level], mode: ModeFound, design: Sequence[DesignLevel], seed: int
+    names: Sequence[str],
+    levels: Sequence[Level],
+    mode: ModeFound,
+    design: Sequence[DesignLevel],
+    seed: int,
+    limits: Mapping[str, float],
 ) -> ModeAnswer:
-    """Tested and design levels of a mode of a structure that is driven."""
+    """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
     run = levels[0].run
-    to_si = unit(run.drive_unit).factor
-    of_force = abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0
-    asked = [float(level.run.level or 0.0) for level in levels]
-    asked += [level.at(float(mode.frequency[-1])) for level in design]
-    drives = np.array(asked) * to_si
-    loads, law, swept = modal_loads(mode.record, mode.mode, [float(of_force * drive) for drive in drives], seed)
+    of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
+    tested = [float(level.run.level or 0.0) for level in levels]
+    wanted = [level.at(float(mode.frequency[-1])) for level in design]
+    asked = [*tested, *wanted, *(list_levels(tested, wanted) if limits else [])]
+    loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
     places = []
-    for k, (level, drive) in enumerate(zip(asked, drives, strict=True)):
-        tested = k < len(levels)
-        fit_of = levels[k if tested else -1]
-        ratio = None
-        response: tuple[Response, ...] = ()
-        if tested:
-            ratio = _measured_ratio(mode, k)
-            response = _list_responses(names, fit_of, mode, float(frequency[k]), _turn(ratio), float(drive))
-        elif np.isfinite(bands[k]).all():
-            w = 2.0 * pi * frequency[k]
-            z, z_high, z_low = (float(of_force * drive / (2.0 * mode.mode.mass * w**2 * A)) for A in bands[k])
-            ratio = (z, z_low, z_high)
-            response = _list_responses(names, fit_of, mode, float(frequency[k]), (z, z_high, z_low), float(drive))
-        places.append(
-            At(
-                level,
-                tested,
-                float(frequency[k]),
-                ratio,
-                response,
-                (*swept, *mode.cautions, *(() if tested else loads.cautions[k])),
-            )
-        )
-    forces = tuple(float(of_force * drive) for drive in drives[len(levels) :])
+    for k, level in enumerate(asked):
+        measured = k < len(levels)
+        ratio = _measured_ratio(mode, k) if measured else None
+        if not measured and np.isfinite(bands[k]).all():
+            per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
+            z, high, low = (float(per_amplitude / A) for A in bands[k])
+            ratio = (z, low, high)
+        drive, of = level * unit(run.drive_unit).factor, levels[k if measured else -1]
+        response = _list_responses(names, of, mode, float(frequency[k]), ratio, drive) if ratio else ()
+        cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
+        places.append(At(level, measured, float(frequency[k]), ratio, response, cautions))
+    count = len(tested) + len(wanted)
+    notches = [
+        notch
+        for level in wanted
+        for notch in find_notches(mode.name, places[len(tested) :], max(tested), level, limits)
+    ]
+    forces = tuple(float(of_force * level) for level in wanted)
     return ModeAnswer(
-        mode.name, float(mode.frequency[0]), law, tuple(places), mode.left_out, mode.record, mode.mode, forces,
-        audit(mode.record, mode.mode).findings,
+        mode.name, float(mode.frequency[0]), law, tuple(places[:count]), mode.left_out, mode.record, mode.mode, forces,
+        audit(mode.record, mode.mode).findings, tuple(notches),
     )  # fmt: skip
 
 
@@ -94,11 +93,6 @@ def _measured_ratio(mode: ModeFound, k: int) -> tuple[float, float, float]:
     """Damping ratio (median, low, high) that was measured at a level."""
     spread = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD))
     return float(mode.ratio[k]), float(mode.ratio[k]) * exp(-spread), float(mode.ratio[k]) * exp(spread)
-
-
-def _turn(ratio: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Damping ratios in the order of the amplitudes that they give: median, low, high."""
-    return ratio[0], ratio[2], ratio[1]
 
 
 def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
@@ -116,12 +110,12 @@ def _list_responses(
     level: Level,
     mode: ModeFound,
     frequency: float,
-    ratios: tuple[float, float, float],
+    ratio: tuple[float, float, float],
     drive: float,
 ) -> tuple[Response, ...]:
-    """Peak of every sensor kept, at the damping ratios of the median, low and high amplitude."""
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
     by_name = {one.name: one for one in level.run.channels}
-    peaks = np.array([_peaks(level, mode, frequency, ratio) for ratio in ratios]) * drive  # (3, sensors)
+    peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
     found = []
     for s, name in enumerate(names):
         if not np.isfinite(mode.residues[s]):

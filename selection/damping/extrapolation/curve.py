@@ -221,8 +221,11 @@ def join_curves(curves: Sequence[Curve]) -> Curve:
         return Interval(*(np.concatenate([getattr(p, end) for p in parts]) for end in ("median", "low", "high")))
 
     return Curve(
-        curves[0].level,
-        *(join(name) for name in ("amplitude", "force", "frequency", "damping_ratio")),
+        level=curves[0].level,
+        amplitude=join("amplitude"),
+        force=join("force"),
+        frequency=join("frequency"),
+        damping_ratio=join("damping_ratio"),
         tested=np.concatenate([curve.tested for curve in curves]),
         cautions=tuple(said for curve in curves for said in curve.cautions),
     )

@@ -9,7 +9,8 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.infer.doubt import extend, stray
-from damping.infer.law import Coordinates, by_sweep, residuals
+from damping.infer.law import Coordinates
+from damping.infer.likelihood import by_sweep, residuals
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 

@@ -22,7 +22,7 @@ from damping.gap.model import Part
 from damping.gap.simulation import within_tolerance
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import importance
-from damping.infer.law import by_blocks
+from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
 

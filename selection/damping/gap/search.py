@@ -235,7 +235,7 @@ class Search:
 
 
 def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
-    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large, those that it says nothing of."""
+    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
     ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
     least = ranked[0][0].gain * _FAR - _SURE
     beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]

@@ -1,7 +1,7 @@
 """The best fit of a law with coefficients >= 0.
 
 For given shapes a law is linear in its coefficients, C(A, omega) = sum_j c_j u_j(A, omega), and the distance of a row
-from it (:func:`damping.infer.law.residuals`) is
+from it (:func:`damping.infer.likelihood.residuals`) is
 
     n_i = (D_i - C_i)/sqrt(g_i^2 + R_i^2),      g = dC/d ln A.
 
@@ -22,7 +22,8 @@ from scipy.special import ndtri
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
-from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law, residuals
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law
+from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
@@ -227,10 +228,10 @@ def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
             explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
             better = explained > most
             if size == terms and better.all():  # the best of all, wherever its coefficients are >= 0
-                return fit
+                return np.asarray(fit, dtype=np.float64)
             most = np.where(better, explained, most)
             best[better] = 0.0
-            best[np.ix_(better, among)] = fit[better]
+            best[np.flatnonzero(better)[:, None], among] = fit[better]
     return best
 
 

@@ -18,7 +18,8 @@ from damping.arrays import FloatArray
 from damping.infer.diagnostics import Convergence, assess_convergence
 from damping.infer.evidence import Evidence
 from damping.infer.importance import Proposal
-from damping.infer.law import Coordinates, log_posterior
+from damping.infer.law import Coordinates
+from damping.infer.likelihood import log_posterior
 from damping.infer.observations import Observations
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.infer.chains import Posterior
 from damping.infer.diagnostics import load_arviz
-from damping.infer.law import Coordinates, by_blocks, pointwise_log_likelihood, residuals
+from damping.infer.law import Coordinates
+from damping.infer.likelihood import by_blocks, pointwise_log_likelihood, residuals
 from damping.infer.observations import Observations
 
 #: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).

@@ -17,7 +17,8 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, fill_cube, importance
-from damping.infer.law import Coordinates, log_posterior
+from damping.infer.law import Coordinates
+from damping.infer.likelihood import log_posterior
 from damping.infer.observations import Observations, round_bits
 
 #: First step of a difference quotient, and the least and largest: of a standard normal variable.

@@ -128,7 +128,8 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
 def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Standard normals (n, d), chi-squares (n,) and uniforms (n,) on one set of points that fill space."""
     u = fill_cube(dimension + 2, power, seed)
-    return ndtri(u[:, 2:]), 2.0 * gammaincinv(0.5 * DEGREES_OF_FREEDOM, u[:, 1]), u[:, 0]
+    chi_square = np.asarray(2.0 * gammaincinv(0.5 * DEGREES_OF_FREEDOM, u[:, 1]), dtype=np.float64)
+    return ndtri(u[:, 2:]), chi_square, u[:, 0]
 
 
 def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
@@ -190,13 +191,13 @@ def importance(
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
-            first and enough later. wanted: effective draws at which to stop, at the latest after all ``ROUND_POWERS``.
+            first and enough later. wanted: effective draws at which to stop, at the latest after all rounds.
     """
     proposals, sizes = [Proposal.around(mode, covariance)], np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
     log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
-    for round_, power in enumerate(ROUND_POWERS):
-        new = proposals[-1].draw(power, seed + round_)
+    for round_ in range(max(least_rounds, len(ROUND_POWERS))):
+        new = proposals[-1].draw(ROUND_POWERS[min(round_, len(ROUND_POWERS) - 1)], seed + round_)
         of_old = proposals[-1].log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))

@@ -11,26 +11,10 @@ prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
 - ``scatter``: relative scatter of one measured row; ``level_scatter``: relative scatter of the resonant amplitude from
   sweep to sweep. Both log-normal. Where there is one sweep, or one row in every sweep, only their sum can be seen, and
   ``scatter`` is that.
-
-Prior and likelihood of a damping law, pure and vectorised over points of parameter space.
-
-Residual of a row, the distance of the measured phasor (ln A, phi) from the curve C(A, omega) = F sin(phi):
-
-    n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
-
-(Of a free decay, where amplitude is the input, g = C: the relative error of force, which constant friction has too.)
-(The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
-At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
-by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
-record's own uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which
-moves its rows by h = g / sqrt(g^2 + R^2) each:
-
-    cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -39,9 +23,9 @@ from scipy.special import ndtr
 
 from damping.arrays import FloatArray
 from damping.forces import Component, component
-from damping.forces.contract import Force, Sum
+from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, stray_covariance
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN
 from damping.infer.observations import Observations, round_bits
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
@@ -206,112 +190,3 @@ class Coordinates:
         if self.with_level_scatter:
             values["level_scatter"] = level
         return values
-
-
-#: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
-REACH = 8.0
-#: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
-MOST = 250_000
-BLOCK = 60_000
-#: Sweeps up to which a product with their matrix is the quickest way to sums over each.
-_FEW = 32
-
-
-def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
-    with np.errstate(all="ignore"):
-        C = force.quadrature(data.A, data.omega)
-        grown = C if data.amplitude_is_input else force.slope(data.A, data.omega)
-        g = grown * np.minimum(1.0, np.abs(data.D / C))
-        spread = g**2 + data.R**2
-        n = (data.D - C) / np.sqrt(spread)
-        known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
-        return n, g / np.sqrt(spread), known
-
-
-def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
-    return by_blocks(lambda block: _log_likelihood(block, coordinates, data), x, len(data.A))
-
-
-def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
-    """``work(x)``, a value a point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
-    if len(x) * rows <= MOST:
-        return work(x)
-    step = max(1, BLOCK // rows)
-    return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
-
-
-def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    n, h, known = residuals(coordinates.force(x), data)
-    variance = coordinates.scatter(x)[0][:, None] ** 2 + known
-    with np.errstate(all="ignore"):
-        value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
-        if coordinates.with_level_scatter or coordinates.with_doubt:
-            nn, hh, hn = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
-            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data))
-        else:
-            value -= 0.5 * np.sum(n**2 / variance, axis=-1)
-    return np.where(np.isfinite(value), value, -np.inf)
-
-
-def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Covariance of ln A of the levels about the law: scatter of each and straying of the exponent, (points, s, s)."""
-    z = np.log(data.tested_force)
-    strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
-    level, doubt = coordinates.scatter(x)[1], coordinates.doubt(x)
-    return level[:, None, None] ** 2 * np.eye(len(z)) + doubt[:, None, None] ** 2 * strays
-
-
-def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Quadratic form and determinant of rows whose levels have a covariance K, (points,): Woodbury, B = I + S K S.
-
-    Args:
-        nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
-    """
-    root = np.sqrt(hh)
-    B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
-    fine = np.asarray(np.isfinite(B).all(axis=(1, 2)))
-    factor = np.linalg.cholesky(np.where(fine[:, None, None], B, np.eye(hh.shape[1])))
-    u = np.where(root > 0.0, hn / root, 0.0)
-    white = np.linalg.solve(factor, u[..., None])[..., 0]
-    half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
-    return np.asarray(np.where(fine, -0.5 * np.sum(within + white**2, axis=1) - half_log_det, -np.inf))
-
-
-def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
-    """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
-    if len(data.sweeps) <= _FEW:
-        return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
-    order = np.argsort(data.sweep, kind="stable")
-    first = np.searchsorted(data.sweep[order], np.arange(len(data.sweeps)))
-    return np.asarray(np.add.reduceat(values[:, order], first, axis=1))
-
-
-def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Log likelihood of each sweep given the parameters, (points, sweeps); of each row where there is one sweep only.
-
-    Rows of one sweep share their level's scatter, so a sweep is the unit that can be left out.
-    """
-    if len(data.sweeps) > 1:
-        one = np.eye(len(data.sweeps), dtype=bool)
-        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in one], axis=-1)
-    n, h, known = residuals(coordinates.force(x), data)
-    row, level = coordinates.scatter(x)
-    variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2
-    return -0.5 * (n**2 / variance + np.log(2.0 * np.pi * variance))
-
-
-def log_prior(x: FloatArray) -> FloatArray:
-    """Standard normal in every variable, shape (points,)."""
-    result: FloatArray = -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
-    return result
-
-
-def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
-    x = np.atleast_2d(x)
-    inside = np.all(np.abs(x) < REACH, axis=-1)
-    x = np.clip(x, -REACH, REACH)
-    return np.where(inside, log_prior(x) + log_likelihood(x, coordinates, data), -np.inf)

@@ -5,6 +5,8 @@ A line is solid within the test and dashed beyond it, where the ground is hatche
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from damping.arrays import FloatArray
 from damping.plots.style import (
     AVERAGE,
     BEYOND,
@@ -91,7 +92,7 @@ def draw_damping_curve(
 class _QTicks(MaxNLocator):
     """Round values of Q where the axis of damping ratios, which runs the other way from infinity, has room."""
 
-    def tick_values(self, vmin: float, vmax: float) -> FloatArray:
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
         """Round values whose damping ratios lie at least a tenth of the axis apart."""
         least = min(abs(vmin), abs(vmax))
         decade = 10.0 ** np.floor(np.log10(least))
@@ -100,10 +101,10 @@ class _QTicks(MaxNLocator):
         for value in values:
             if value >= least and (not kept or least / kept[-1] - least / value > 0.12):
                 kept.append(value)
-        return np.array(kept)
+        return kept
 
 
-def _to_q(percent: FloatArray) -> FloatArray:
+def _to_q(percent: Any) -> Any:
     """1/(2 zeta) of a damping ratio in per cent, and back."""
     return 50.0 / np.maximum(np.asarray(percent, dtype=float), 1e-9)
 

@@ -21,7 +21,8 @@ from scipy.special import chdtrc, ndtr
 
 from damping.arrays import FloatArray, IntArray
 from damping.infer.best_fit import BestFit
-from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, residuals
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
+from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 
 Verdict = Literal["fits", "poor", "none fits"]

@@ -170,10 +170,6 @@ def _describe_decimals(value: float) -> str:
     return f"{value:.1f}".replace("-", "−") if value == value else "–"
 
 
-def _describe_decimals(value: float) -> str:
-    return f"{value:.1f}".replace("-", "−") if value == value else "–"
-
-
 def _build_coefficient_table(result: RecordResult) -> Table:
     content = f"{100 * INTERVAL:g} %"
     headings = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
