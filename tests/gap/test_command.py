@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import dataclass
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -189,3 +190,28 @@ def test_an_analysis_that_cannot_be_done(damping, case, tmp_path):
     assert "different modes" in done.err
     assert len(done.err.strip().splitlines()) == 1
     assert earlier.read_text() == "earlier"
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own-simulation"
+
+
+def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkeypatch):
+    monkeypatch.chdir(EXAMPLE)
+    out = tmp_path / "answer.json"
+    words = ("model.toml", "record.csv", "--simulator", "two_beams:frame", "--no-posterior", "--json", out)
+    assert damping("gap", *words).code == 0
+    found = constants(out.read_text())
+    assert found["effects"] == ["coulomb-friction"]
+    # 6 mN by the README of the example; 75 rows of 1 per cent know it to 1.5 per cent
+    np.testing.assert_allclose(found["parameters"]["coulomb-friction"]["coefficient"], 0.006, rtol=0.05)
+    # simulated 2500 within 10 per cent, made with 2150; the compliance bends a little over so far
+    np.testing.assert_allclose(found["parameters"]["simulation"]["joint"], 2150 / 2500 - 1, rtol=0.0, atol=0.05)
+    for name in ("two_beams", "two_beams:nothing", "no_module:frame"):
+        done = damping("gap", "model.toml", "record.csv", "--simulator", name)
+        assert (done.code, done.out) == (2, "")
+
+
+def test_a_state_without_its_record(damping, case):
+    done = damping("gap", case / "model.toml", case / "data.csv", "--with", case / "model.toml")
+    assert done.code == 2
+    assert "records for 2 models" in done.err

@@ -164,7 +164,7 @@ LEVEL_OFFSET = Effect(
     sentence="the readings or the force of one level are off by a factor",
     forms=offset_forms,
     simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
-    shapes=(Shape("factor", above=0.0), Shape("sweep", least=1.0), Shape("force", least=0.0, default=0.0)),
+    shapes=(Shape("factor", above=0.0), Shape("sweep", above=0.0), Shape("force", least=0.0, default=0.0)),
     need="sweep",
 )
 

@@ -180,8 +180,14 @@ _COLUMNS = {
     "amplitude_sd": (0, 1),
     "energy": (1, 1),
     "mass": (1, -1),
+    "added_mass": (1, -1),
+    "amplitude_3": (0, 1),
+    "amplitude_y": (0, 1),
 }
-_WITHOUT_UNIT = ("sweep", "frequency", "phase", "phase_sd", "time", "damping_ratio")
+_WITHOUT_UNIT = (
+    *("sweep", "frequency", "phase", "phase_sd", "phase_3", "phase_y"),
+    *("sweep_rate", "time", "decay", "damping_ratio"),
+)
 
 
 @dataclass(frozen=True)
