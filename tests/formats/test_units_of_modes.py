@@ -50,13 +50,6 @@ EFFECTS = {
     "background": {"amplitude": 0.01, "angle": 1.0},
     "sweep-rate": {"rate": 0.02},
     "force-dropout": {"depth": 0.3, "width": 0.01, "lorentzian": 1.0},
-    "second-mode": {"compliance": 0.002, "frequency_ratio": 1.02, "loss": 0.02},
-    "drift": {"frequency": 0.01, "settling": 0.2},
-    "time-delay": {"delay": 0.001},
-    "level-offset": {"factor": 0.9, "sweep": 1.0},
-    "sensor-saturation": {"level": 0.4, "power": 2.0},
-    "background": {"amplitude": 0.02, "angle": 0.5},
-    "sweep-rate": {"rate": 0.001},
 }
 F, OMEGA = 5.0, 2.0 * np.pi * np.linspace(1.95, 2.05, 9)
 MODES = {f"force {name}": replace(MODE, damping=MODE.damping | {name: table}) for name, table in FORCES.items()} | {
