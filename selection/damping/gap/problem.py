@@ -157,7 +157,8 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
     Raises:
         AnalysisError: the record's frequencies, or its largest amplitude per force, lie far from the mode's frequency.
     """
-    hertz = rows.omega / RAD_S_PER_HZ
+    # where the row would lie without its added mass
+    hertz = rows.omega / RAD_S_PER_HZ * np.sqrt(1.0 + rows.added / mode.mass)
     peak = float(hertz[np.argmax(rows.A / rows.F)])
     inside = hertz.min() * (1.0 - _ANOTHER_MODE) < mode.frequency < hertz.max() * (1.0 + _ANOTHER_MODE)
     edge = peak in (hertz.min(), hertz.max())
