@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from damping.campaign.analysis import analyse
 from damping.campaign.answer import At, DesignLevel, Response
 from damping.campaign.decays import decay_modes
-from damping.campaign.notches import find_notches
+from damping.campaign.driven import find_notches
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import read_corrections
 from damping.campaign.sources import read_runs

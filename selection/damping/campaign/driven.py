@@ -2,19 +2,23 @@
 
 A tested level is answered by what was measured there, a design level by the laws of the mode's record. A band of modal
 amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
+
+A notch lowers the input at a mode so that a sensor keeps to its limit. The upper end of the 90 % band, below which the
+peak lies with 95 %, is interpolated over levels; the level at which it meets the limit is allowed. With the whole input
+D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance,
+at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import exp, hypot, log, pi
+from math import exp, hypot, log, log10, pi, sqrt
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import NORMAL_90, At, DesignLevel, ModeAnswer, Response
+from damping.campaign.answer import NORMAL_90, At, DesignLevel, ModeAnswer, Notch, Response
 from damping.campaign.modal_fit import receptance
-from damping.campaign.notches import find_notches, list_levels
 from damping.campaign.records import Level, ModeFound
 from damping.campaign.runs import ORDERS
 from damping.extrapolation import draw_evidence, extrapolate_loads
@@ -159,3 +163,51 @@ def _widened(median: float, low: float, high: float, spread: float) -> tuple[flo
 
 #: A peak is looked for within so many half-power half-widths of the resonance.
 _SEARCHED = 1.5
+
+
+#: Levels at which responses are predicted between the lowest and the design level.
+NOTCH_LEVELS = 10
+
+
+def list_levels(tested: Sequence[float], design: Sequence[float]) -> list[float]:
+    """Levels (in the unit of the drive) at which responses are needed for notches."""
+    return [float(level) for level in np.geomspace(0.5 * min(tested), max(*tested, *design), NOTCH_LEVELS)]
+
+
+def find_notches(
+    mode: str, places: Sequence[At], top: float, design: float, limits: Mapping[str, float]
+) -> tuple[Notch, ...]:
+    """The notch of each limited sensor at a mode, at a design level.
+
+    Args:
+        places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
+        limits: by sensor, in its unit.
+    """
+    found = []
+    for sensor, limit in limits.items():
+        rows = sorted(
+            (at.level, one.band[2], at.ratio[2], at.frequency, one.unit)
+            for at in places
+            for one in at.response
+            if one.sensor == sensor and at.ratio is not None
+        )
+        if not rows:
+            continue
+        level, upper, ratio, frequency = (np.array([row[k] for row in rows], dtype=float) for k in range(4))
+        allowed = _invert(level, upper, limit)
+        z, f = (float(np.interp(np.log(allowed), np.log(level), of)) for of in (ratio, frequency))
+        half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
+        low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
+        depth = max(20.0 * log10(design / allowed), 0.0)
+        unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
+        found.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
+    return tuple(found)
+
+
+def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:
+    """Level at which the upper bound meets the limit, straight on logarithmic axes; in proportion beyond the ends."""
+    rising = np.maximum.accumulate(upper)
+    if limit <= rising[0] or limit >= rising[-1]:
+        end = 0 if limit <= rising[0] else -1
+        return float(level[end] * limit / rising[end])
+    return float(np.exp(np.interp(np.log(limit), np.log(rising), np.log(level))))
