@@ -51,9 +51,9 @@ def test_configuration_1_second_plane(first):
     own = first.leading.best
     ratio = effect_values(own)["planar-coupling"]["frequency_ratio"]
     second = corrected_mode(own, CATALOGUE).omega_n * ratio
-    # least squares of Table 3.III with all parameters: 11.49 and 36 degrees with planes damped alike, 11.464 and 56 degrees
-    # with a second plane damped twice as much; the prior, a quarter more or less, lies between, and the mass is held
-    # within 2 per cent here (28 degrees for 21, damped alike)
+    # least squares of Table 3.III with all parameters: 11.49 and 36 degrees with planes damped alike, 11.464 and 56
+    # degrees with a second plane damped twice as much; the prior, a quarter more or less, lies between, and the mass is
+    # held within 2 per cent here (28 degrees for 21, damped alike)
     assert 11.46 <= second <= 11.50
     assert 28.0 <= np.degrees(effect_values(own)["planar-coupling"]["angle"]) <= 56.0
 
