@@ -80,7 +80,7 @@ class Diagnosis:
         hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
             the most probable that reaches ``COVER``.
         groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
-        unexplained: more than noise is left. in_library: calibrated chance that the library holds the cause at all.
+        unexplained: more than noise is left. in_library: chance that the library holds the cause at all.
         levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint,
         held_out: see the modules of those names.
         local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
