@@ -78,6 +78,6 @@ def test_fewer_draws_give_the_same_within_their_error(saturn):
 
 
 def test_points_fill_the_cube_evenly():
-    """Means over 2^10 points are four times closer to a half than the deviation of as many random ones, .009."""
+    """Means over 2^10 points are ten times closer to a half than the deviation of as many random ones, .009."""
     points = fill_cube(6, 10, seed=3)
-    np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.002)
+    np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.0009)

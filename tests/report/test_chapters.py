@@ -240,11 +240,14 @@ def test_proofs_in_symbols(plain: str, expected: str) -> None:
 
 
 def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[ReportPart]) -> None:
-    """The second plane lies where the report's own fit has it (11.48 to 11.51 rad/s, section 3.1)."""
+    """The second plane lies where least squares of the two-plane receptance have it: see tests/gap/test_history.py.
+
+    11.48 to 11.51 rad/s with one damping for both planes (section 3.1), 11.46 where each has its own.
+    """
     found = find(parts, "gaps")
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))
     assert plane
-    assert 11.48 <= float(plane[1]) <= 11.51
+    assert 11.46 <= float(plane[1]) <= 11.51
     assert results.gaps.configuration_1.leading.effects == ("planar-coupling",)
     assert "Damping grows with amplitude" in said(found)
     shown = found.tables["gap_configuration_2"]

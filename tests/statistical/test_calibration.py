@@ -53,7 +53,7 @@ def test_two_levels_are_no_test_of_farther_forces(trials):
 def test_a_band_of_linear_damping_misses():
     """The count has teeth: viscous damping alone, with its noise and its parameter, does not pass it."""
     hits = []
-    for i, structure in enumerate(structures()[1:]):
+    for i, structure in enumerate(3 * structures()[1:]):
         data = simulated_levels(structure, 5, SPAN, 0.02, np.random.default_rng(i))
         c = Coordinates.of(Law(("viscous",)), data)
         force = data.tested_force[data.top] * np.array([2.0])

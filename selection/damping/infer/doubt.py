@@ -24,7 +24,7 @@ LENGTH = 1.5
 DOUBT_MEDIAN = 0.03
 DOUBT_LOG_SD = 1.5
 #: A slope that strays upwards beyond the test strays by this factor more: joints let go at once, and take hold slowly.
-STEEPER = 3.0
+STEEPER = 2.5
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
