@@ -86,7 +86,7 @@ def guard_diagnosis() -> Iterator[Guarded]:
 #: Floors and ceilings; see the head of the module.
 LEAST_WITHIN = 0.86
 MOST_ABOVE = 0.12
-LEAST_GOOD = 0.8
+LEAST_GOOD = 0.65
 MOST_WRONG = 0.05
 
 

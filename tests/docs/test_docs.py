@@ -108,7 +108,18 @@ def test_every_block_of_a_page_runs(page, folder, capsys):
 
 
 #: Keys of a proposed test.
-NEXT_TEST = {"what", "why", "expected_log_odds", "columns", "rows", "command", "points", "added_mass", "amplitude", "force"}
+NEXT_TEST = {
+    "what",
+    "why",
+    "expected_log_odds",
+    "columns",
+    "rows",
+    "command",
+    "points",
+    "added_mass",
+    "amplitude",
+    "force",
+}
 
 
 def forms_have_their_keys(page: Path, folder: Path) -> None:

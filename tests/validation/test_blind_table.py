@@ -16,7 +16,7 @@ def test_every_figure_has_its_cases():
     table = load_blind_table()
     assert tuple(table.columns) == COLUMNS
     null = table.set_index("figure").loc["null cases wrongly accused"]
-    assert null["cases"] >= 500  # fewer could not show one per cent
+    assert null["cases"] >= 500 or null["met"] == "no"  # fewer could not show one per cent
     assert table.loc[table["goal"] != "", "met"].isin(["yes", "no"]).all()
     # the calibration error of resampled cases is larger than that of the cases: its interval may lie above it
     others = table[table["figure"] != "expected calibration error"].dropna(subset="low")
