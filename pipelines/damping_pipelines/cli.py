@@ -72,12 +72,13 @@ def study(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
     despite: Despite = None,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
     from damping_pipelines.study import run_study
 
-    run_study(settings, out, seed, png=png, despite=tuple(despite or ()))
+    run_study(settings, out, seed, png=png, pdf=pdf, despite=tuple(despite or ()))
 
 
 @app.command()
@@ -181,6 +182,7 @@ def gap(
     simulator: Annotated[
         str | None, typer.Option("--simulator", metavar="MODULE:FUNCTION", help="A simulation of your own.")
     ] = None,
+    plot: Plot = None,
     despite: Despite = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -202,6 +204,7 @@ def gap(
         tuple(despite or ()),
         pairs,
         simulator,
+        plot,
     )
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
+import subprocess
 import sys
+import tempfile
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import pandas as pd
 from pydantic import Field, TypeAdapter, ValidationError
 
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_write import uff
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
@@ -223,6 +226,38 @@ def write_picture(path: Path, figure: Any, title: str) -> None:
     else:
         write_text(path, to_svg(figure, path.stem, title, title))
     print(f"{path} drawn", file=sys.stderr)
+
+
+#: Names of the browser that prints, the first that is there.
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+#: What is printed of a page: its answer alone.
+ANSWER_ALONE = "<style>@media print { main > section:not(#answer), nav, footer { display: none } body { zoom: 0.7 } }</style></head>"
+#: Seconds that printing may take.
+LONGEST_PRINT = 60
+
+
+def print_answer(page: str) -> bytes:
+    """The section ``answer`` of a page as PDF, by Chromium.
+
+    Raises:
+        AnalysisError: there is no Chromium, or it cannot print.
+    """
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise AnalysisError(f"--pdf: none of {', '.join(BROWSERS)} is installed; print report.html from any browser")
+    with tempfile.TemporaryDirectory() as folder:
+        source, printed = Path(folder) / "report.html", Path(folder) / "report.pdf"
+        write_text(source, page.replace("</head>", ANSWER_ALONE, 1))
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+        done = subprocess.run(
+            [*command, f"--print-to-pdf={printed}", source.as_uri()],
+            capture_output=True,
+            check=False,
+            timeout=LONGEST_PRINT,
+        )
+        if done.returncode or not printed.exists():
+            raise AnalysisError(f"--pdf: {browser} ended with {done.returncode} and no page")
+        return printed.read_bytes()
 
 
 _FORM: TypeAdapter[RankForm | LoadsForm] = TypeAdapter(Annotated[RankForm | LoadsForm, Field(discriminator="format")])

@@ -23,6 +23,7 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings
+from damping_pipelines.export import check_picture, write_picture
 from damping_pipelines.provenance import versions
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
 from damping_pipelines.terminal import console, end_with_parent, progress
@@ -56,6 +57,7 @@ def gap(
     despite: Collection[str] = (),
     states: Sequence[tuple[Path, Path]] = (),
     simulator: str | None = None,
+    plot: Path | None = None,
 ) -> None:
     """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
 
@@ -67,11 +69,13 @@ def gap(
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if record is None:
-        if states or simulator is not None:
-            raise InputError("--with and --simulator are for one record", expected="MODEL.toml RECORD.csv")
+        if states or simulator is not None or plot is not None:
+            raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
         _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
-    targets = {"--json": json_out, "--model-out": model_out, "--report": report}
+    if plot is not None:
+        check_picture(plot)
+    targets = {"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}
     inputs = (model, record, *chain.from_iterable(states))
     for option, target in targets.items():
         refuse_inputs(option, target, *inputs)
@@ -93,6 +97,8 @@ def gap(
         write_plain(json_out, result.to_json())
     if model_out is not None:
         write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
+    if plot is not None:
+        write_picture(plot, result.plot(), result.title)
     if report is not None:
         write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
     if json_out != "-":

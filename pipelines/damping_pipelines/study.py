@@ -77,7 +77,13 @@ class Task:
 
 
 def run_study(
-    settings_file: Path | None, out: Path | None, seed: int | None, *, png: bool = False, despite: Collection[str] = ()
+    settings_file: Path | None,
+    out: Path | None,
+    seed: int | None,
+    *,
+    png: bool = False,
+    pdf: bool = False,
+    despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails.
 
@@ -92,7 +98,7 @@ def run_study(
     read = [path, *(path.parent / name for one in settings.records for name in (one.record, one.mode))]
     with sole_writer(out, ("report.html", "summary.json")):
         result = compute(settings, inputs, hashes(path, settings), out / ".chains")
-        write_study(result, out, read, png=png)
+        write_study(result, out, read, png=png, pdf=pdf)
         shutil.rmtree(out / ".chains", ignore_errors=True)
     print(f"{out / 'report.html'} written")
 

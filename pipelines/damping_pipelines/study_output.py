@@ -19,16 +19,18 @@ from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render
-from damping_pipelines.export import to_png
+from damping_pipelines.export import print_answer, to_png
 from damping_pipelines.manifest import publish
 from damping_pipelines.store import plain, refuse_inputs, to_json
 
 
-def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False) -> None:
+def write_study(
+    study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False, pdf: bool = False
+) -> None:
     """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
-    PNG too.
+    PNG too. ``pdf``: the answer as ``report.pdf``.
 
     Raises:
         InputError: a file cannot be written, or is one of the inputs or a user's own.
@@ -36,6 +38,8 @@ def write_study(study: StudyResult, out: Path, read: Iterable[Path] = (), *, png
     files = study_files(study)
     if png:
         files |= pictures(study, [name for name in files if name.endswith(".svg")])
+    if pdf:
+        files["report.pdf"] = print_answer(files["report.html"].decode())
     for name in files:
         refuse_inputs("--out", out / name, *read)
     publish(out, files, seed=study.seed, versions=study.versions, inputs=study.inputs)

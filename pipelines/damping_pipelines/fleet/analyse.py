@@ -12,6 +12,8 @@ import numpy as np
 
 from damping.errors import DampingError, InputError
 from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation.curve import Curve, trace_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
@@ -126,7 +128,7 @@ class _Analysis:
         diagnosed = task.is_model or bool(self.mode.damping)
         diagnosis = self._tried("gap", self._gap) if diagnosed else None
         row |= ranking_columns(ranking) if ranking else {}
-        row |= loads_columns(loads.design, loads.plan) if loads else {}
+        row |= loads_columns(loads.design, loads.plan, loads.curve) if loads else {}
         if diagnosis:
             row |= gap_columns(diagnosis)
             pages[f"{report_stem(task)}-gap.html"] = describe_gap_page(
@@ -170,7 +172,9 @@ class _Analysis:
         if not settings.fast:
             grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
             bands = predicted.predict_at(grid)
-        return _Predicted(predicted.plan, predicted.loads, bands)
+        backbone = find_backbone(self.record, self.mode, self.audit.implied)
+        curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
+        return _Predicted(predicted.plan, predicted.loads, curve, bands)
 
     def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
         task = self.task
@@ -196,8 +200,9 @@ class _Analysis:
 
 @dataclass(frozen=True)
 class _Predicted:
-    """What extrapolation gave; ``bands`` over a grid of forces, None with ``--fast``."""
+    """What extrapolation gave; ``curve``: damping there; ``bands`` over a grid of forces, None with ``--fast``."""
 
     plan: Plan
     design: Loads
+    curve: Curve
     bands: Loads | None

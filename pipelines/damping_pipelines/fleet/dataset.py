@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 
 from damping import __version__
 from damping.errors import InputError
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
@@ -45,6 +46,7 @@ SCHEMA = pa.schema(
         ("load_law", pa.string()),
         ("load_weight", pa.float64()),
         *((name, pa.float64()) for name in ("design_force", "extrapolation_ratio", "median", "low", "high", "linear")),
+        *((name, pa.float64()) for name in ("frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high")),
         *((f"linear_overprediction_{name}", pa.float64()) for name in ("percent", "low", "high")),
         ("cautions", pa.list_(pa.string())),
         ("effects", pa.list_(pa.string())),
@@ -91,9 +93,10 @@ def ranking_columns(ranking: Ranking) -> dict[str, Any]:
     }
 
 
-def loads_columns(loads: Loads, plan: Plan) -> dict[str, Any]:
-    """The prediction at the largest design force, and the form."""
+def loads_columns(loads: Loads, plan: Plan, curve: Curve) -> dict[str, Any]:
+    """The prediction at the largest design force with the damping there, and the form."""
     i = int(loads.force.argmax())
+    ratio = curve.damping_ratio
     return {
         "load_law": plan.laws[0].name,
         "load_weight": plan.laws[0].weight,
@@ -102,12 +105,16 @@ def loads_columns(loads: Loads, plan: Plan) -> dict[str, Any]:
         "median": loads.average.median[i],
         "low": loads.average.low[i],
         "high": loads.average.high[i],
+        "frequency": curve.frequency.median[i],
+        "damping_ratio": ratio.median[i],
+        "damping_ratio_low": ratio.low[i],
+        "damping_ratio_high": ratio.high[i],
         "linear": loads.linear[i],
         "linear_overprediction_percent": loads.overprediction[i],
         "linear_overprediction_low": loads.overprediction_low[i],
         "linear_overprediction_high": loads.overprediction_high[i],
         "cautions": list(loads.cautions[i]),
-        "loads_form": to_json(loads_form(loads, plan)),
+        "loads_form": to_json(loads_form(loads, plan, curve)),
     }
 
 

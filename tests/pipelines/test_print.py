@@ -1,0 +1,25 @@
+"""The answer of a study as a PDF of one page."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from damping.errors import AnalysisError
+from damping_pipelines import export
+
+REPORT = Path(__file__).parents[2] / "results" / "saturn-v" / "report.html"
+
+
+@pytest.mark.skipif(not any(map(shutil.which, export.BROWSERS)), reason="no Chromium")
+def test_the_answer_is_one_page():
+    printed = export.print_answer(REPORT.read_text())
+    assert printed.startswith(b"%PDF")
+    assert re.findall(rb"/Count (\d+)", printed) == [b"1"]
+
+
+def test_without_a_browser_it_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(export, "BROWSERS", ("no-such-browser",))
+    with pytest.raises(AnalysisError, match="no-such-browser is installed; print report.html from any browser"):
+        export.print_answer("")
