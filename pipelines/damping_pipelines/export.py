@@ -231,7 +231,10 @@ def write_picture(path: Path, figure: Any, title: str) -> None:
 #: Names of the browser that prints, the first that is there.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 #: What is printed of a page: its answer alone.
-ANSWER_ALONE = "<style>@media print { main > section:not(#answer), nav, footer { display: none } body { zoom: 0.7 } }</style></head>"
+ANSWER_ALONE = """<style>@media print {
+  main > section:not(#answer), nav, footer { display: none }
+  body { zoom: 0.7 }
+}</style></head>"""
 #: Seconds that printing may take.
 LONGEST_PRINT = 60
 

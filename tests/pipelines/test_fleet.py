@@ -203,6 +203,7 @@ def test_rows_say_how_they_came_about(alone):
     for row in good:
         assert row["extrapolation_ratio"] == pytest.approx(2.0, rel=1e-12)  # 2 times the largest, up to rounding
         assert row["design_force"] == pytest.approx(2.0 * row["largest_tested_force"], rel=1e-12)
+        assert 0.0 < row["damping_ratio_low"] < row["damping_ratio"] < row["damping_ratio_high"] < 1.0
         assert row["median"] is None or row["low"] < row["median"] < row["high"]
 
 

@@ -21,5 +21,5 @@ def test_the_answer_is_one_page():
 
 def test_without_a_browser_it_says_what_to_do(monkeypatch):
     monkeypatch.setattr(export, "BROWSERS", ("no-such-browser",))
-    with pytest.raises(AnalysisError, match="no-such-browser is installed; print report.html from any browser"):
+    with pytest.raises(AnalysisError, match=r"no-such-browser is installed; print report\.html from any browser"):
         export.print_answer("")
