@@ -123,6 +123,7 @@ class Diagnosis:
         return self.next_tests[0] if self.next_tests else None
 
 
+@np.errstate(all="ignore")  # a search passes through impossible models, which what it gives says
 def diagnose(
     record: Record,
     mode: Mode,
