@@ -24,9 +24,12 @@ from typing import Any
 import numpy as np
 
 #: Table 4.II: force (lb), frequency (Hz), amplitude (in).
-FORCE, HZ, AMPLITUDE = [19.37, 24.95, 28.98], [1.66882, 1.66577, 1.66401], [1.229, 1.439, 1.567]
+FORCE = [19.37, 24.95, 28.98]
+HZ = [1.66882, 1.66577, 1.66401]
+AMPLITUDE = [1.229, 1.439, 1.567]
 OMEGA = [2.0 * math.pi * f for f in HZ]
-CHAINS, SEED = 4, 1970
+CHAINS = 4
+SEED = 1970
 
 
 def geometric_mean(values: list[float]) -> float:

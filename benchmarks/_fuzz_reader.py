@@ -40,7 +40,8 @@ from damping.errors import AnalysisError, InputError
 
 _UNITS = {"response": "m/s^2/N", "force": "N"}
 _DESCRIPTION = read_description(default_study().with_name("condition.toml"))
-_MOST_BYTES, _NAMES = 1_000_000, ["frequency", "response", "f", "s.x"]
+_MOST_BYTES = 1_000_000
+_NAMES = ["frequency", "response", "f", "s.x"]
 
 
 def _imported(kind: str) -> Callable[[Path], object]:

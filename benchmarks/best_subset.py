@@ -26,7 +26,8 @@ GOALS: dict[int, float | None] = {10: None, 20: 0.3, 30: None, 40: 10.0}
 #: Terms of the comparison by every criterion.
 TERMS = 20
 #: Correlation of neighbouring columns; true coefficients, small ones among them.
-CORRELATION, TRUE = 0.8, {0: 1.0, 3: -0.6, 4: 0.5, 9: 0.3, 15: 0.2, 22: 0.4, 30: -0.3, 35: 0.2}
+CORRELATION = 0.8
+TRUE = {0: 1.0, 3: -0.6, 4: 0.5, 9: 0.3, 15: 0.2, 22: 0.4, 30: -0.3, 35: 0.2}
 #: Longest that a peer is waited for.
 PATIENCE_S = 120.0
 

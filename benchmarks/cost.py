@@ -21,7 +21,8 @@ from damping.regression.subsets import all_subsets
 from damping_validation.calibration import CANDIDATES, peaks, simulated_levels, structures
 
 LAW = Law(("viscous", "displacement-velocity"))
-REPEATS, LEAST_S = 3, 0.05
+REPEATS = 3
+LEAST_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def growth(work: str, against: str, sizes: list[int], make: Callable[[int], Call
 
 
 def points(rows: int) -> Callable[[], object]:
-    """Posterior density of 256 parameter points on so many rows."""
+    """The work of a posterior density of 256 parameter points on ``rows`` rows."""
     A = np.geomspace(0.5, 2.0, rows)
     data = peaks(A**1.5, A)
     coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
@@ -61,13 +62,13 @@ def points(rows: int) -> Callable[[], object]:
 
 
 def levels(number: int) -> Callable[[], object]:
-    """Choice and weights of eight laws for a band, from so many levels."""
+    """The work of weighing eight laws for a band, from ``number`` levels."""
     data = simulated_levels(structures()[1], number, 4.0, 0.01, np.random.default_rng(number))
     return partial(plan_loads, data, CANDIDATES)
 
 
 def terms(k: int) -> Callable[[], object]:
-    """All subsets of so many terms on 200 rows, with statistics."""
+    """The work of all subsets of ``k`` terms on 200 rows, with statistics."""
     rng = np.random.default_rng(k)
     design = design_of_arrays(rng.normal(size=(200, k)), rng.normal(size=200))
 
@@ -79,7 +80,7 @@ def terms(k: int) -> Callable[[], object]:
 
 
 def walkers(number: int) -> Callable[[], object]:
-    """Twenty steps of an ensemble of so many walkers on three resonances."""
+    """The work of twenty steps of an ensemble of ``number`` walkers on three resonances."""
     A = np.array([1.229, 1.439, 1.567])
     data = peaks(A**1.6, A)
     coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)

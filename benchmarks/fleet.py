@@ -36,7 +36,9 @@ from damping_pipelines.store import write_text
 from damping_validation.calibration import OMEGA, simulated_levels, structures
 
 OUT = Path(__file__).parents[1] / "results" / "benchmarks"
-RECORDS, LONG, MACHINERY = 20, 60, 500
+RECORDS = 20
+LONG = 60
+MACHINERY = 500
 SAMPLE_S = 0.5
 #: Records from which on a growth of memory is told from the filling of caches at the start.
 FEWEST = 400

@@ -19,7 +19,9 @@ import scipy.io
 
 from damping_reed1970.tables import data_folder
 
-MEMORY_MB, SECONDS, LONGEST_INPUT = 300, 60, 8192
+MEMORY_MB = 300
+SECONDS = 60
+LONGEST_INPUT = 8192
 _SATURN = data_folder() / "saturn-v"
 _SWEEP = b"sweep,force,frequency,amplitude,phase,energy,mass\na,1,2,0.5,0.3,0.4,2\n'=a,1,2.1,0.6,1.5,1,2\n"
 _MODE = (

@@ -14,7 +14,9 @@ from benchmarks._rows import Row, Time, timed
 from damping_pipelines.gap import diagnose_case
 from damping_validation.blind import make_cases
 
-CASES, SEED, GOAL_S = 12, 7, 2.0
+CASES = 12
+SEED = 7
+GOAL_S = 2.0
 
 
 def measure() -> list[Row]:

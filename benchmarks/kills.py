@@ -95,7 +95,7 @@ class Studies:
 
 
 def run(folder: Path, kills: int, seed: int) -> Tally:
-    """Kill so many studies and check what is left after each. AssertionError for the first promise that is broken."""
+    """Kill ``kills`` studies and check what each leaves; AssertionError for the first promise that is broken."""
     chance, tally = random.Random(seed), Tally()
     with Studies(folder) as studies:
         out = folder / "out"

@@ -21,7 +21,8 @@ import numpy as np
 from benchmarks._rows import Row, Time
 
 WANTED = 50_000
-PLAIN, BEST = 20.0, 5.0
+PLAIN = 20.0
+BEST = 5.0
 PEERS = {"emcee": "emcee, one point at a time", "pymc": "PyMC (NUTS)", "numpyro": "NumPyro (NUTS)"}
 #: Half the draws of a chain of each peer.
 PARTS = {"emcee": 1500, "pymc": 1000, "numpyro": 2000}

@@ -18,9 +18,13 @@ from damping.forces.powers import equivalent_viscous
 from damping.predict.steady import SteadyState, steady_state
 
 #: First mode of Configuration II, sweep C (Table 4.I), with the damping force of Eq 4.1.14.
-M, OMEGA_N = 50.78, 2 * pi * 1.66401
-VISCOUS, CASE_IV = 0.506, 1.886
-STATES, PEERS, GOAL = 1_000_000, 3, 1e4
+M = 50.78
+OMEGA_N = 2 * pi * 1.66401
+VISCOUS = 0.506
+CASE_IV = 1.886
+STATES = 1_000_000
+PEERS = 3
+GOAL = 1e4
 #: Largest difference of amplitude between averages and integration: one harmonic, damping of .3 % of critical.
 SAME = 1e-4
 

@@ -18,7 +18,9 @@ from damping.regression.terms import list_columns_of, parse_terms
 from damping_reed1970.tables import load_table
 
 TERMS = parse_terms("A^2*omega, A^2, A^3*omega^2, A^3*omega, A^4*omega, A, A^3, A^4, A^2*omega^2")
-GOAL, REPEATS, PER_LOOP = 40.0, 5, 10
+GOAL = 40.0
+REPEATS = 5
+PER_LOOP = 10
 
 
 def nine_terms() -> Design:

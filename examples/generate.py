@@ -26,7 +26,9 @@ from damping_pipelines.store import write_text
 
 FOLDER = Path(__file__).parent
 #: Relative scatter of amplitude from row to row and from level to level, and scatter of phase, rad.
-ROW, LEVEL, PHASE = 0.01, 0.01, 0.015
+ROW = 0.01
+LEVEL = 0.01
+PHASE = 0.015
 #: Phasors q of one sweep over frequencies, Hz, at a force.
 Phasors = Callable[[Mode, float, FloatArray], FloatArray]
 

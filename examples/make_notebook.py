@@ -14,7 +14,8 @@ FOLDER = Path(__file__).parent
 NOTEBOOK = FOLDER / "notebook.ipynb"
 #: Seconds that a cell may take.
 TIMEOUT = 900
-TEXT, CODE = new_markdown_cell, new_code_cell
+TEXT = new_markdown_cell
+CODE = new_code_cell
 #: The cells in order.
 CELLS = (
     (

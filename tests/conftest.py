@@ -211,7 +211,8 @@ def saturn_data() -> Path:
 
 
 #: Mass and natural frequency (rad/s) of the mode whose sweeps tests make.
-M, OMEGA_N = 0.5, 10.0
+M = 0.5
+OMEGA_N = 10.0
 
 
 def swept_record(

@@ -14,7 +14,8 @@ from scipy.optimize import brentq
 from two_beams import frame
 
 #: True stiffness of the joint, N m/rad, simulated as 2500 within 10 %; friction of the guide, N; forces, N.
-JOINT, FRICTION = 2150.0, 0.006
+JOINT = 2150.0
+FRICTION = 0.006
 FORCES = (0.04, 0.08, 0.16)
 NOISE = 0.01
 

@@ -126,7 +126,7 @@ def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> li
 
 
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
-    """A row a record of a study, with units."""
+    """One row for each record of each study, with units."""
     rows = []
     for study in studies:
         for name, record in study.records.items():

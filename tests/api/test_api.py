@@ -22,7 +22,8 @@ from damping_pipelines.cli import main
 from damping_reed1970.tables import data_folder
 
 SATURN = data_folder() / "saturn-v"
-RECORD, MODE = SATURN / "records" / "config-2-mode-1.csv", SATURN / "modes" / "config-2-mode-1.toml"
+RECORD = SATURN / "records" / "config-2-mode-1.csv"
+MODE = SATURN / "modes" / "config-2-mode-1.toml"
 LAWS = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("velocity-power",)))
 API = {
     *("AnalysisError", "InputError", "Law", "Mode", "Record", "condition", "diagnose", "extrapolate", "rank"),

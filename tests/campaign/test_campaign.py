@@ -30,7 +30,8 @@ G = 9.80665
 MODES = ((41.0, 0.009, 800.0, 0.9), (44.3, 0.007, 1500.0, 0.5))
 SHAPES = np.array([[1.0, 0.4], [0.7, -0.8], [-0.5, 0.9], [0.6, 0.7], [0.0, 0.0]])
 LEVELS = (0.1, 0.2, 0.4)
-REVERSED, DEAD = 3, 4
+REVERSED = 3
+DEAD = 4
 FREQUENCY = np.geomspace(20.0, 80.0, 900)
 SIZE = 1_000_000  # bytes of a file, at most
 
@@ -245,7 +246,8 @@ def test_a_design_input_over_frequency():
         DesignLevel(np.array([2.0, 1.0]), np.array([1.0, 1.0]))
 
 
-F_N, RATIO = 30.0, 0.01
+F_N = 30.0
+RATIO = 0.01
 SWEEP = np.log(40.0 / 22.0) / 90.0  # of ln f a second: .57 octaves a minute
 
 

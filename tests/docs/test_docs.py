@@ -83,7 +83,7 @@ def damping(line: str) -> int:
 def run(block: Block, names: dict[str, Any]) -> None:
     """Run the lines of a block, or write the file that it is."""
     if block.language == "python":
-        exec(compile(block.text, "page", "exec"), names)
+        exec(compile(block.text, "page", "exec"), names)  # a page of our own: its blocks are what is tested
     elif block.language == "sh":
         wanted = int(block.caption.removeprefix("exit code ")) if block.caption.startswith("exit code") else 0
         for line in block.text.splitlines():

@@ -18,7 +18,8 @@ from damping.infer.law import Law
 from damping.predict.steady import phase_resonance, resonant_amplitude
 from damping.report.forms import loads_form
 
-M, OMEGA_N = 0.3, 10.0
+M = 0.3
+OMEGA_N = 10.0
 FORCE = np.array([1.0, 2.0, 4.0])
 
 

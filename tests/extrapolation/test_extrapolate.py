@@ -17,7 +17,8 @@ from damping_reed1970.tables import data_folder
 from damping_validation.calibration import structures
 
 STRUCTURES = {s.name: s for s in structures()}
-M, OMEGA_N = 0.3, 10.0
+M = 0.3
+OMEGA_N = 10.0
 
 
 def in_time(name: str, force: np.ndarray) -> np.ndarray:

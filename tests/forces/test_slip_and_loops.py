@@ -16,7 +16,9 @@ from damping_reed1970.chapter_2 import (
 )
 
 #: K = 10, K1 = 4, A1 = .3: the example of erratum E243.
-K, K1, A1 = 10.0, 4.0, 0.3
+K = 10.0
+K1 = 4.0
+A1 = 0.3
 SLIP = Slip(K - K1, A1)
 EXACT = 1e-13  # rounding of closed forms
 

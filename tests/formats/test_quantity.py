@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from damping.errors import InputError
 from damping.formats.quantity import Unit, unit
 
-INCH, LBF, G = 0.0254, 4.4482216152605, 9.80665  # by definition, m, N, m/s^2
+# by definition, m, N, m/s^2
+INCH = 0.0254
+LBF = 4.4482216152605
+G = 9.80665
 
 
 @pytest.mark.parametrize(

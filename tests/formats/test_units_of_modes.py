@@ -51,7 +51,8 @@ EFFECTS = {
     "sweep-rate": {"rate": 0.02},
     "force-dropout": {"depth": 0.3, "width": 0.01, "lorentzian": 1.0},
 }
-F, OMEGA = 5.0, 2.0 * np.pi * np.linspace(1.95, 2.05, 9)
+F = 5.0
+OMEGA = 2.0 * np.pi * np.linspace(1.95, 2.05, 9)
 MODES = {f"force {name}": replace(MODE, damping=MODE.damping | {name: table}) for name, table in FORCES.items()} | {
     f"effect {name}": replace(MODE, effects={name: table}) for name, table in EFFECTS.items()
 }

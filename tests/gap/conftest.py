@@ -23,7 +23,9 @@ from damping_validation.generator.structure import Structure, TrueRows, plain_ro
 
 assert damping_pipelines.__doc__  # imported for its effect
 
-OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
+OMEGA = 2 * np.pi * 3.0
+MASS = 10.0
+XI = 0.01
 VISCOUS = 2 * XI * MASS * OMEGA
 #: Resonant amplitude at the highest force with viscous damping alone.
 A_TOP = 0.05

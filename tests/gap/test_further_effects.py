@@ -21,7 +21,9 @@ from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
 
-OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
+OMEGA = 2 * np.pi * 3.0
+MASS = 10.0
+XI = 0.01
 VISCOUS = 2 * XI * MASS * OMEGA
 TERMS = Terms(MASS, OMEGA, (make("viscous", coefficient=VISCOUS),), 1)
 

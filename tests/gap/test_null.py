@@ -11,7 +11,8 @@ from damping.gap.directed import directed_tests, unexplained
 from damping.gap.problem import setting
 from damping.gap.weighing import cover_probability, weigh_hypotheses
 
-GAIN, JITTER = 0.01, 3e-4
+GAIN = 0.01
+JITTER = 3e-4
 SEEDS = range(6)
 #: Of six honest simulations, at a rate of 1 % wrongly accused, two or more would be accused once in 680 times.
 MOST = 1

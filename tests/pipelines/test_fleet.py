@@ -34,7 +34,8 @@ from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
 from damping_validation.calibration import OMEGA, simulated_levels, structures
 
-RECORDS, SIZE = 6, 10_000_000
+RECORDS = 6
+SIZE = 10_000_000
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
 
 

@@ -29,7 +29,9 @@ from damping_pipelines.store import write_json
 from damping_reed1970.tables import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
-LBF, INCH = 4.4482216152605, 0.0254  # by definition
+# by definition
+LBF = 4.4482216152605
+INCH = 0.0254
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ def test_python_in_ten_lines(tmp_path, monkeypatch, capsys):
     laws = (Law(("velocity-squared",)), Law(("viscous", "velocity-squared")))  # two predict in place of eight
     monkeypatch.setattr(extrapolation, "load_candidates", lambda data: laws)
     names: dict = {}
-    exec(compile(code, "README.md", "exec"), names)
+    exec(compile(code, "README.md", "exec"), names)  # our own text: that it runs is what is tested
     out = capsys.readouterr().out
     assert "held_out_error" in out
     assert re.search(r"^1 +90\.0( +[0-9.]+){4}$", out, re.MULTILINE)

@@ -15,7 +15,10 @@ from damping.records.mode import Mode, Rig, describe_mode_to_toml
 from damping.records.reading import read_record
 from damping_pipelines.store import write_text
 
-F_N, RATIO, GROWTH, MASS = 25.0, 0.008, 900.0, 3.0
+F_N = 25.0
+RATIO = 0.008
+GROWTH = 900.0
+MASS = 3.0
 PARTICIPATION = 0.35
 LEVELS = (1.0, 2.0, 4.0)  # m/s^2 of the base
 FREQUENCY = np.linspace(23.5, 26.5, 25)

@@ -13,7 +13,10 @@ from damping.records.audit import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-F_N, RATIO, GROWTH, MASS = 20.0, 0.01, 300.0, 2.0
+F_N = 20.0
+RATIO = 0.01
+GROWTH = 300.0
+MASS = 2.0
 RATE = 4.0  # octaves a minute
 
 

@@ -19,10 +19,14 @@ from damping.forces import (
 )
 from damping.predict.steady import resonant_amplitude, steady_state
 
-M, OMEGA_N = 50.78, 10.455  # first mode of Configuration II (Table 4.V)
+# first mode of Configuration II (Table 4.V)
+M = 50.78
+OMEGA_N = 10.455
 
 few = settings(max_examples=40, deadline=None)  # a busy machine is no failure
-C1, A, OMEGA = st.floats(0.1, 10.0), st.floats(0.01, 10.0), st.floats(1.0, 100.0)
+C1 = st.floats(0.1, 10.0)
+A = st.floats(0.01, 10.0)
+OMEGA = st.floats(1.0, 100.0)
 SMALL = st.floats(1e-9, 1e-3)
 SIGNED = st.tuples(SMALL, st.sampled_from([-1.0, 1.0])).map(lambda pair: pair[0] * pair[1])
 

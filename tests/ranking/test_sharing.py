@@ -6,7 +6,8 @@ import numpy as np
 
 from damping.ranking.sharing import weigh_sharing
 
-VISCOUS, SQUARED = ("viscous",), ("velocity-squared",)
+VISCOUS = ("viscous",)
+SQUARED = ("velocity-squared",)
 
 
 def groups(viscous: float) -> tuple[tuple[tuple[str, ...], float], ...]:

@@ -83,7 +83,7 @@ def test_real_records_and_examples_pass(record, mode):
 def test_the_offset_of_the_micro_beam_is_that_of_its_description():
     folder = MEASURED / "eth-beam"
     if not folder.exists():
-        pytest.skip("measured records are not here")
+        pytest.skip("the folder of measured records is absent: their licences keep them out of the project")
     found = audit(read_record(folder / "record.csv"), read_mode(folder / "mode.toml"))
     assert [finding.check for finding in found.findings] == ["phase-offset"]
     # "a constant offset of about 3 degrees (lag too large)": to the degree

@@ -15,7 +15,10 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import energy_per_cycle, number_levels, phase_offset, resonance, tabulate_resonances
 
-M, OMEGA_N, C = 2.0, 60.0, 1.2  # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
+# mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
+M = 2.0
+OMEGA_N = 60.0
+C = 1.2
 HALF_WIDTH = C / (2 * M) / (2 * pi)  # half the half-power bandwidth, Hz
 
 

@@ -27,7 +27,8 @@ MODES = [
     (0.028, 0.02, 23.5, 2.577, 0.0),
     (0.0, 0.07, 40.0, 3.0, 0.0),
 ]
-R2_OVER_I, OMEGA_R = -1.9e-4, 0.8
+R2_OVER_I = -1.9e-4
+OMEGA_R = 0.8
 
 
 def motion() -> np.ndarray:

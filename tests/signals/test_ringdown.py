@@ -34,7 +34,8 @@ from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
 
 M, omega_n = 2.0, 10.0
-K, HERTZ = M * omega_n**2, omega_n / (2 * np.pi)
+K = M * omega_n**2
+HERTZ = omega_n / (2 * np.pi)
 
 
 def free_decay(force: Force, A: float, periods: int, samples: int = 24) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,8 @@ from damping.errors import AnalysisError, InputError
 from damping.signals.tracking import track_sine
 
 RATE = 2000.0  # samples a second
-GAIN, LAG = 3.0, 0.7
+GAIN = 3.0
+LAG = 0.7
 THIRD = 0.05
 
 

@@ -8,7 +8,9 @@ import pytest
 from damping_validation.generator.plan import Bench
 from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
-OMEGA, MASS, XI = 2 * np.pi * 3.0, 10.0, 0.01
+OMEGA = 2 * np.pi * 3.0
+MASS = 10.0
+XI = 0.01
 VISCOUS = 2 * XI * MASS * OMEGA
 FORCES = (1.0, 4.0)
 #: Resonant amplitude at the highest force with viscous damping alone.

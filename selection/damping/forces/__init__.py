@@ -105,6 +105,7 @@ def component(name: str) -> Component:
         return Component(name, partial(EnergyTerm, amplitude_power=powers[0], frequency_power=powers[1]), term)
     kind = force_class(name)
     build: Callable[..., Force] = kind
+    # ``shapes`` is a property of the contract and a value of each class in the catalogue
     return Component(name, build, build(**{shape.name: 1.0 for shape in kind.shapes}))  # type: ignore[attr-defined]
 
 
