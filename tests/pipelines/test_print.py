@@ -12,9 +12,10 @@ from damping_pipelines import export
 REPORT = Path(__file__).parents[2] / "results" / "saturn-v" / "report.html"
 
 
-@pytest.mark.skipif(
-    not any(map(shutil.which, export.BROWSERS)), reason="no Chromium on this machine; .ci/run installs it"
-)
+BROWSER = any(map(shutil.which, export.BROWSERS))
+
+
+@pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine; .ci/run installs it")
 def test_the_answer_is_one_page():
     printed = export.print_answer(REPORT.read_text())
     assert printed.startswith(b"%PDF")
