@@ -40,6 +40,7 @@ from damping_pipelines.cli_files import (
 )
 from damping_pipelines.exhibits import exhibit_commands
 
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         print(f"damping {__version__}")
