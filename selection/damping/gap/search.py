@@ -21,14 +21,15 @@ from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
-#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
-#: so near the best.
+#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, times what lines do not
+#: say, could bring them so near the best.
 _GAIN = 2.5
-#: The same beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
-#: errors, 0.8/sqrt(m), of 1.
+_BEYOND_LINES = 2.0
+_NEAR = 4.0
+#: The gain beside an explanation that leaves no more than noise, where lines say it all: the spread of its residuals
+#: within so many standard errors, 0.8/sqrt(m), of 1.
 _GAIN_BEYOND_NOISE = 4.5
 _FITTING = 1.6
-_NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
@@ -38,7 +39,7 @@ _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
-_WORTH = 30.0
+_WORTH = 12.0
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3
@@ -126,9 +127,12 @@ class Search:
         return self.ranked()
 
     def singles(self) -> None:
-        """Fit the simulation alone and every effect that could explain something."""
-        null = self._null()
-        tried = {name: self._starts(null, name) for name in self.forms}
+        """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
+        model = Model(self.problem, (), self.unknown.first)
+        first = fit_model(model, np.zeros((1, model.size)))[0]
+        tried = {name: [starts(first, form) for form in own] for name, own in self.forms.items()}
+        self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
+        null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
@@ -161,35 +165,29 @@ class Search:
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
-    def _null(self) -> Hypothesis:
-        """The simulation alone, refitted within its tolerance; sets the units of strength."""
-        model = Model(self.problem, (), self.unknown.first)
-        first = fit_model(model, np.zeros((1, model.size)))[0]
-        for form in chain.from_iterable(self.forms.values()):
-            self.units[form] = starts(first, form)[0].part.unit
-        return self._store((), [first], 1)
-
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
         return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
 
     def _combine(self, size: int) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
-        best = self.ranked()[0].log_posterior
+        best = self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
-            least = _GAIN if spread(base.plain.r) > 1.0 + _FITTING / np.sqrt(base.plain.r.size) else _GAIN_BEYOND_NOISE
+            noise_only = spread(base.plain.r) < 1.0 + _FITTING / np.sqrt(base.plain.r.size)
+            least, times = (_GAIN_BEYOND_NOISE, 1.0) if noise_only else (_GAIN, _BEYOND_LINES)
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
-                hope = base.log_posterior + 2.0 * gain - price
-                if gain > least and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                hope = base.log_posterior + times * gain - price
+                if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
-        for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
-            self._extend(base, name, tried)
+        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+            if hope > self.ranked()[0].log_posterior - _NEAR:
+                self._extend(base, name, tried)
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
