@@ -76,11 +76,15 @@ def fit_model(
 
 
 def fit_roughly(
-    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
+    model: Model,
+    x: FloatArray,
+    z: FloatArray | None = None,
+    weights: FloatArray | None = None,
+    rival: float = -np.inf,
 ) -> list[ModelFit]:
-    """The same with predictions at the measured amplitudes."""
+    """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
-    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
+    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
     return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
 
 
@@ -128,9 +132,12 @@ def _sd(one: ModelFit) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(one.covariance)))
 
 
-def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _climb(
+    model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
 
+    Those are not far behind each other, nor behind the cost of a ``rival``.
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
@@ -143,7 +150,7 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
         if step == _PATIENCE:
             cost = _cost(r, y, np.ones(len(y)), weights)
             keep = np.argsort(cost)[:_SURVIVORS]
-            keep = keep[cost[keep] < cost.min() * _HOPELESS + _BEHIND]
+            keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
             y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
         at = np.flatnonzero(active)
         if at.size == 0:
