@@ -117,7 +117,7 @@ def _describe_side(off: float) -> str:
 
 
 def list_chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
-    """Every figure of the chapter with its"""
+    """Every figure of the chapter with its number, title, words and drawing."""
     return [*_list_of_the_report(result), *_list_beyond(result)]
 
 
