@@ -26,8 +26,8 @@ def describe_two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Peaks of the tail displacement: of the printed points, and of the fit of two planes."""
     points, curve = (peaks(np.asarray(values)) for values in (measured["tail"], tail.amplitude[0]))
     return (
-        f"{len(measured)} printed points with {format_counted(points, 'peak')}, and the planar oscillator fitted to the "
-        "tail (motion in phase with the force fitted too) with its 90 per cent band: two planes at an angle give "
+        f"{len(measured)} printed points with {format_counted(points, 'peak')}, and the planar oscillator fitted to "
+        "the tail (motion in phase with the force fitted too) with its 90 per cent band: two planes at an angle give "
         f"{format_counted(curve, 'peak')}."
     )
 
