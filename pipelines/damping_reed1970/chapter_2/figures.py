@@ -141,9 +141,8 @@ def list_chapter_2_figures(loops: HysteresisLoops, slip: SlipEquivalent) -> list
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
             f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
             "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
-            f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude "
-            f"only, a fixed "
-            f"coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
+            f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude only, "
+            f"a fixed coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
             lambda: draw_slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
         ),
         ChapterFigure(
