@@ -4,8 +4,8 @@
 
 with ``q`` a mixture of multivariate t that covers the posterior: one part as wide as the prior, the others started from
 the Gaussian at the mode and adapted to the weighted draws until enough of them count (Cappe et al. 2008, adaptive
-importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, whose
-independence move the mixture is.
+importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, which
+choose among further draws of the mixture.
 """
 
 from __future__ import annotations
@@ -101,14 +101,11 @@ class Proposal:
         z, chi_square, u = _standard_draws(self.means.shape[1], power, seed)
         return self.transform(z, chi_square, self._part(u))
 
-    def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
-        n, d = x.shape
-        z = rng.standard_normal((n, d))
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, n))
-        u = np.asarray(rng.random_sample(n))
-        new = self.transform(z, chi_square, self._part(u))
-        return new, self.log_density(x) - self.log_density(new)
+    def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
+        """Independent draws (number, d)."""
+        z = rng.standard_normal((number, self.means.shape[1]))
+        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
+        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
 
     def _part(self, u: FloatArray) -> IntArray:
         """The part that a uniform variable falls into."""
