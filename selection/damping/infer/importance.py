@@ -77,8 +77,13 @@ class Proposal:
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
-    def _inverse_roots(self) -> FloatArray:
-        return np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
+    def _whitening(self) -> FloatArray:
+        """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
+        return np.linalg.inv(self.roots).transpose(2, 0, 1).reshape(self.means.shape[1], -1)
+
+    @cached_property
+    def _white_origin(self) -> FloatArray:
+        return -np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel()
 
     @cached_property
     def _log_norms(self) -> FloatArray:
@@ -90,8 +95,8 @@ class Proposal:
     def log_density(self, x: FloatArray) -> FloatArray:
         """Log density at x (n, d)."""
         d, nu = x.shape[1], DEGREES_OF_FREEDOM
-        white = [(x - mean) @ inverse.T for mean, inverse in zip(self.means, self._inverse_roots, strict=True)]
-        squares = np.stack([np.einsum("ni,ni->n", z, z) for z in white], axis=1)
+        white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
+        squares = np.einsum("nki,nki->nk", white, white)
         parts = self._log_norms - 0.5 * (nu + d) * np.log1p(squares / nu)
         top = parts.max(axis=1)
         return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
@@ -152,7 +157,8 @@ def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
     shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32) @ (1 << bit).astype(np.uint32)
     mixing = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
     mixing[:, bit, bit] = 1
-    binary = (_direction_numbers(dimension)[:, :, None] >> (BITS - 1 - bit)) & 1  # (dimension, number, bit from the top)
+    # bits from the top, (dimension, number, bit)
+    binary = (_direction_numbers(dimension)[:, :, None] >> (BITS - 1 - bit)) & 1
     mixed = np.einsum("dpk,djk->djp", mixing, binary) & 1
     numbers = (mixed << (BITS - 1 - bit)).sum(axis=2)
     index = np.arange(2**power)
@@ -165,8 +171,9 @@ def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
 @lru_cache
 def _direction_numbers(dimension: int) -> IntArray:
     """Direction numbers of each dimension, (dimension, BITS), by the recurrence of its primitive polynomial."""
-    if dimension > 1 + len(POLYNOMIALS):
-        raise AnalysisError(f"{dimension} variables; points that fill space are known for {1 + len(POLYNOMIALS)} at most")
+    most = 1 + len(POLYNOMIALS)
+    if dimension > most:
+        raise AnalysisError(f"{dimension} variables: points that fill space are known of {most} at most")
     numbers = np.ones((dimension, BITS), dtype=np.int64)
     for row, polynomial, first in zip(numbers[1:], POLYNOMIALS, DIRECTIONS, strict=False):
         degree = len(first)

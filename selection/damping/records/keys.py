@@ -66,7 +66,7 @@ RADIANS = ("phase", "phase_3", "phase_y")
 
 
 def find_out_of_range(name: str, values: FloatArray) -> tuple[int, str] | None:
-    """The first of the ``values`` (rows,) of a column out of its range, and what was expected; None where all are in it.
+    """The first of the ``values`` (rows,) of a column out of its range, and what was expected; None where none is.
 
     NaN passes: whether a cell may be empty is decided where the file is read.
     """

@@ -18,13 +18,13 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records.keys import (
     BLANK_COLUMNS,
+    NOT_NEGATIVE,
     OPTIONAL_COLUMNS,
+    POSITIVE,
+    RADIANS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
     describe_nearest,
-    NOT_NEGATIVE,
-    POSITIVE,
-    RADIANS,
     find_out_of_range,
 )
 from damping.records.text import describe_shortened, guarded
