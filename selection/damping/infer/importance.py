@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
+from scipy.special import gammaincinv, gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -241,7 +241,9 @@ def importance(
         of_old = proposals[-1].log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
-        weighed = _weigh(x, log_p - logsumexp(log_q, axis=1, b=sizes / len(x)), mode, proposals[-1], seed)
+        top = log_q.max(axis=1)
+        log_mixture = top + np.log(np.exp(log_q - top[:, None]) @ (sizes / len(x)))
+        weighed = _weigh(x, log_p - log_mixture, mode, proposals[-1], seed)
         proposals.append(Proposal.through(weighed.draws))
         if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
             break
