@@ -65,6 +65,18 @@ _LIMITS = np.geomspace(0.01, 3.0, 9)
 _ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
 
 
+class ManyJoints(Sum):
+    """Joints that slip one after the other, computed as one."""
+
+    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """The sums of C, dC/d ln A, S and dS/d ln A."""
+        stiffness, limit = (np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit"))
+        rank = 1 + max(np.ndim(A), np.ndim(omega))
+        slips = Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in (stiffness, limit)))
+        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in slips.averages(A, omega))
+        return C, slope, S, in_phase_slope
+
+
 def joint_force(table: Mapping[str, Floats]) -> Force:
     """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, their limits distributed after Weibull.
 
@@ -75,7 +87,7 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
     if not np.any(kappa):
         return Slip(stiffness, limit)
     beyond = [np.exp(-(end**kappa)) for end in _ENDS]
-    return Sum(
+    return ManyJoints(
         tuple(
             Slip(stiffness * (before - after), limit * place)
             for place, (before, after) in zip(_LIMITS, pairwise(beyond), strict=True)

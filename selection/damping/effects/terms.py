@@ -127,13 +127,12 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     slope_imaginary: Floats = 0.0
     for number, force in enumerate(terms.forces):
         own = drive.own if number < terms.simulated else 1.0
-        C = force.quadrature(A, drive.omega) * own
-        imaginary = imaginary + C
-        slope_imaginary = slope_imaginary + (force.slope(A, drive.omega) * own - C)
+        C, slope, S, in_phase_slope = force.averages(A, drive.omega)
+        imaginary = imaginary + C * own
+        slope_imaginary = slope_imaginary + (slope - C) * own
         if force.restores:
-            S = force.in_phase(A, drive.omega)
             real = real + S / A
-            slope_real = slope_real + (force.in_phase_slope(A, drive.omega) - S) / A
+            slope_real = slope_real + (in_phase_slope - S) / A
     damped = np.exp(_total(terms.damped, drive)) / A
     return (
         np.asarray(real + 1j * (imaginary * damped) + _total(terms.beside, drive)),
@@ -200,8 +199,9 @@ def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
 
 
-#: Points of a cycle from which the third harmonic of a force is taken: one in a hundred for friction, less for others.
-_CYCLE = 48
+#: Points of half a cycle (the other is its opposite) from which the third harmonic of a force is taken: right to one in
+#: a hundred for friction, better for others.
+_CYCLE = 24
 
 
 def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
@@ -210,7 +210,7 @@ def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive)
     That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
     """
     terms = tuned(terms, drive)
-    theta = 2.0 * np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
+    theta = np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
     cycle: Floats = 0.0
     for force in terms.forces:
         if not force.linear:

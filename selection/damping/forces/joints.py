@@ -72,34 +72,40 @@ class Slip(Force):
     formula: ClassVar[str] = "bilinear joint of stiffness K - K1 that slips at A1"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
 
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C = 4 k A1 (A - A1)/(pi A) above A1, zero below."""
+    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """C = 4 k A1 (A - A1)/(pi A), S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; else 0.
+
+        Psi is the part of a half cycle that the joint sticks: pi while it never slips. dC/d ln A = 4 k A1^2/(pi A)
+        above A1, dS/d ln A = S - (4/pi) k A1 sin psi.
+        """
         slipping = np.maximum(A, self.limit)
-        return (4.0 / pi) * self.stiffness * self.limit * (1.0 - self.limit / slipping) * ones(omega)
+        held = self.limit / slipping
+        cosine = 1.0 - 2.0 * held
+        sine = 2.0 * np.sqrt(held * (1.0 - held))
+        saturation = (4.0 / pi) * self.stiffness * self.limit
+        C = saturation * (1.0 - held) * ones(omega)
+        S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
+        return C, saturation * held * (self.limit < A), S, S - saturation * sine
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `averages`."""
+        return self.averages(A, omega)[0]
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = 4 k A1^2/(pi A) above A1, zero below."""
-        slipping = np.maximum(A, self.limit)
-        return (4.0 / pi) * self.stiffness * self.limit**2 / slipping * (self.limit < A) * ones(omega)
+        """dC/d ln A: see `averages`."""
+        return self.averages(A, omega)[1] * ones(omega)
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; zero below.
-
-        Psi is the part of a half cycle that the joint sticks: pi while it never slips."""
-        held = self.limit / np.maximum(A, self.limit)
-        cosine = 1.0 - 2.0 * held
-        stuck = np.arccos(cosine) - 2.0 * cosine * np.sqrt(held * (1.0 - held))
-        return self.stiffness * A * (stuck / pi - 1.0) * ones(omega)
+        """S: see `averages`."""
+        return self.averages(A, omega)[2] * ones(omega)
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A = S - (4/pi) k A1 sin psi."""
-        held = self.limit / np.maximum(A, self.limit)
-        sine = 2.0 * np.sqrt(held * (1.0 - held))
-        return self.in_phase(A, omega) - (4.0 / pi) * self.stiffness * self.limit * sine
+        """dS/d ln A: see `averages`."""
+        return self.averages(A, omega)[3] * ones(omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the joint itself is added with its memory, less what it is while stuck."""

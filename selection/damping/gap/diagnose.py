@@ -226,12 +226,13 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
         return start, _run(start, effects)
     for _ in range(2):
         start = start.with_noise_of(_run(start, {}).ranked()[0].best)
-    search = _run(start, effects)
-    if len(start.problem.rows) < FEW_ROWS:
-        return start, search
-    simple = next(one for one in search.ranked() if len(one.effects) < 2)
-    better = start.with_noise_of(simple.best)
-    return (start, search) if _much_the_same(start, better) else (better, _run(better, effects))
+    search = Search(start.problem, effects, start.unknowns)
+    search.singles()
+    better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
+    if not _much_the_same(start, better):
+        return better, _run(better, effects)
+    search.combine()
+    return start, search
 
 
 def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:

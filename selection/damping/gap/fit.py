@@ -76,11 +76,15 @@ def fit_model(
 
 
 def fit_roughly(
-    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
+    model: Model,
+    x: FloatArray,
+    z: FloatArray | None = None,
+    weights: FloatArray | None = None,
+    rival: float = -np.inf,
 ) -> list[ModelFit]:
-    """The same with predictions at the measured amplitudes."""
+    """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
-    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights)
+    y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
     return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
 
 
@@ -128,13 +132,16 @@ def _sd(one: ModelFit) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(one.covariance)))
 
 
-def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _climb(
+    model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
 
+    Those are not far behind each other, nor behind the cost of a ``rival``.
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
-        r = _white_jacobian(model, y)[0] if model.scatter.correlation else model.residuals(y).r
+        r = _white_residuals(model, y)
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = _white_jacobian(model, y)
     damping = np.full(len(y), 1e-2)
@@ -143,24 +150,30 @@ def _climb(model: Model, y: FloatArray, weights: FloatArray | None) -> tuple[Flo
         if step == _PATIENCE:
             cost = _cost(r, y, np.ones(len(y)), weights)
             keep = np.argsort(cost)[:_SURVIVORS]
-            keep = keep[cost[keep] < cost.min() * _HOPELESS + _BEHIND]
+            keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
             y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
         at = np.flatnonzero(active)
         if at.size == 0:
             break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
-        new_r, new_J = _white_jacobian(model, new)
         cost = _cost(r[at], y[at], scale, weights)
-        gain = cost - _cost(new_r, new, scale, weights)
+        gain = cost - _cost(_white_residuals(model, new), new, scale, weights)
         better = gain > 0.0
-        won = at[better]
-        y[won], r[won], J[won] = new[better], new_r[better], new_J[better]
+        if better.any():
+            won = at[better]
+            y[won] = new[better]
+            r[won], J[won] = _white_jacobian(model, y[won])
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
         little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
         settled = (better & (gain < little)) | (damping[at] > 1e6)
         active[at[settled & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
+
+
+def _white_residuals(model: Model, y: FloatArray) -> FloatArray:
+    """Residuals (batch, m), freed of the correlation of neighbours."""
+    return decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
 
 
 def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray]:

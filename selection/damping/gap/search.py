@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, product
 
 import numpy as np
 from scipy.special import logsumexp
@@ -21,14 +21,15 @@ from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
-#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, doubled, could bring them
-#: so near the best.
+#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, times what lines do not
+#: say, could bring them so near the best.
 _GAIN = 2.5
-#: The same beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
-#: errors, 0.8/sqrt(m), of 1.
+_BEYOND_LINES = 2.0
+_NEAR = 4.0
+#: The gain beside an explanation that leaves no more than noise, where lines say it all: the spread of its residuals
+#: within so many standard errors, 0.8/sqrt(m), of 1.
 _GAIN_BEYOND_NOISE = 4.5
 _FITTING = 1.6
-_NEAR = 4.0
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
@@ -38,10 +39,14 @@ _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
 #: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
-_WORTH = 30.0
+_WORTH = 12.0
+#: ... and so far behind, not made again with predictions at their own motion either.
+_LOST = 100.0
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3
+#: ... and none of several that is so far behind.
+_LOST_AGAIN = 30.0
 #: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
 #: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
 _STARTS = 4
@@ -118,6 +123,10 @@ class Search:
     def run(self) -> list[Hypothesis]:
         """Fit the simulation alone, every effect, and combinations; most probable first."""
         self.singles()
+        return self.combine()
+
+    def combine(self) -> list[Hypothesis]:
+        """Add effects to what was fitted as long as the data demand them; most probable first."""
         for size in range(1, self._most_effects()):
             before = len(self.found)
             self._combine(size)
@@ -126,9 +135,12 @@ class Search:
         return self.ranked()
 
     def singles(self) -> None:
-        """Fit the simulation alone and every effect that could explain something."""
-        null = self._null()
-        tried = {name: self._starts(null, name) for name in self.forms}
+        """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
+        model = Model(self.problem, (), self.unknown.first)
+        first = fit_model(model, np.zeros((1, model.size)))[0]
+        tried = {name: [starts(first, form) for form in own] for name, own in self.forms.items()}
+        self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
+        null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
             if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
@@ -140,15 +152,19 @@ class Search:
         Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
+        rows = self.problem.rows
+        sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
         ranked = self.ranked()
+        near = [one for one in ranked[:_AGAIN] if one.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {one.key: one for one in (self.found[frozenset()], *simple, *ranked[:_AGAIN])}
+        worth = {one.key: one for one in (self.found[frozenset()], *simple, *near)}
         for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
             for near in one.near:
                 at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
                 model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
-                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size]))
+                z = near.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
+                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size], z))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -161,35 +177,31 @@ class Search:
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
-    def _null(self) -> Hypothesis:
-        """The simulation alone, refitted within its tolerance; sets the units of strength."""
-        model = Model(self.problem, (), self.unknown.first)
-        first = fit_model(model, np.zeros((1, model.size)))[0]
-        for form in chain.from_iterable(self.forms.values()):
-            self.units[form] = starts(first, form)[0].part.unit
-        return self._store((), [first], 1)
-
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
         return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
 
     def _combine(self, size: int) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
-        best = self.ranked()[0].log_posterior
+        best = self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
+        quiet = {key for key, one in self.found.items() if key and _leaves_noise(one)}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
-            least = _GAIN if spread(base.plain.r) > 1.0 + _FITTING / np.sqrt(base.plain.r.size) else _GAIN_BEYOND_NOISE
+            least, times = (_GAIN_BEYOND_NOISE, 1.0) if _leaves_noise(base) else (_GAIN, _BEYOND_LINES)
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
+                if any(own <= key for own in quiet - {base.key}):
+                    continue  # that one says what more could be gained
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
-                hope = base.log_posterior + 2.0 * gain - price
-                if gain > least and hope > best - _NEAR and (key not in wanted or hope > wanted[key][0]):
+                hope = base.log_posterior + times * gain - price
+                if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
-        for _, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
-            self._extend(base, name, tried)
+        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+            if hope > self.ranked()[0].log_posterior - _NEAR:
+                self._extend(base, name, tried)
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
@@ -198,14 +210,19 @@ class Search:
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = _choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
-        found = [fits for tried in promising for one in near for fits in self._fits(one, tried, rough, base)]
+        found: list[ModelFit] = []
+        for tried, one in product(promising, near):
+            found += self._fits(one, tried, rough, base, max((own.log_posterior for own in found), default=-np.inf))
         if found:
             top = max(one.log_evidence for one in found)
             worth = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
-            self._store((*base.effects, name), polish_fits(worth), len(candidates))
+            known = max(one.log_evidence for one in self.found.values())
+            self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
-    def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis) -> list[ModelFit]:
-        """Modes of a fit's model with one more form."""
+    def _fits(
+        self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float
+    ) -> list[ModelFit]:
+        """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
@@ -216,7 +233,7 @@ class Search:
         models = [replace(one.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
-        return list(chain.from_iterable(fit_roughly(model, x) for model in models))
+        return list(chain.from_iterable(fit_roughly(model, x, rival=rival) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
@@ -232,6 +249,11 @@ class Search:
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
+
+
+def _leaves_noise(one: Hypothesis) -> bool:
+    """Whether the best fit leaves no more than noise."""
+    return spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
 
 
 def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:

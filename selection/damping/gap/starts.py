@@ -72,22 +72,24 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
     y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
-    strengths = [np.full((len(shapes), 1), size / SPREAD) for size in (np.log(_SMALL), _NONE)]
-    small, none = (model.residuals(np.hstack([y[:, :k], s, shapes, y[:, k:]])).r for s in strengths)
-    return none, (small - none) / (_SMALL * form.natural)
+
+    def residuals(strength: float) -> FloatArray:
+        x = np.full((len(shapes), 1), strength / SPREAD)
+        return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]])).r
+
+    none = residuals(_NONE) if form.replaces else base.r[np.newaxis]
+    return none, (residuals(float(np.log(_SMALL))) - none) / (_SMALL * form.natural)
 
 
 def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
-    keep = np.ones(len(base.y), dtype=bool)
-    if form.replaces:
-        keep[base.model.problem.simulation.names.index(form.replaces)] = False
-    J = base.J[:, keep]
-    weighted_J = J * base.weights[:, np.newaxis]
-    inverse = np.linalg.inv(weighted_J.T @ J + np.eye(J.shape[1]))
+    inverse = base.covariance
+    if form.replaces:  # that variable held at zero
+        k = base.model.problem.simulation.names.index(form.replaces)
+        inverse = inverse - np.outer(inverse[k], inverse[k]) / inverse[k, k]
     weighted = d * base.weights
-    along = weighted @ J
-    squared = np.einsum("bm,bm->b", weighted, d) - np.einsum("bk,kl,bl->b", along, inverse, along)
-    gradient = r @ weighted_J + base.y[keep]
-    pull = np.einsum("bm,bm->b", weighted, r) - np.einsum("bk,kl,bl->b", along, inverse, gradient)
+    freed = weighted @ base.J @ inverse
+    squared = np.sum(weighted * d, axis=1) - np.sum(freed * (weighted @ base.J), axis=1)
+    gradient = (r * base.weights) @ base.J + base.y
+    pull = np.sum(weighted * r, axis=1) - np.sum(freed * gradient, axis=1)
     return np.maximum(squared, 1e-9 / form.natural**2), pull
