@@ -137,7 +137,7 @@ def test_held_out_error_is_refitting_without_the_level(saturn):
     # C = (8/3 pi) c (omega A)^2 = F solved for A
     predicted = np.sqrt(data.tested_force[2] * 3.0 * np.pi / (8.0 * coefficient)) / data.tested_omega[2]
     np.testing.assert_allclose(
-        held_out_errors(law, data)[2], 100.0 * (predicted / data.tested_amplitude[2] - 1.0), rtol=1e-9
+        held_out_errors([law], data)[0][2], 100.0 * (predicted / data.tested_amplitude[2] - 1.0), rtol=1e-9
     )
 
 
@@ -145,7 +145,7 @@ def test_many_sweeps_are_left_out_in_groups():
     """Each sweep is predicted without its whole group."""
     data = simulated_levels(structures()[1], 3 * MOST_FOLDS, 4.0, 0.02, np.random.default_rng(5))
     law = structures()[1].law
-    grouped = held_out_errors(law, data)
+    grouped = held_out_errors([law], data)[0]
     assert np.isfinite(grouped).all()
     keep = np.arange(len(grouped)) % MOST_FOLDS != 7
     force = fit_law(law, data.keep_sweeps(keep)).force

@@ -4,8 +4,8 @@
 
 with ``q`` a mixture of multivariate t that covers the posterior: one part as wide as the prior, the others started from
 the Gaussian at the mode and adapted to the weighted draws until enough of them count (Cappe et al. 2008, adaptive
-importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, whose
-independence move the mixture is.
+importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, which
+choose among further draws of the mixture.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
+from scipy.special import gammaincinv, gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -77,8 +77,13 @@ class Proposal:
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
-    def _inverse_roots(self) -> FloatArray:
-        return np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
+    def _whitening(self) -> FloatArray:
+        """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
+        return np.linalg.inv(self.roots).transpose(2, 0, 1).reshape(self.means.shape[1], -1)
+
+    @cached_property
+    def _white_origin(self) -> FloatArray:
+        return -np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel()
 
     @cached_property
     def _log_norms(self) -> FloatArray:
@@ -90,8 +95,8 @@ class Proposal:
     def log_density(self, x: FloatArray) -> FloatArray:
         """Log density at x (n, d)."""
         d, nu = x.shape[1], DEGREES_OF_FREEDOM
-        white = [(x - mean) @ inverse.T for mean, inverse in zip(self.means, self._inverse_roots, strict=True)]
-        squares = np.stack([np.einsum("ni,ni->n", z, z) for z in white], axis=1)
+        white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
+        squares = np.einsum("nki,nki->nk", white, white)
         parts = self._log_norms - 0.5 * (nu + d) * np.log1p(squares / nu)
         top = parts.max(axis=1)
         return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
@@ -101,14 +106,11 @@ class Proposal:
         z, chi_square, u = _standard_draws(self.means.shape[1], power, seed)
         return self.transform(z, chi_square, self._part(u))
 
-    def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
-        n, d = x.shape
-        z = rng.standard_normal((n, d))
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, n))
-        u = np.asarray(rng.random_sample(n))
-        new = self.transform(z, chi_square, self._part(u))
-        return new, self.log_density(x) - self.log_density(new)
+    def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
+        """Independent draws (number, d)."""
+        z = rng.standard_normal((number, self.means.shape[1]))
+        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
+        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
 
     def _part(self, u: FloatArray) -> IntArray:
         """The part that a uniform variable falls into."""
@@ -132,12 +134,56 @@ def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, 
     return ndtri(u[:, 2:]), chi_square, u[:, 0]
 
 
-def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
-    """2^power scrambled Sobol points strictly inside the unit cube, (2^power, dimension)."""
-    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and nothing but an estimate of evidence needs it
+#: Direction numbers of Sobol points (Joe and Kuo 2008), the first ones of each dimension from the second on, and the
+#: primitive polynomials, their coefficients as bits.
+POLYNOMIALS = (3, 7, 11, 13, 19, 25, 37, 41, 47, 55, 59, 61, 67, 91, 97, 103, 109, 115, 131)
+DIRECTIONS = (
+    *((1,), (1, 3), (1, 3, 1), (1, 1, 1), (1, 1, 3, 3), (1, 3, 5, 13), (1, 1, 5, 5, 17), (1, 1, 5, 5, 5)),
+    *((1, 1, 7, 11, 19), (1, 1, 5, 1, 1), (1, 1, 1, 3, 11), (1, 3, 5, 5, 31), (1, 3, 3, 9, 7, 49)),
+    *((1, 1, 1, 15, 21, 21), (1, 3, 1, 13, 27, 49), (1, 1, 1, 15, 7, 5), (1, 3, 1, 15, 13, 25), (1, 1, 5, 5, 19, 61)),
+    (1, 3, 7, 11, 23, 15, 103),
+)
+#: Bits of a Sobol point.
+BITS = 30
 
-    points = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)
-    return np.clip(points, 1e-12, 1.0 - 1e-12)
+
+def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
+    """2^power Sobol points strictly inside the unit cube, (2^power, dimension), in at most 20 dimensions.
+
+    Scrambled by random lower triangular matrices and a shift (Matousek 1998): those of ``scipy.stats.qmc``, of which
+    the import takes longer than ranking the laws of a record.
+    """
+    rng, bit = np.random.default_rng(seed).spawn(1)[0], np.arange(BITS)
+    shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32) @ (1 << bit).astype(np.uint32)
+    mixing = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
+    mixing[:, bit, bit] = 1
+    # bits from the top, (dimension, number, bit)
+    binary = (_direction_numbers(dimension)[:, :, None] >> (BITS - 1 - bit)) & 1
+    mixed = np.einsum("dpk,djk->djp", mixing, binary) & 1
+    numbers = (mixed << (BITS - 1 - bit)).sum(axis=2)
+    index = np.arange(2**power)
+    gray, points = index ^ (index >> 1), np.tile(shift.astype(np.int64), (2**power, 1))
+    for place in range(power):
+        points ^= ((gray >> place) & 1)[:, None] * numbers[:, place]
+    return np.clip(points / 2.0**BITS, 1e-12, 1.0 - 1e-12)
+
+
+@lru_cache
+def _direction_numbers(dimension: int) -> IntArray:
+    """Direction numbers of each dimension, (dimension, BITS), by the recurrence of its primitive polynomial."""
+    most = 1 + len(POLYNOMIALS)
+    if dimension > most:
+        raise AnalysisError(f"{dimension} variables: points that fill space are known of {most} at most")
+    numbers = np.ones((dimension, BITS), dtype=np.int64)
+    for row, polynomial, first in zip(numbers[1:], POLYNOMIALS, DIRECTIONS, strict=False):
+        degree = len(first)
+        row[:degree] = first
+        for j in range(degree, BITS):
+            row[j] = row[j - degree]
+            for k in range(degree):
+                if (polynomial >> (degree - 1 - k)) & 1:
+                    row[j] ^= row[j - k - 1] << (k + 1)
+    return numbers << np.arange(BITS - 1, -1, -1)
 
 
 #: Draws of each round, as a power of two: more where few have not sufficed.
@@ -195,7 +241,9 @@ def importance(
         of_old = proposals[-1].log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
-        weighed = _weigh(x, log_p - logsumexp(log_q, axis=1, b=sizes / len(x)), mode, proposals[-1], seed)
+        top = log_q.max(axis=1)
+        log_mixture = top + np.log(np.exp(log_q - top[:, None]) @ (sizes / len(x)))
+        weighed = _weigh(x, log_p - log_mixture, mode, proposals[-1], seed)
         proposals.append(Proposal.through(weighed.draws))
         if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
             break
