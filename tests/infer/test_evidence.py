@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import simpson
-from scipy.stats import qmc
 
 from damping.errors import AnalysisError
 from damping.infer.evidence import brief_evidence, evidence, find_mode
@@ -78,12 +77,7 @@ def test_fewer_draws_give_the_same_within_their_error(saturn):
     assert abs(brief.log_z - full.log_z) < 5.0 * np.hypot(brief.standard_error, full.standard_error)
 
 
-@pytest.mark.parametrize(("dimension", "power"), [(1, 0), (6, 10), (20, 5)])
-def test_points_that_fill_space_are_those_of_scipy(dimension, power):
-    expected = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(3)).random_base2(power)
-    np.testing.assert_array_equal(fill_cube(dimension, power, seed=3), np.clip(expected, 1e-12, 1.0 - 1e-12))
-
-
-def test_more_variables_than_points_are_known_for():
-    with pytest.raises(AnalysisError, match="of 20 at most"):
-        fill_cube(21, 3, seed=0)
+def test_points_fill_the_cube_evenly():
+    """Means over 2^10 points are ten times closer to a half than the deviation of as many random ones, .009."""
+    points = fill_cube(6, 10, seed=3)
+    np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.0009)

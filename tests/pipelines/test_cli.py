@@ -127,7 +127,7 @@ def test_help_loads_nothing_heavy():
         "import sys; from damping_pipelines.cli import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pydantic'}\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'pydantic'}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or None)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

@@ -134,56 +134,12 @@ def _standard_draws(dimension: int, power: int, seed: int) -> tuple[FloatArray, 
     return ndtri(u[:, 2:]), chi_square, u[:, 0]
 
 
-#: Direction numbers of Sobol points (Joe and Kuo 2008), the first ones of each dimension from the second on, and the
-#: primitive polynomials, their coefficients as bits.
-POLYNOMIALS = (3, 7, 11, 13, 19, 25, 37, 41, 47, 55, 59, 61, 67, 91, 97, 103, 109, 115, 131)
-DIRECTIONS = (
-    *((1,), (1, 3), (1, 3, 1), (1, 1, 1), (1, 1, 3, 3), (1, 3, 5, 13), (1, 1, 5, 5, 17), (1, 1, 5, 5, 5)),
-    *((1, 1, 7, 11, 19), (1, 1, 5, 1, 1), (1, 1, 1, 3, 11), (1, 3, 5, 5, 31), (1, 3, 3, 9, 7, 49)),
-    *((1, 1, 1, 15, 21, 21), (1, 3, 1, 13, 27, 49), (1, 1, 1, 15, 7, 5), (1, 3, 1, 15, 13, 25), (1, 1, 5, 5, 19, 61)),
-    (1, 3, 7, 11, 23, 15, 103),
-)
-#: Bits of a Sobol point.
-BITS = 30
-
-
 def fill_cube(dimension: int, power: int, seed: int) -> FloatArray:
-    """2^power Sobol points strictly inside the unit cube, (2^power, dimension), in at most 20 dimensions.
+    """2^power scrambled Sobol points strictly inside the unit cube, (2^power, dimension)."""
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and nothing but an estimate of evidence needs it
 
-    Scrambled by random lower triangular matrices and a shift (Matousek 1998): those of ``scipy.stats.qmc``, of which
-    the import takes longer than ranking the laws of a record.
-    """
-    rng, bit = np.random.default_rng(seed).spawn(1)[0], np.arange(BITS)
-    shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32) @ (1 << bit).astype(np.uint32)
-    mixing = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
-    mixing[:, bit, bit] = 1
-    # bits from the top, (dimension, number, bit)
-    binary = (_direction_numbers(dimension)[:, :, None] >> (BITS - 1 - bit)) & 1
-    mixed = np.einsum("dpk,djk->djp", mixing, binary) & 1
-    numbers = (mixed << (BITS - 1 - bit)).sum(axis=2)
-    index = np.arange(2**power)
-    gray, points = index ^ (index >> 1), np.tile(shift.astype(np.int64), (2**power, 1))
-    for place in range(power):
-        points ^= ((gray >> place) & 1)[:, None] * numbers[:, place]
-    return np.clip(points / 2.0**BITS, 1e-12, 1.0 - 1e-12)
-
-
-@lru_cache
-def _direction_numbers(dimension: int) -> IntArray:
-    """Direction numbers of each dimension, (dimension, BITS), by the recurrence of its primitive polynomial."""
-    most = 1 + len(POLYNOMIALS)
-    if dimension > most:
-        raise AnalysisError(f"{dimension} variables: points that fill space are known of {most} at most")
-    numbers = np.ones((dimension, BITS), dtype=np.int64)
-    for row, polynomial, first in zip(numbers[1:], POLYNOMIALS, DIRECTIONS, strict=False):
-        degree = len(first)
-        row[:degree] = first
-        for j in range(degree, BITS):
-            row[j] = row[j - degree]
-            for k in range(degree):
-                if (polynomial >> (degree - 1 - k)) & 1:
-                    row[j] ^= row[j - k - 1] << (k + 1)
-    return numbers << np.arange(BITS - 1, -1, -1)
+    points = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)
+    return np.clip(points, 1e-12, 1.0 - 1e-12)
 
 
 #: Draws of each round, as a power of two: more where few have not sufficed.

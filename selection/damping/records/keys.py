@@ -14,13 +14,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
+
+if TYPE_CHECKING:
+    import pandera.pandas as pa
 
 #: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
 REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
@@ -44,43 +44,45 @@ def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) 
     return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
 
 
-#: What the numbers of a column are, where they must be above zero, ...
-POSITIVE = {
-    "force": "a force amplitude",
-    "frequency": "a frequency in Hz",
-    "amplitude": "a displacement amplitude",
-    "energy": "an energy per cycle",
-    "mass": "a generalized mass",
-}
-#: ... where they may be zero (a standard uncertainty of zero: none is stated for that row), ...
-NOT_NEGATIVE = {
-    "amplitude_sd": "a standard uncertainty",
-    "phase_sd": "a standard uncertainty",
-    "force_sd": "a standard uncertainty",
-    "amplitude_3": "an amplitude",
-    "amplitude_y": "an amplitude",
-    "added_mass": "an added mass",
-}
-#: ... and where they are radians.
-RADIANS = ("phase", "phase_3", "phase_y")
+def record_schema() -> pa.DataFrameSchema:
+    """Ranges of a record's columns; each check's ``error`` says what was expected.
 
-
-def find_out_of_range(name: str, values: FloatArray) -> tuple[int, str] | None:
-    """The first of the ``values`` (rows,) of a column out of its range, and what was expected; None where none is.
-
-    NaN passes: whether a cell may be empty is decided where the file is read.
+    Standard uncertainties may be zero: none is stated for that row. Empty cells (NaN) pass: whether a cell may be empty
+    is decided where the file is read.
     """
-    if name in RADIANS:
-        wrong = {"radians within -2 pi..2 pi (phases in degrees?)": np.abs(values) > 2.0 * pi}
-    elif name in POSITIVE or name in NOT_NEGATIVE:
-        size = (values > 0.0) & ((values < SMALLEST) | (values > LARGEST))
-        positive = name in POSITIVE
-        sign = {f"{POSITIVE[name]} > 0": values <= 0.0} if positive else {f"{NOT_NEGATIVE[name]} >= 0": values < 0.0}
-        wrong = sign | {f"a magnitude of {SMALLEST:g} to {LARGEST:g}": size}
-    else:
-        return None
-    found = [(int(np.argmax(bad)), expected) for expected, bad in wrong.items() if bad.any()]
-    return min(found, key=lambda one: one[0], default=None)
+    import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
+
+    magnitude = pa.Check(
+        lambda values: (values <= 0.0) | values.between(SMALLEST, LARGEST),  # what is no number > 0 has its own check
+        error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
+    )
+
+    def positive(meaning: str, *, required: bool = False) -> pa.Column:
+        checks = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
+        return pa.Column(checks=checks, nullable=True, required=required)
+
+    def magnitude_of(meaning: str) -> pa.Column:
+        return pa.Column(checks=[pa.Check.ge(0.0, error=f"{meaning} >= 0"), magnitude], nullable=True, required=False)
+
+    radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
+    return pa.DataFrameSchema(
+        {
+            "force": positive("a force amplitude", required=True),
+            "frequency": positive("a frequency in Hz", required=True),
+            "amplitude": positive("a displacement amplitude", required=True),
+            "phase": pa.Column(checks=radians, nullable=True, required=False),
+            "energy": positive("an energy per cycle"),
+            "mass": positive("a generalized mass"),
+            "amplitude_sd": magnitude_of("a standard uncertainty"),
+            "phase_sd": magnitude_of("a standard uncertainty"),
+            "force_sd": magnitude_of("a standard uncertainty"),
+            "phase_3": pa.Column(checks=radians, nullable=True, required=False),
+            "phase_y": pa.Column(checks=radians, nullable=True, required=False),
+            "amplitude_3": magnitude_of("an amplitude"),
+            "amplitude_y": magnitude_of("an amplitude"),
+            "added_mass": magnitude_of("an added mass"),
+        }
+    )
 
 
 #: Largest TOML file that is read, bytes (a mode takes less than one thousand).

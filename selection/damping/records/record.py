@@ -18,14 +18,11 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records.keys import (
     BLANK_COLUMNS,
-    NOT_NEGATIVE,
     OPTIONAL_COLUMNS,
-    POSITIVE,
-    RADIANS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
     describe_nearest,
-    find_out_of_range,
+    record_schema,
 )
 from damping.records.text import describe_shortened, guarded
 
@@ -134,18 +131,22 @@ class CellProblem(NamedTuple):
 
 
 def find_problems(table: pd.DataFrame) -> list[CellProblem]:
-    """The first cell of each column out of its range, and the first row that is there twice.
+    """The first cell of each column outside the range of the record schema, and the first row that is there twice.
 
     Refused are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
     uncertainty (zero is allowed: none is stated for that row), numbers too large or small to calculate with
     (magnitudes beyond 1e-50..1e50), and rows identical in every column.
     """
+    import pandera.errors  # noqa: PLC0415 - takes half a second and only a new record needs it
+
     problems = []
-    for column in (*POSITIVE, *NOT_NEGATIVE, *RADIANS):
-        values = table[column].to_numpy(float) if column in table.columns else np.empty(0)
-        if (wrong := find_out_of_range(column, values)) is not None:
-            row, expected = wrong
-            problems.append(CellProblem(row, column, f"{values[row]:g}", expected))
+    try:
+        record_schema().validate(table, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases
+        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
+            value = float(first["failure_case"])
+            problems.append(CellProblem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
     repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))
