@@ -200,7 +200,7 @@ class Search:
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
-            if hope > self.ranked()[0].log_posterior - _NEAR:
+            if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
                 self._extend(base, name, tried)
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
@@ -253,7 +253,7 @@ class Search:
 
 def _leaves_noise(one: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
+    return not one.plain.many_wild and spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
 
 
 def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
