@@ -132,7 +132,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
-AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
+AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
 FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
 #: Nodes of ln noise, in units of its standard deviation.
 _NODES = np.linspace(-2.5, 2.5, 11)
