@@ -207,6 +207,8 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     to agree with a part of the rows.
     """
     known, search = _with_noise(start, effects)
+    if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
+        return known, search  # what so few rows leave open of the noise is wide enough
     for _ in range(MOST_DISPERSIONS):
         r = search.ranked()[0].best.r
         rest = spread(r)
