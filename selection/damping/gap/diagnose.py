@@ -164,9 +164,10 @@ def diagnose(
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
+    ends = list_ends(leading.best)
+    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out, len(ends))
     hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
-    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
+    cautions += levels + ends + describe_held_out(leading, gap, held_out)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(
