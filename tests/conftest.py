@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -154,6 +156,9 @@ def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callabl
             assert one.complaints == []
             assert one.requests == [path.as_uri()]
             assert one.page.evaluate("document.documentElement.scrollWidth") <= width
+            assert one.page.evaluate(
+                "[...document.querySelectorAll('figure .scroll')].every((f) => f.scrollWidth <= f.clientWidth + 1)"
+            )
             found = one.page.evaluate(contrast)
             assert found["checked"] > 50
             assert found["found"] == []
@@ -192,14 +197,30 @@ class Run:
     err: str
 
 
+#: A cell that is a number cut short.
+CUT = re.compile(r"(^|\s)[-−]?[\d.]+…", re.MULTILINE)
+
+
+def check_width(shown: str) -> None:
+    """Standard output keeps to 80 columns with whole numbers; commands and paths, to be copied, are one line."""
+    wide = [line for line in shown.splitlines() if len(line) > 80 and "damping " not in line and os.sep not in line]
+    assert wide == [] or shown.startswith(("{", "["))  # or the JSON form
+    assert not CUT.search(shown)
+
+
 @pytest.fixture
-def damping(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
-    """``damping(*words)`` gives exit code, standard output and standard error."""
+def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Run]:
+    """``damping(*words)`` gives exit code, standard output and standard error of a command in a pipe.
+
+    Whatever test calls a command, what it prints is held against the width of a pipe.
+    """
+    monkeypatch.delenv("COLUMNS", raising=False)
 
     def run(*words: object) -> Run:
         with pytest.raises(SystemExit) as stopped:
             main([str(word) for word in words])
         captured = capsys.readouterr()
+        check_width(captured.out)
         return Run(int(stopped.value.code or 0), captured.out, captured.err)
 
     return run

@@ -114,11 +114,11 @@ def _describe_study(title: str, found: Campaign, seed: int) -> str:
 
 def _show(found: Campaign, out: Path) -> None:
     to = console()
-    to.print("What was understood (--correct FILE.toml says otherwise):", highlight=False)
+    to.print("What was understood (--correct FILE.toml says otherwise):")
     for what, text, _ in found.summary.rows:
-        to.print(f"  {what}: {text}", highlight=False, markup=False, soft_wrap=True)
+        to.print(f"  {what}: {text}")
     for note in found.summary.notes:
-        to.print(f"- {note}", highlight=False, markup=False)
+        to.print(f"- {note}")
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
     table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in found.modes:
@@ -127,12 +127,12 @@ def _show(found: Campaign, out: Path) -> None:
     to.print(table)
     for mode in found.modes:
         for name, why in mode.left_out.items():
-            to.print(f"- {mode.name} without {name}: {why}", highlight=False, markup=False)
+            to.print(f"- {mode.name} without {name}: {why}")
         for notch in mode.notches:
-            to.print(f"- {notch}", highlight=False, markup=False)
+            to.print(f"- {notch}")
         for finding in mode.findings:
-            to.print(f"- {mode.name}: {finding}", highlight=False, markup=False)
-    to.print(f"written to {out}", highlight=False, markup=False)
+            to.print(f"- {mode.name}: {finding}")
+    to.print(f"written to {out}")
 
 
 def _list_row(mode: str, at: At) -> list[str]:

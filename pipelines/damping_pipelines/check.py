@@ -43,8 +43,7 @@ def report_findings(record: Record, mode: Mode | None, despite: Collection[str] 
 
 def _print(found: Audit, mode: Mode | None) -> None:
     out = console()
-    for line in str(found).splitlines():
-        out.print(line, highlight=False, soft_wrap=True)
+    out.print(str(found))
     units = mode.units if mode else Units()
     named = (("force", units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)

@@ -9,9 +9,12 @@ import errno
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
@@ -37,6 +40,35 @@ from damping_pipelines.cli_files import (
 )
 from damping_pipelines.exhibits import exhibit_commands
 
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"damping {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
+
+
+def _add_common(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command with the options that stand before it and after it alike, beside ``-h``."""
+
+    @wraps(command)
+    def run(*, version: bool, quiet: bool, **own: Any) -> None:
+        if quiet:
+            damping_pipelines.QUIET.set(True)
+        command(**own)
+
+    common = (("version", Version), ("quiet", Quiet))
+    further = [Parameter(name, Parameter.KEYWORD_ONLY, default=False, annotation=kind) for name, kind in common]
+    own = signature(command, eval_str=True)
+    run.__signature__ = own.replace(parameters=[*own.parameters.values(), *further])  # type: ignore[attr-defined]
+    return run
+
+
 app = typer.Typer(
     name="damping",
     help="From a vibration test: the damping law, how sure we are of it, and the resonance at the design load.",
@@ -47,21 +79,10 @@ app = typer.Typer(
 )
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        print(f"damping {__version__}")
-        raise typer.Exit
-
-
 @app.callback()
-def begin(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress; say it before the command.")] = False,
-) -> None:
-    """Set what holds for whichever command follows."""
-    damping_pipelines.QUIET.set(quiet)
+@_add_common
+def begin() -> None:
+    """What holds for whichever command follows."""
 
 
 @app.command()
@@ -274,6 +295,7 @@ EXAMPLES = {
 }
 for _info in app.registered_commands:
     _own = _info.name or getattr(_info.callback, "__name__", "")
+    _info.callback = _add_common(_info.callback)
     _info.epilog = f"Example: {EXAMPLES[_own]}" if _own in EXAMPLES else None
 
 
@@ -282,6 +304,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments is None and sys.argv[1:2] == ["fleet"]:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+    damping_pipelines.QUIET.set(False)
     try:
         words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
         code = app(args=words, prog_name="damping", standalone_mode=False)

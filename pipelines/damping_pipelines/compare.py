@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pandas as pd
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from damping.errors import InputError
+from damping.infer.observations import MOST_ROWS, Observations
+from damping.ranking.sharing import read_rows
 from damping.records.text import describe_shortened, unguarded
 from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, TopOfTest, describe_comparison_page
 from damping_pipelines.forms import LoadsForm, RankForm
@@ -159,6 +162,7 @@ def _record(record: _Record, folder: Folder) -> RecordSummary:
         posteriors=_tabulate_frame(_list_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
         top=_find_top(record.curve.rows if record.curve else []),
         exponent=next(((law.p, law.std_error) for law in record.power_laws), None),
+        observations=_read_observations(folder, f"{record.name}-observations.csv"),
         groups=tuple(
             ((model.name, *model.equivalents), model.weight) for model in record.rank.models if model.weight is not None
         ),
@@ -187,6 +191,25 @@ def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
         raise _wrong(error, path) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"not CSV: {error}", file=path) from None
+
+
+def _read_observations(folder: Folder, name: str) -> Observations | None:
+    """The rows that laws were weighed on; None where the study has no such file or one without them."""
+    if name not in folder.manifest.outputs:
+        return None
+    path = folder.path / name
+    try:
+        table = pd.read_csv(io.BytesIO(folder.read(name)), dtype={"sweep": str, "point": str}, keep_default_na=False)
+        if "force_in_phase" not in table or not 0 < len(table) <= MOST_ROWS:
+            return None
+        numbers = table.drop(columns=["sweep", "point"], errors="ignore").to_numpy(dtype=float)
+        data = read_rows(table)
+    except (ValueError, KeyError) as error:
+        raise InputError(f"not what a study wrote: {error}", file=path) from None
+    sizes = (data.A, data.omega, data.tested_amplitude, data.tested_force, data.tested_omega)
+    if not (np.isfinite(numbers).all() and all((values > 0.0).all() for values in sizes)):
+        raise InputError("not what a study wrote: numbers that are none", file=path)
+    return data
 
 
 def _checked(form: type[_Summary], content: bytes, path: Path) -> _Summary:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from damping.ranking.sharing import weigh_sharing
+from damping.infer.observations import Observations
+from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
 from damping.report.page import (
     Block,
     Callout,
@@ -63,7 +64,7 @@ class RecordSummary:
         loads: ``force, median, low, high, linear, linear_overprediction_percent``, a row a design force; may be empty.
         posteriors: ``law, parameter, unit, low, median, high``; may be empty.
         top: of the test. exponent: p of a power law with its standard error. groups: laws that predict the same on the
-            record, the one listed first, and their weight.
+            record, the one listed first, and their weight. observations: for a joint fit, where the study keeps them.
     """
 
     title: str
@@ -74,6 +75,7 @@ class RecordSummary:
     top: TopOfTest | None = None
     exponent: tuple[float, float | None] | None = None
     groups: tuple[tuple[tuple[str, ...], float], ...] = ()
+    observations: Observations | None = None
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,11 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
 def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
     if len(records) < 2:
         return [Text("There is one record: nothing to share.")]
-    odds, table = weigh_sharing([record.groups for _, record in records])
+    groups = [record.groups for _, record in records]
+    observed = [record.observations for _, record in records if record.observations is not None]
+    complete = len(observed) == len(records)
+    shapes = share_shapes(groups, observed) if complete else {}
+    odds, table = weigh_sharing(groups, shapes)
     if not np.isfinite(odds):
         return [Text("No law was weighed on every record.")]
     among = f"{count(len(records), 'record')} ({format_joined(name for name, _ in records)})"
@@ -189,9 +195,31 @@ def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
         said = f"A law of its own for each of {among} is {times} than one law in all."
     else:
         said = f"Whether one law holds in all {among} cannot be told: the odds are {odds:.2g} to 1."
+    if not complete:
+        said += " Studies that keep no observations were compared by their rankings: run them again for a joint fit."
     shown = table.head(MOST_POOLED)
-    caption = "Probability of each law if one holds in all records, each with coefficients of its own"
-    return [Text(said), *([Table(shown, caption, {"weight": format_share})] if len(shown) else [])]
+    caption = (
+        "Probability of each law if one holds in all records: one exponent where it has one, fitted jointly, with "
+        "coefficients of each record's own"
+    )
+    blocks: list[Block] = [Text(said), *([Table(shown, caption, {"weight": format_share})] if len(shown) else [])]
+    return [*blocks, *([_tabulate_shapes([name for name, _ in records], shapes)] if shapes else [])]
+
+
+def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) -> Table:
+    """A row a shared shape: its value where it is one, in each record alone, and the odds that it is one."""
+    rows = [
+        {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
+        | {"one value": _describe_interval(shape.pooled)}
+        | {f"alone: {name}": _describe_interval(each) for name, each in zip(names, shape.each, strict=True)}
+        for law, shape in shapes.items()
+    ]
+    caption = "Joint fits with one exponent: the odds against an exponent for each, and medians with 90 % intervals"
+    return Table(pd.DataFrame(rows), caption)
+
+
+def _describe_interval(interval: tuple[float, float, float]) -> str:
+    return f"{interval[0]:.2f} ({interval[1]:.2f} to {interval[2]:.2f})"
 
 
 def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:

@@ -70,4 +70,4 @@ def _print(steps: tuple[ConditioningStep, ...], description: Description, out: P
     terminal.print(table)
     names = {what: getattr(description.units, what) for what in ("force", "length", "time")}
     units = ", ".join(f"{what} in {unit}" for what, unit in names.items() if unit) or "one consistent system"
-    terminal.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.", highlight=False)
+    terminal.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.")

@@ -105,7 +105,7 @@ def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZ
     if not isinstance(values, dict):
         raise InputError("no form", file=source, expected="a form curve/1, loads/1 or campaign/1 (JSON)")
     write_text(out, write_deck(code, content, values, str(source)))
-    console().print(f"{out} written: damping for {code}", markup=False, highlight=False)
+    console().print(f"{out} written: damping for {code}")
 
 
 def _names(mode: Mode | None, given: str | None) -> Units:
@@ -160,9 +160,9 @@ def _export_form(
     names = _names(read_mode(mode) if mode else None, given)
     _write_table(convert_loads(table, factors(names, units, source=str(mode or source))), out)
     show = console()
-    show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}", highlight=False, markup=False)
+    show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}")
     if table["cautions"].any():
-        show.print("- numbers within cautions are text and kept as they are", highlight=False, markup=False)
+        show.print("- numbers within cautions are text and kept as they are")
 
 
 def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
@@ -179,9 +179,9 @@ def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, 
     else:
         _write_table(record.table, out)
     show = console()
-    show.print(f"{len(record)} rows written to {out}, {names}", highlight=False, markup=False)
+    show.print(f"{len(record)} rows written to {out}, {names}")
     for note in notes:
-        show.print(f"- {note}", highlight=False, markup=False)
+        show.print(f"- {note}")
 
 
 def _write_table(table: pd.DataFrame, out: Path) -> None:

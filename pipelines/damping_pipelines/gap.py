@@ -103,7 +103,7 @@ def gap(
         write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
     if json_out != "-":
         for sentence in result.sentences:
-            console().print(sentence, highlight=False, soft_wrap=True)
+            console().print(sentence)
 
 
 def import_simulator(name: str) -> Simulate:

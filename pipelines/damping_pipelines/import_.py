@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
-from damping.errors import InputError
+from damping.errors import InputError, escape_control
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.reading import read_file
@@ -25,7 +23,7 @@ from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
 from damping_pipelines.check import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import console
+from damping_pipelines.terminal import console, plain_table
 
 
 @dataclass(frozen=True)
@@ -202,18 +200,11 @@ def import_form(found: Imported, out: Path) -> dict[str, Any]:
 
 
 def _print(found: Imported, out: Path, to: Console) -> None:
-    table = Table(title=f"{_describe_printable(Path(found.record.source).name)}: what was understood", box=SIMPLE)
-    table.title_justify = "left"
-    for heading in ("what", "understood", "whence"):
-        table.add_column(heading, overflow="fold")
+    title = f"{escape_control(Path(found.record.source).name)}: what was understood"
+    table = plain_table(title, (), ("what", "understood", "whence"))
     for row in found.summary.rows:
-        table.add_row(*(_describe_printable(cell) for cell in row))
+        table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)
     for note in found.summary.notes:
-        to.print(f"- {_describe_printable(note)}", highlight=False, markup=False)
-    to.print(f"{len(found.record)} rows written to {out}", highlight=False, markup=False)
-
-
-def _describe_printable(text: str) -> str:
-    """Text of a file for a terminal: no control characters; the console takes no markup."""
-    return "".join(c if c.isprintable() else "?" for c in text)
+        to.print(f"- {escape_control(note)}")
+    to.print(f"{len(found.record)} rows written to {out}")

@@ -100,7 +100,8 @@ class PlainTable:
     """Rows of text under headings, never wider than the place they are shown in.
 
     Where the width does not hold all, headings break at their spaces, then names are shortened, and last the columns of
-    numbers go on below under the names again. A number is whole or not there.
+    numbers go on below under the names again. A number is whole or not there. A table without columns of numbers is
+    prose: its cells are wrapped.
 
     Attributes:
         title: above the table. names, numbers: headings to the left, of text, and to the right. rows: cells; one of a
@@ -157,7 +158,13 @@ class PlainTable:
         drawn = _set_lines(cells, widths, count)
         drawn.append("  ".join("-" * size for size in widths))
         for row in self.rows:
-            drawn += _set_lines([row[column].split("\n") for column in columns], widths, count)
+            cells = [row[column].split("\n") for column in columns]
+            if not self.numbers:
+                cells = [
+                    [part for line in lines for part in wrap(line, size, break_on_hyphens=False) or [""]]
+                    for lines, size in zip(cells, widths, strict=True)
+                ]
+            drawn += _set_lines(cells, widths, count)
         return drawn
 
 

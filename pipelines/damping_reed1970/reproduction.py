@@ -169,7 +169,7 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
     axes.plot(rows["percent_corrected"], level, "D", **corrected)
     axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.xaxis.set_major_formatter(lambda value, position: f"{value:g}")
-    axes.set_xlabel("computed against printed (%), linear within ±1 %, logarithmic beyond")
+    axes.set_xlabel("computed against printed (%),\nlinear within ±1 %, logarithmic beyond")
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 

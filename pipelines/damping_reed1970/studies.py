@@ -275,6 +275,6 @@ def _list_damping(one: Diagnosis) -> list[str]:
     kinds = [{CATALOGUE[name].kind for name in each.effects} for each in one.hypotheses]
     forces = sum(each.probability for each, kind in zip(one.hypotheses, kinds, strict=True) if kind == {"force"})
     return [
-        f"Missing forces that grow with amplitude, whichever they are, have probability {format_share(forces)} "
-        f"together."
+        "Missing forces that grow with amplitude, whichever they are, have probability "
+        f"{format_share(forces)} together."
     ]

@@ -23,7 +23,7 @@ from damping.plots.style import (
     MEASURED,
     MUTED,
     PREDICTIVE,
-    WIDTH,
+    TEXT_WIDTH,
     plain_log,
     styled,
 )
@@ -37,7 +37,7 @@ def coverage(table: pd.DataFrame, level: float) -> Figure:
         table: ``truth, ratio, given, held, above`` (counts). level: content of the bands.
     """
     names = list(dict.fromkeys(table["truth"]))[::-1]
-    figure = Figure(figsize=(WIDTH, 0.28 * len(names) + 1.0))
+    figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, column, goal in ((left, "held", level), (right, "above", 0.5 * (1.0 - level))):
         ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
@@ -68,7 +68,7 @@ def rank_ecdfs(
     """
     columns = 3
     rows = -(-len(found) // columns)
-    figure = Figure(figsize=(WIDTH, 1.2 * rows))
+    figure = Figure(figsize=(TEXT_WIDTH, 1.2 * rows))
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for ax, (law, parameters) in zip(panels, found.items(), strict=False):
         z = np.linspace(0.0, 1.0, len(next(iter(parameters.values()))) + 2)[1:-1]
@@ -95,7 +95,7 @@ def rank_histograms(found: dict[str, FloatArray], bins: int, most: int) -> Figur
 
     columns = 3
     rows = -(-len(found) // columns)
-    figure = Figure(figsize=(WIDTH, 1.1 * rows))
+    figure = Figure(figsize=(TEXT_WIDTH, 1.1 * rows))
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for ax, (law, ranks) in zip(panels, found.items(), strict=False):
         low, high = binom.interval(0.99, len(ranks), 1.0 / bins)
@@ -127,7 +127,7 @@ def real_bands(bands: pd.DataFrame, tested: pd.DataFrame, left_out: pd.DataFrame
             standard deviations of the parts in per cent.
         tested: ``sweep, force, amplitude``. left_out: of ``leave_higher_levels_out``. force, amplitude: axis labels.
     """
-    figure = Figure(figsize=(1.35 * WIDTH, 3.1))
+    figure = Figure(figsize=(1.35 * TEXT_WIDTH, 3.1))
     axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
     _draw_bands(axes[0], bands, tested)
     axes[0].set_xlabel(force)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots.style import ALERT, INK, MUTED, WIDTH, draw_plain_rows, styled, to_svg
+from damping.plots.style import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
 from damping.report.page import FigureBlock, Footer, Section, Table, Text, describe_page
 from damping_pipelines.exhibits import shipped_folder
 from damping_validation.scorer import Figure, Goal
@@ -181,7 +181,7 @@ def to_markdown(figures: Sequence[Figure]) -> str:
 def draw_table(figures: Sequence[Figure]) -> Drawing:
     """Measured shares with their intervals as points, goals as bands, one line a figure."""
     shown = [figure for figure in figures if figure.share]
-    drawing = Drawing(figsize=(WIDTH * 1.25, 0.8 + 0.24 * len(shown)))
+    drawing = Drawing(figsize=(TEXT_WIDTH * 1.25, 0.8 + 0.24 * len(shown)))
     axes = drawing.subplots()
     draw_plain_rows(axes, [f"{figure.name} ({figure.cases})" for figure in shown])
     for row, figure in enumerate(shown):
@@ -205,7 +205,7 @@ def draw_confusion(matrix: pd.DataFrame) -> Drawing:
     """Counts on a grid, shaded by their share of the row."""
     counts = matrix.to_numpy(float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-    drawing = Drawing(figsize=(WIDTH * 1.35, 1.9 + 0.22 * len(matrix)))
+    drawing = Drawing(figsize=(TEXT_WIDTH * 1.35, 1.9 + 0.22 * len(matrix)))
     axes = drawing.subplots()
     edges = [np.arange(size + 1) - 0.5 for size in share.T.shape]  # cells as shapes: a picture would blur when scaled
     axes.pcolormesh(*edges, share, cmap="Blues", vmin=0.0, vmax=1.0, edgecolors="white", linewidth=0.4)

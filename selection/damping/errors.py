@@ -5,6 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 
+def escape_control(text: str) -> str:
+    """Text of a file for a terminal: control characters and line ends are shown, not sent."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class DampingError(Exception):
     """Base of every error that is reported to the user as one line."""
 
@@ -37,8 +42,7 @@ class InputError(DampingError):
         text = f"{', '.join(place)}: {self.message}" if place else self.message
         if self.expected is not None:
             text += f"; expected {self.expected}"
-        # one line whatever the input held: control characters and line ends are shown, not sent
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+        return escape_control(text)  # one line whatever the input held
 
 
 class Refused(InputError):  # noqa: N818 - the name is part of the interface

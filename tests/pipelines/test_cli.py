@@ -31,7 +31,7 @@ def test_every_command_has_help(command, damping):
 def test_version_is_that_of_the_changelog(damping):
     """The newest heading of CHANGELOG.md is the version in the code, and the one pyproject.toml reads."""
     heading = (ROOT / "CHANGELOG.md").read_text().split("## ")[1].split()[0]
-    assert damping("--version") == damping("--version", "rank")
+    assert damping("--version") == damping("--version", "rank") == damping("rank", "--version")
     assert damping("--version").out == f"damping {heading}\n"
 
 
@@ -39,6 +39,8 @@ def test_quiet_shows_no_progress_and_changes_nothing_else(damping, saturn_data, 
     words = ("sweep", saturn_data / "modes" / "config-2-mode-1.toml", "--force", 20, "--frequency", "1.6:1.7:5")
     loud = damping(*words, "--out", tmp_path / "loud.csv")
     quiet = damping("--quiet", *words, "--out", tmp_path / "quiet.csv")
+    after = damping(*words, "--out", tmp_path / "after.csv", "--quiet")
+    assert after == quiet
     assert (loud.code, quiet.code) == (0, 0)
     assert "5/5" in loud.err
     assert quiet.err == ""

@@ -7,8 +7,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from damping.ranking.sharing import tabulate_rows
 from damping_pipelines.manifest import MANIFEST, digest, publish
 
 HOSTILE = "<script>alert(1)</script>"
@@ -46,6 +48,32 @@ def study(folder: Path, form: dict[str, Any] | str, median: float = 1.2, inputs:
     files = {"summary.json": text.encode(), "panel-posteriors.csv": posteriors.encode()}
     publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={"panel.csv": inputs * 64})
     return folder
+
+
+def power_study(folder: Path, rows: str) -> Path:
+    """A study that found a power law and keeps its observations."""
+    models = [{"rank": 1, "name": "velocity-power", "forces": [], "weight": 1.0, "held_out_error": 3.0}]
+    form = summary(rank={"format": "rank/1", "criterion": "c", "models": models})
+    files = {"summary.json": json.dumps(form).encode(), "panel-observations.csv": rows.encode()}
+    publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={"panel.csv": digest(rows.encode())})
+    return folder
+
+
+def test_records_are_fitted_jointly(tmp_path, damping, peaks):
+    """Exponents of 1.2 and 2.2 are not one: the page says so, with the values of each."""
+    F = np.geomspace(1.0, 8.0, 8)
+    made = [tabulate_rows(peaks(F ** (1.0 / p), F, 10.0)).to_csv(index=False) for p in (1.2, 2.2)]
+    one, two = (power_study(tmp_path / name, rows) for name, rows in zip("ab", made, strict=True))
+    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
+    text = Page((tmp_path / "page.html").read_text()).text
+    assert "times more probable than one law in all" in text
+    assert "odds of one value" in text
+    assert "alone: a: Panel" in text
+    assert "run them again" not in text
+    for broken, code in ((made[0].replace("1.0,", "nan,", 1), 2), (made[0].replace("force_in_phase", "x"), 0)):
+        three = power_study(tmp_path / f"c{code}", broken)
+        assert damping("compare", one, three, "--out", tmp_path / "page.html").code == code
+    assert "run them again" in (tmp_path / "page.html").read_text()
 
 
 class Page(HTMLParser):

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from damping.errors import DampingError, InputError
+from damping.errors import DampingError, InputError, escape_control
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import Curve, trace_loads
@@ -29,7 +29,7 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.gap_page import describe_gap_page
 from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
-from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask, describe_printable
+from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask
 from damping_pipelines.fleet.record_page import FleetRecord, describe_failed_page, record_page
 from damping_pipelines.fleet.time_limit import OutOfTimeError, limit_time
 
@@ -65,7 +65,7 @@ def _analyse(task: FleetTask) -> FleetResult:
         record, mode = measured.record, measured.mode or mode
         data = observe(record)
     except DampingError as error:
-        return failed(task, describe_printable(str(error)))
+        return failed(task, escape_control(str(error)))
     return _Analysis(task, record, mode, data, found).result()
 
 
@@ -120,7 +120,7 @@ class _Analysis:
             "rows": len(self.record),
             "levels": len(self.data.sweeps),
             "largest_tested_force": self.data.tested_force.max(),
-            "audit": "; ".join(describe_printable(str(finding)) for finding in self.audit.findings),
+            "audit": "; ".join(escape_control(str(finding)) for finding in self.audit.findings),
         }
         pages: dict[str, str] = {}
         ranking = self._tried("rank", self._rank)
@@ -144,7 +144,7 @@ class _Analysis:
         try:
             return work()
         except DampingError as error:
-            self.reasons.append(f"{stage}: {describe_printable(str(error))}")
+            self.reasons.append(f"{stage}: {escape_control(str(error))}")
             return None
 
     def _rank(self) -> Ranking:

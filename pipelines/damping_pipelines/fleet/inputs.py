@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from damping.errors import InputError
+from damping.errors import InputError, escape_control
 
 #: Design forces where none are asked for, in multiples of the largest tested force of each record.
 MULTIPLES = (1.5, 2.0)
@@ -126,12 +126,7 @@ def find_cases(folder: Path) -> list[FleetCase]:
 
 def describe_shown(name: str) -> str:
     """A file name as text for any file and terminal: bytes that are no UTF-8 and control characters as escapes."""
-    return describe_printable(os.fsencode(name).decode("utf-8", "backslashreplace"))
-
-
-def describe_printable(text: str) -> str:
-    """One line, control characters written as escapes."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return escape_control(os.fsencode(name).decode("utf-8", "backslashreplace"))
 
 
 def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:

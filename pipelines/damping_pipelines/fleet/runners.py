@@ -15,9 +15,9 @@ from typing import Any
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
 
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, escape_control
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.inputs import FleetResult, FleetTask, describe_printable
+from damping_pipelines.fleet.inputs import FleetResult, FleetTask
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
 PER_THREAD = 2
@@ -137,7 +137,7 @@ def _result(task: FleetTask, outcome: FleetResult | BaseException) -> FleetResul
     if isinstance(outcome, KilledWorker):
         return failed(task, f"{DIED} under it again and again (out of memory, or a crash in native code)")
     line = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
-    return failed(task, f"{INTERNAL}, please report it ({describe_printable(line)})")
+    return failed(task, f"{INTERNAL}, please report it ({escape_control(line)})")
 
 
 def _outcomes(

@@ -41,7 +41,7 @@ _TITLES = {
 @styled
 def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
     """Draw a small panel for each loop, by the name of its force, with the spring it is drawn about (dashed)."""
-    columns = 5
+    columns = 3
     rows = -(-len(loops) // columns)
     figure = Figure(figsize=(WIDTH, 1.75 * rows + 0.2))
     for number, (name, loop) in enumerate(loops.items()):
@@ -69,8 +69,8 @@ def draw_slip_equivalent(
     slip: Loop, printed: Loop, corrected: Loop, error: EquivalenceError, reference: float
 ) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
-    figure = Figure(figsize=(WIDTH, 3.2))
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(WIDTH, 5.8))
+    left, right = figure.subplots(2, 1)
     slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
     left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
     left.plot(slip.q, slip.force, color=slip_colour, label="slip joint (exact)")
@@ -111,7 +111,7 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
     Args:
         energies: ``amplitude, exact, printed, printed_equivalent, corrected_equivalent`` in units of A1 and K A1^2.
     """
-    figure = Figure(figsize=(0.62 * WIDTH, 3.0))
+    figure = Figure(figsize=(WIDTH, 3.0))
     axes = figure.add_subplot()
     lines = {
         "exact": (law_style("slip").colour, "-", "slip joint, exact: grows like A"),
@@ -141,9 +141,8 @@ def list_chapter_2_figures(loops: HysteresisLoops, slip: SlipEquivalent) -> list
             "slip-equivalent", "2.5", "Slip joint and its velocity-squared equivalent",
             f"Left: loops at {REFERENCE:g} times the amplitude at which slip starts, exact, with velocity-squared "
             "damping of equal energy, and with the coefficient as printed. Right: per cent error against amplitude. "
-            f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude "
-            f"only, a fixed "
-            f"coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
+            f"The printed energy is right at {_describe_equal(slip.energies, 'printed')} times that amplitude only, "
+            f"a fixed coefficient at {_describe_equal(slip.energies, 'corrected_equivalent')} times.",
             lambda: draw_slip_equivalent(slip.slip, slip.printed, slip.corrected, slip.error, REFERENCE),
         ),
         ChapterFigure(

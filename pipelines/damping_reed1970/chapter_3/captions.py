@@ -26,9 +26,8 @@ def describe_two_peaks(measured: pd.DataFrame, tail: PlanarBand) -> str:
     """Peaks of the tail displacement: of the printed points, and of the fit of two planes."""
     points, curve = (peaks(np.asarray(values)) for values in (measured["tail"], tail.amplitude[0]))
     return (
-        f"{len(measured)} printed points with {format_counted(points, 'peak')}, and the planar oscillator "
-        f"fitted to the tail "
-        "(motion in phase with the force fitted too) with its 90 per cent band: two planes at an angle give "
+        f"{len(measured)} printed points with {format_counted(points, 'peak')}, and the planar oscillator fitted to "
+        "the tail (motion in phase with the force fitted too) with its 90 per cent band: two planes at an angle give "
         f"{format_counted(curve, 'peak')}."
     )
 
@@ -41,8 +40,7 @@ def describe_sines_beside_the_fit(measured: pd.DataFrame, tail: PlanarBand) -> s
     left, right = float(off[before].mean()), float(off[~before].mean())
     text = (
         f"Printed points and the same fit; the printed sines are {_describe_side(left)} on average before "
-        f"resonance and "
-        f"{_describe_side(right)} after it"
+        f"resonance and {_describe_side(right)} after it"
     )
     # a phase too small: its sine is too small below pi/2 and too large above
     return text + (", as if all phases had been read too small." if left < 0.0 < right else ".")
@@ -93,7 +91,7 @@ def describe_roots_taken(branches: pd.DataFrame) -> str:
     ]
     none = branches.loc[branches["roots"] == 0, "point"]
     text = (
-        f"Low and high root of the energy balance at each point with the printed factor: the report took "
+        "Low and high root of the energy balance at each point with the printed factor: the report took "
         f"{format_joined(took)}"
     )
     return f"{text}; at {format_points_text(none)} there is none." if len(none) else f"{text}."
@@ -117,7 +115,7 @@ def _describe_side(off: float) -> str:
 
 
 def list_chapter_3_figures(result: Chapter3) -> list[ChapterFigure]:
-    """Every figure of the chapter with its"""
+    """Every figure of the chapter with its number, title, words and drawing."""
     return [*_list_of_the_report(result), *_list_beyond(result)]
 
 
@@ -157,8 +155,7 @@ def _list_of_the_report(result: Chapter3) -> list[ChapterFigure]:
             "principal-amplitudes", "3.10", "Amplitudes in the principal planes",
             "Printed values, those at the nearest root of the energy balance (none at "
             f"{describe_without_a_root(measured)}), and curves with one damping factor: planes fitted, and "
-            f"planes of the "
-            "report.",
+            "planes of the report.",
             lambda: figures.draw_principal_amplitudes(measured, result.corrected, result.curves),
         ),
     ]  # fmt: skip

@@ -24,7 +24,7 @@ Curve = tuple[FloatArray, FloatArray, FloatArray]
 
 def single(y_label: str) -> tuple[Figure, Axes]:
     """A figure of one panel over frequency."""
-    figure = Figure(figsize=(0.72 * WIDTH, 3.3))
+    figure = Figure(figsize=(WIDTH, 3.3))
     return figure, figure.add_subplot(xlabel=OMEGA, ylabel=y_label)
 
 
@@ -138,18 +138,18 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
         corrected: ``omega, pitch, yaw`` of the rows marked +.
         curves: ``omega, pitch, yaw, pitch_report, yaw_report``: with one damping factor for all points.
     """
-    figure = Figure(figsize=(WIDTH, 3.6))
-    panels = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
         _draw_one_damping(axes, curves, plane)
         draw_printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
         draw_computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
         axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
         axes.set_title(f"Principal {plane} plane")
-        axes.set_xlabel(OMEGA)
+        axes.set_ylabel("modal amplitude (in)")
         axes.set_ylim(bottom=0.0)
-    panels[0].set_ylabel("modal amplitude (in)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    panels[1].set_xlabel(OMEGA)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=1)
     return figure
 
 
@@ -161,8 +161,8 @@ def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Fig
         effect: ``step, omega, amplitude, phase`` after each step, rows of a step together.
         removed: ``omega`` and one column a part: motion in phase with the force that was removed (in).
     """
-    figure = Figure(figsize=(WIDTH, 5.2))
-    (left, right), (amplitude, phase) = figure.subplots(2, 2, sharex=True)
+    figure = Figure(figsize=(WIDTH, 7.6))
+    left, right, amplitude, phase = figure.subplots(4, 1, sharex=True)
     first = effect[effect["step"] == effect["step"].iloc[0]]
     for step, rows in effect.groupby("step", sort=False):
         colour, line = _STEPS.get(str(step), (INK, "-"))
@@ -178,10 +178,9 @@ def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Fig
         strict=True,
     ):
         axes.set_title(title, fontsize=8.5)
-    for axes in (amplitude, phase):
-        axes.set_xlabel(OMEGA)
+    phase.set_xlabel(OMEGA)
     left.set_ylim(bottom=0.0)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -279,7 +278,7 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest:
     axes.set(yscale="log", ylim=(1e-4, largest), xlabel=OMEGA, ylabel="damping factor ξ")
     axes.set_yticks([1e-4, 1e-3, 0.005, 1e-2, largest], ["0.0001", "0.001", "0.005", "0.01", f"{largest:g}"])
     axes.minorticks_off()
-    figure.legend(loc="outside lower center", ncols=3)
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 

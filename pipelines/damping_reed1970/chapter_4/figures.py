@@ -43,8 +43,8 @@ _BROAD = ("case I", "case III")
 @styled
 def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
-    figure = Figure(figsize=(WIDTH, 3.2))
-    for axes, lines in zip(np.atleast_1d(figure.subplots(1, len(modes))), modes, strict=True):
+    figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
+    for axes, lines in zip(np.atleast_1d(figure.subplots(len(modes))), modes, strict=True):
         _draw_coefficient_panel(axes, lines)
     return figure
 
@@ -83,7 +83,7 @@ def draw_response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Fig
         result: its first case is drawn; one of heavy damping shows most.
         at: amplitude over the resonant one at which the differences are marked.
     """
-    figure = Figure(figsize=(0.72 * WIDTH, 3.3))
+    figure = Figure(figsize=(WIDTH, 3.3))
     axes = figure.add_subplot()
     curve = result.curves[0]
     _draw_undamped(axes, result)
@@ -109,8 +109,8 @@ def draw_response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Fig
 @styled
 def draw_response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     """Draw amplitude against frequency ratio squared, cases I to IV and case V (Figs. 4.4, 4.5)."""
-    figure = Figure(figsize=(WIDTH, 3.3))
-    panels = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(WIDTH, 6.0))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, chosen, title in zip(panels, _split(result), ("Cases I to IV", "Case V"), strict=True):
         _draw_undamped(axes, result)
         for curve in chosen:
@@ -121,16 +121,16 @@ def draw_response_curves(result: AmplitudeFrequency, width: float = 0.008) -> Fi
         axes.set(xlim=(1.0 - width, 1.0 + width), ylim=(0.0, 1.12 * result.A_m))
         axes.set_xticks([1.0 - 0.75 * width, 1.0, 1.0 + 0.75 * width])
         axes.set_title(title)
-        axes.set_xlabel("frequency ratio squared η²")
+        axes.set_ylabel("modal amplitude (in)")
         axes.legend(loc="lower center", fontsize=7)
-    panels[0].set_ylabel("modal amplitude (in)")
+    panels[1].set_xlabel("frequency ratio squared η²")
     return figure
 
 
 @styled
 def draw_phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figure:
     """Draw phase against frequency ratio squared, all cases together (Fig. 4.6)."""
-    figure = Figure(figsize=(0.72 * WIDTH, 3.3))
+    figure = Figure(figsize=(WIDTH, 3.3))
     axes = figure.add_subplot()
     for curve in result.curves:
         _draw_line(axes, curve.name, *_through(curve, *np.degrees(curve.phase)))
@@ -149,8 +149,8 @@ def draw_differences(result: AmplitudeFrequency, printed: tuple[float, float]) -
     Args:
         result: the curves. printed: amplitude and delta of case I that the report prints.
     """
-    figure = Figure(figsize=(WIDTH, 3.3))
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(WIDTH, 5.4))
+    left, right = figure.subplots(2, 1, sharex=True)
     for curve in result.curves:
         _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
         _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
@@ -163,8 +163,7 @@ def draw_differences(result: AmplitudeFrequency, printed: tuple[float, float]) -
     right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0))
     right.set_title("Vertical difference")
     right.set_ylabel("ε (in)")
-    for axes in (left, right):
-        axes.set_xlabel("modal amplitude (in)")
+    right.set_xlabel("modal amplitude (in)")
     return figure
 
 
@@ -175,7 +174,7 @@ def draw_undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]
     Args:
         result: the curves. printed: amplitude ratio and per cent error that the report gives.
     """
-    figure = Figure(figsize=(0.72 * WIDTH, 3.2))
+    figure = Figure(figsize=(WIDTH, 3.2))
     axes = figure.add_subplot()
     for curve in result.curves:
         _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
@@ -195,8 +194,8 @@ def draw_force_amplitude(modes: Sequence[ForceAmplitudeLines], example: tuple[fl
         modes: first and second.
         example: force, printed linear and printed power-law amplitude, drawn with the first mode.
     """
-    figure = Figure(figsize=(WIDTH, 3.5))
-    for axes, lines in zip(figure.subplots(1, len(modes)), modes, strict=True):
+    figure = Figure(figsize=(WIDTH, 3.1 * len(modes)))
+    for axes, lines in zip(figure.subplots(len(modes)), modes, strict=True):
         _draw_force_panel(axes, lines)
         if lines.mode == 1:
             F, linear, power = example
@@ -235,7 +234,7 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
         held: what is kept from level to level, for the axis.
     """
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * len(order)))
+    figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(order)))
     axes = figure.add_subplot()
     draw_plain_rows(axes, [_describe_alpha_label(case, alpha, free) for case, alpha, free in
                       order[["case", "alpha", "free"]].itertuples(index=False)])  # fmt: skip
@@ -248,8 +247,8 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
               label="standard deviation")  # fmt: skip
     axes.set_xscale("log")
     plain_log(axes.xaxis)
-    axes.set_xlabel(f"variation of {held} from level to level (per cent)")
-    axes.legend(loc="lower left", fontsize=7.5)
+    axes.set_xlabel(f"variation of {held}\nfrom level to level (per cent)")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 
 

@@ -104,9 +104,8 @@ def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str,
     modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
         "powers": [
-            f"p = {number(one['p'], 4)} for mode {mode} ({format_between(one['p_low'], one['p_high'])}, 90 per "
-            f"cent, 1 degree "
-            f"of freedom; printed {one['p_printed']:g})"
+            f"p = {number(one['p'], 4)} for mode {mode} ({format_between(one['p_low'], one['p_high'])}, 90 per cent, "
+            f"1 degree of freedom; printed {one['p_printed']:g})"
             for mode, one in modes.items()
         ],
         "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),

@@ -35,8 +35,8 @@ _CLASSES = {
 @styled
 def draw_energy_surfaces(result: EnergySurface) -> Figure:
     """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
-    figure = Figure(figsize=(WIDTH, 3.4))
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
     top = float(result.points["energy_in_lb"].max())
     law = " + ".join(_describe_pretty(term) for term in result.law)
     titles = (
@@ -47,8 +47,8 @@ def draw_energy_surfaces(result: EnergySurface) -> Figure:
     for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
         drawn = _surface(axes, result, surface, levels)
         axes.set_title(title, fontsize=8.5)
-        axes.set_xlabel("frequency ω (rad/s)")
-    panels[0].set_ylabel("amplitude (in)")
+        axes.set_ylabel("amplitude (in)")
+    panels[1].set_xlabel("frequency ω (rad/s)")
     bar = figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95)
     bar.outline.set_visible(False)
     return figure
@@ -79,8 +79,8 @@ def draw_terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, i
         by_size: ``inputs, coefficients, terms, rms_error_in_lb``. elimination: ``inputs, coefficients, terms_left,
             negative, rms_error_in_lb``. inputs: those drawn, a panel each.
     """
-    figure = Figure(figsize=(WIDTH, 3.1))
-    panels = np.atleast_1d(figure.subplots(1, len(inputs), sharey=True))
+    figure = Figure(figsize=(WIDTH, 2.7 * len(inputs)))
+    panels = np.atleast_1d(figure.subplots(len(inputs), sharex=True, sharey=True))
     for axes, name in zip(panels, inputs, strict=True):
         mine = by_size[by_size["inputs"] == name]
         steps = elimination[(elimination["inputs"] == name) & (elimination["coefficients"] == "free")]
@@ -101,9 +101,9 @@ def draw_terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, i
                 )
         axes.set_title(name)
         axes.set_xticks(range(1, 10))
-        axes.set_xlabel("number of terms")
+        axes.set_ylabel("rms error of energy (in-lb)")
         plain_log(axes.yaxis)
-    panels[0].set_ylabel("rms error of energy (in-lb)")
+    panels[-1].set_xlabel("number of terms")
     panels[0].legend(loc="lower left", fontsize=7)
     return figure
 
@@ -116,7 +116,7 @@ def draw_false_terms(selection: pd.DataFrame) -> Figure:
         selection: ``terms, method, noise_percent, share_false, energy_error_percent``.
     """
     sets = list(selection["terms"].unique())
-    figure = Figure(figsize=(WIDTH, 4.6))
+    figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, len(sets), sharex=True, sharey="row", squeeze=False)
     for column, terms in enumerate(sets):
         share, error = panels[0, column], panels[1, column]
@@ -125,15 +125,15 @@ def draw_false_terms(selection: pd.DataFrame) -> Figure:
             style = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
             share.plot(rows["noise_percent"], rows["share_false"], label=method.replace(">=", "≥"), **style)
             error.plot(rows["noise_percent"], rows["energy_error_percent"], **style)
-        share.set_title(f"chosen among {terms}")
+        share.set_title(f"chosen among\n{terms}")
         share.set(xscale="log", ylim=(0.0, 1.0))
         error.set(yscale="log")
         plain_log(error.xaxis)
         plain_log(error.yaxis)
         error.set_xlabel("noise of the energy (per cent)")
-    panels[0, 0].set_ylabel("share of runs with a false term")
-    panels[1, 0].set_ylabel("energy error at 2 A (per cent)")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=7.5)
+    panels[0, 0].set_ylabel("share of runs\nwith a false term")
+    panels[1, 0].set_ylabel("energy error\nat 2 A (per cent)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=1, fontsize=7.5)
     return figure
 
 
@@ -148,8 +148,8 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
     known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]
     cases = list(known[["truth", "noise_percent"]].drop_duplicates().itertuples(index=False, name=None))
-    figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(cases)))
-    panels = np.atleast_1d(figure.subplots(1, len(routes), sharey=True))
+    figure = Figure(figsize=(WIDTH, 0.9 + (0.6 + 0.2 * len(cases)) * len(routes)))
+    panels = np.atleast_1d(figure.subplots(len(routes), sharex=True))
     labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
     for axes, route in zip(panels, routes, strict=True):
         draw_plain_rows(axes, ["measured", *labels])
@@ -159,12 +159,10 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
             mine = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
             _draw_bars(axes, place, known[mine])
         axes.set(xlim=(0.0, 1.0), xticks=[0.0, 0.5, 1.0])
-        axes.set_title(route.replace(": ", ":\n").replace(", E", ",\nE"), fontsize=7.5)
-        axes.set_xlabel("share of runs")
-    for axes in panels[1:]:
-        axes.tick_params(axis="y", labelleft=False)
+        axes.set_title(route, fontsize=7.5, x=-0.5)
+    panels[-1].set_xlabel("share of runs")
     handles = [Patch(color=colour, label=kind) for kind, colour in _CLASSES.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=7.5)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 
 

@@ -111,6 +111,6 @@ def force_laws(errors: pd.DataFrame) -> Figure:
             axes.plot(
                 mine["percent_error"], [row + shift] * len(mine), marker, color=colour, markersize=4.5, label=label
             )
-    axes.set_xlabel("error of resonant amplitude at the tested forces (per cent)")
+    axes.set_xlabel("error of resonant amplitude\nat the tested forces (per cent)")
     figure.legend(loc="outside upper right", ncols=3)
     return figure

@@ -91,7 +91,7 @@ def find_mode(
         x = points[np.argmin(negative(points))]
     if not negative(x[None, :])[0] < BARRIER:
         raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
-    return _descend(x, negative)
+    return descend(x, negative)
 
 
 def negative_log_posterior(coordinates: Coordinates, data: Observations) -> Negative:
@@ -104,7 +104,7 @@ def negative_log_posterior(coordinates: Coordinates, data: Observations) -> Nega
     return negative
 
 
-def _descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
+def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
     """Newton steps until none gains; the end, and the inverse Hessian there."""
     widths = np.full(x.size, FIRST_STEP)
     for _ in range(MOST_STEPS):

@@ -22,7 +22,6 @@ from damping.plots.style import (
     LINEAR,
     MEASURED,
     MUTED,
-    NARROW,
     PREDICTIVE,
     WIDTH,
     Drawing,
@@ -42,7 +41,7 @@ def damping_curve(table: pd.DataFrame, level: float, unit: str = "", tested: pd.
         table: rows of a curve, ``amplitude, damping_ratio, damping_ratio_low, damping_ratio_high, tested``; NaN where
             there is none. level: content of the band. tested: of each sweep, ``amplitude, damping_ratio``.
     """
-    figure = Drawing(figsize=(NARROW, 3.7))
+    figure = Drawing(figsize=(WIDTH, 3.7))
     axes = figure.add_subplot()
     draw_damping_curve(axes, table, level, unit, tested)
     figure.legend(
@@ -142,7 +141,7 @@ def fitted_sweeps(
         measured: ``sweep, x, y``. fitted: the same columns, rows of a sweep in order of x. law: its name, for the
             legend. unit: of the amplitude y. force_unit: of x where that is force; None where it is frequency in Hz.
     """
-    figure = Drawing(figsize=(NARROW, 3.7))
+    figure = Drawing(figsize=(WIDTH, 3.7))
     axes = figure.add_subplot()
     for _, line in fitted.groupby("sweep", sort=False):
         axes.plot(line["x"], line["y"], color=law_style(law).colour, linewidth=1.3)
@@ -172,8 +171,8 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
         table: a row a level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         unit: of the level.
     """
-    figure = Figure(figsize=(WIDTH, 2.6))
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(WIDTH, 4.4))
+    left, right = figure.subplots(2, 1, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
     left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=PREDICTIVE, label="90 % band")

@@ -17,8 +17,8 @@ from damping.plots.style import (
     LINEAR,
     MEASURED,
     MUTED,
-    NARROW,
     PREDICTIVE,
+    WIDTH,
     Drawing,
     describe_with_unit,
     distinguish,
@@ -47,7 +47,7 @@ def design_loads(
         tested: ``sweep, force, amplitude``. design: at the design forces, ``force, median, low, high, linear``.
         level: content of the band. limit: force beyond which no prediction is given.
     """
-    figure = Drawing(figsize=(NARROW, 3.9))
+    figure = Drawing(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     draw_design_loads(axes, band, tested, design, level, force_unit, length_unit, limit)
     figure.legend(handles=_list_marks(level, len(tested)), loc="outside lower left", ncols=2, columnspacing=1.2)

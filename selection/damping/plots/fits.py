@@ -91,7 +91,7 @@ def sweeps(table: pd.DataFrame) -> Figure:
 
 
 #: Letters of a law's name beside its bar: the bars have the rest of the width.
-MOST_LETTERS = 36
+MOST_LETTERS = 24
 #: Errors below this many per cent are drawn at it: a law with as many parameters as points errs by rounding only.
 SMALLEST = 0.01
 

@@ -77,7 +77,7 @@ NAMES = {
 
 
 @styled
-def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, per_row: int = 3) -> Figure:
+def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, per_row: int = 2) -> Figure:
     """Draw one pair of panels a sweep: amplitude above phase, over frequency.
 
     Args:
@@ -111,7 +111,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
                 lowest.set_ylabel("phase lag (rad)")
         lowest.set_xlabel("frequency (Hz)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -142,8 +142,8 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
             ``frequency_low`` and so on.
         length: unit of the amplitude.
     """
-    figure = Figure(figsize=(WIDTH, 2.9))
-    axes = figure.subplots(1, 2)
+    figure = Figure(figsize=(WIDTH, 5.0))
+    axes = figure.subplots(2, 1)
     for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
         for model, colour in (("refitted", MUTED), ("explained", ALERT)):
             rows = curves[curves["model"] == model]
@@ -164,7 +164,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         ax.set_xlabel(describe_with_unit("amplitude", length))
         ax.set_ylabel(label)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -202,7 +202,7 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
     ax.set_xlabel(describe_with_unit("force", force))
     ax.set_ylabel(describe_with_unit("resonant amplitude", length))
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 

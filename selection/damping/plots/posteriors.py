@@ -46,9 +46,9 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     """
     labels = list(draws)
     size = len(labels)
-    height = WIDTH * min(1.0, 0.32 + 0.16 * size)
+    height = WIDTH * min(1.1, 0.4 + 0.2 * size)
     figure = Figure(figsize=(WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
-    figure.subplots_adjust(left=0.13, right=0.985, bottom=0.11, top=0.95, wspace=0.1, hspace=0.1 + 0.03 * size)
+    figure.subplots_adjust(left=0.16, right=0.96, bottom=0.12, top=0.92, wspace=0.12, hspace=0.2 + 0.06 * size)
     axes = figure.subplots(size, size, squeeze=False)
     limits = {label: _limits(draws[label]) for label in labels}
     for i, row in enumerate(labels):
@@ -80,7 +80,7 @@ def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple
     axes.stairs(_density(prior, edges), edges, color=LINEAR, linewidth=1.3, baseline=None, label="prior")
     low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
     axes.vlines([low, high], 0.0, heights.max(), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
-    said = f"{median:.3g} ({low:.3g} to {high:.3g})"
+    said = f"{median:.3g}\n({low:.3g} to {high:.3g})"
     axes.set_title(said, fontsize=7, fontweight="normal", loc="center", pad=3)
     axes.set_ylim(0.0, 1.08 * heights.max())
     axes.grid(visible=False)
@@ -114,9 +114,9 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
 
 
 #: Letters of a law's name beside a row.
-_MOST_LETTERS = 26
+_MOST_LETTERS = 22
 #: Panels beside one another.
-_COLUMNS = 4
+_COLUMNS = 3
 
 
 @styled

@@ -71,10 +71,10 @@ def _scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
     return {"name": name, "low": low, "high": high, "log": kind == "log"}
 
 
-#: Width of a full figure, inches: 17 cm, the text width of an A4 page.
-WIDTH = 6.7
-#: Width of a figure that stands beside another or on a telephone, inches.
-NARROW = 4.8
+#: Width of the text of an A4 page, inches (17 cm).
+TEXT_WIDTH = 6.7
+#: Width of a figure, inches: read on a telephone without scrolling, and two stand side by side elsewhere.
+WIDTH = 4.8
 #: Labels beside points: more hide the points.
 MOST_LABELS = 40
 #: Texts and axes.
@@ -254,17 +254,17 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # print_svg lays the figure out and draws it once, where savefig does so twice
         FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
-    svg = _describe_printable(buffer.getvalue().decode("utf-8"))
+    svg = _replace_invalid(buffer.getvalue().decode("utf-8"))
     return _describe_standing_alone(
         svg,
         prefix,
-        _describe_printable(title),
-        _describe_printable(description),
-        _describe_printable(describe_scales(figure)),
+        _replace_invalid(title),
+        _replace_invalid(description),
+        _replace_invalid(describe_scales(figure)),
     )
 
 
-def _describe_printable(text: str) -> str:
+def _replace_invalid(text: str) -> str:
     """The text without the characters that XML does not allow."""
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 

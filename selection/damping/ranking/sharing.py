@@ -1,30 +1,198 @@
-"""Does one law hold on several records (modes, configurations)? Weighed from the rankings of each (report, 6.3).
+"""Does one law hold on several records (modes, configurations)? The question of section 6.3 of the report.
 
-With the weight w of a law on a record and its prior mass m, w/m is in proportion to its evidence there. One law L in
-all records against a law of its own for each, coefficients free on every record either way, has the odds
+One law L in all records shares its name and its shape parameters without dimension (an exponent), with coefficients,
+slip limits and scatters of each record's own, against a law of its own for each:
 
-    sum_L m_L prod_i (w_iL/m_iL)  /  prod_i sum_L m_L (w_iL/m_iL).
+    sum_L m_L Z_L  /  prod_i sum_L m_L Z_iL.
 
-Laws that predict the same on a record share one prior mass and have its evidence in common.
+With the weight w of a law on a record and its prior mass m there, w/m is in proportion to its evidence Z_iL. Laws that
+predict the same on a record share one prior mass and have its evidence in common. Where nothing is shared but the name,
+Z_L = prod_i Z_iL; a shared shape s couples the records, and they are fitted jointly:
+
+    Z_L = int p(s) prod_i Z_iL(s) ds,
+
+Z_iL(s) the evidence of record i with the shape held, on nodes over the range of its prior and between them by a spline
+through ln Z_iL.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
+from scipy.special import logsumexp, ndtri
 
-from damping.errors import InputError
-from damping.infer.law import Law
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import AnalysisError, InputError
+from damping.forces.shapes import PURE
+from damping.infer.best_fit import fit_law
+from damping.infer.evidence import descend, negative_log_posterior, start_at
+from damping.infer.importance import BRIEF_DRAWS, importance
+from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import log_posterior, log_prior
+from damping.infer.observations import Observations
 from damping.ranking import prior_masses
 
 #: Laws of a record that predict the same, the one that was listed first, and their weight.
 Groups = Sequence[tuple[tuple[str, ...], float]]
+#: Prior probabilities at which a shape is held: the range in equal parts, and nodes about what was found there.
+NODES = (np.arange(16) + 0.5) / 16.0
+#: Further nodes, about where the records together put the shape, this far apart from others at least.
+CLOSER_NODES = 8
+APART = 1e-3
+#: Prior probabilities between nodes, of the integrals.
+FINE = (np.arange(4000) + 0.5) / 4000.0
+#: Probability left out on either side of the intervals of a shape.
+TAIL = 0.05
 
 
-def weigh_sharing(records: Sequence[Groups]) -> tuple[float, pd.DataFrame]:
+@dataclass(frozen=True)
+class SharedShape:
+    """A shape parameter of a law that all records share.
+
+    Attributes:
+        name: of the parameter. pooled: median and ends of the 90 % interval where it is shared. each: the same of every
+            record alone. log_odds: ln of the evidence for one value over that for a value of each record's own.
+    """
+
+    name: str
+    pooled: tuple[float, float, float]
+    each: tuple[tuple[float, float, float], ...]
+    log_odds: float
+
+
+def tabulate_rows(data: Observations) -> pd.DataFrame:
+    """What a joint fit needs of a record, a row an observation; :func:`read_rows` is the way back."""
+    return pd.DataFrame(
+        {
+            "sweep": [data.sweeps[s] for s in data.sweep],
+            "frequency": data.omega / RAD_S_PER_HZ,
+            "amplitude": data.A,
+            "damping_force": data.D,
+            "force_in_phase": data.R,
+            "amplitude_sd": data.sd_amplitude,
+            "force_sd": data.sd_force,
+            "phase_sd": data.sd_phase,
+            "tested_force": data.tested_force[data.sweep],
+            "tested_amplitude": data.tested_amplitude[data.sweep],
+            "tested_frequency": data.tested_omega[data.sweep] / RAD_S_PER_HZ,
+            "decay": float(data.amplitude_is_input),
+        }
+    )
+
+
+def read_rows(table: pd.DataFrame) -> Observations:
+    """Observations from the columns of :func:`tabulate_rows`. KeyError for one that is missing."""
+    labels = table["sweep"].astype(str)
+    of_sweep = table.groupby(labels, sort=False)[["tested_force", "tested_amplitude", "tested_frequency"]].first()
+    number = {label: i for i, label in enumerate(of_sweep.index)}
+    column = {name: table[name].to_numpy(float) for name in table.columns if name not in ("sweep", "point")}
+    return Observations(
+        A=column["amplitude"],
+        omega=RAD_S_PER_HZ * column["frequency"],
+        D=column["damping_force"],
+        R=column["force_in_phase"],
+        sweep=labels.map(number).to_numpy(np.int64),
+        sd_amplitude=column["amplitude_sd"],
+        sd_force=column["force_sd"],
+        sd_phase=column["phase_sd"],
+        sweeps=tuple(map(str, of_sweep.index)),
+        tested_force=of_sweep["tested_force"].to_numpy(float),
+        tested_amplitude=of_sweep["tested_amplitude"].to_numpy(float),
+        tested_omega=RAD_S_PER_HZ * of_sweep["tested_frequency"].to_numpy(float),
+        amplitude_is_input=bool(column["decay"].any()),
+    )
+
+
+def share_shapes(records: Sequence[Groups], data: Sequence[Observations], seed: int = 0) -> dict[str, SharedShape]:
+    """The joint fits, by law, of all laws of the records that have one shape without dimension to share."""
+    laws = {name: _parse(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
+    shared = {name: (law, _list_shared(law)) for name, law in laws.items()}
+    found = {}
+    for name, (law, shapes) in shared.items():
+        if len(shapes) == 1:
+            with suppress(AnalysisError):  # a record that the law cannot carry shares nothing with it
+                found[name] = fit_jointly(law, shapes[0], data, seed)
+    return found
+
+
+def _list_shared(law: Law) -> list[str]:
+    """Names of the shape parameters that mean the same on any record."""
+    return [name for name, shape in law.free_shapes.items() if shape.unit == PURE]
+
+
+def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0) -> SharedShape:
+    """Records fitted with one value of a shape parameter of the law, coefficients and scatters of each its own.
+
+    Raises:
+        AnalysisError: the law cannot carry the forces of a record.
+    """
+    held = [_hold_shape(law, name, one, seed) for one in data]
+    nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])
+    lines = np.array([CubicSpline(nodes, own)(FINE) for own in values])
+    low, _, high = _find_quantiles(lines.sum(axis=0))
+    margin = max(high - low, 0.5 / len(NODES))
+    closer = np.linspace(max(low - margin, FINE[0]), min(high + margin, FINE[-1]), CLOSER_NODES)
+    closer = closer[np.abs(closer[:, None] - nodes).min(axis=1) > APART]
+    order = np.argsort(np.append(nodes, closer))
+    values = np.hstack([values, [[log_z(p) for p in closer] for log_z in held]])
+    lines = np.array([CubicSpline(np.append(nodes, closer)[order], own[order])(FINE) for own in values])
+    together = lines.sum(axis=0)
+    means = [float(logsumexp(line) - np.log(len(FINE))) for line in (together, *lines)]
+    shape, tested = law.free_shapes[name], Coordinates.of(law, data[0]).tested
+    pooled, *each = (
+        tuple(float(shape.prior_value(ndtri(p), tested)) for p in _find_quantiles(line)) for line in (together, *lines)
+    )
+    return SharedShape(name, _order(pooled), tuple(map(_order, each)), means[0] - sum(means[1:]))
+
+
+def _order(interval: tuple[float, ...]) -> tuple[float, float, float]:
+    """Low end, median and high end as median, low and high."""
+    low, median, high = interval
+    return median, low, high
+
+
+def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
+    """Prior probabilities at the low end, the median and the high end of a density over ``FINE``."""
+    mass = np.cumsum(np.exp(log_density - log_density.max()))
+    low, median, high = np.interp((TAIL, 0.5, 1.0 - TAIL), mass / mass[-1], FINE)
+    return float(low), float(median), float(high)
+
+
+def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[[float], float]:
+    """ln of a record's evidence as a function of the prior probability at which the shape is held."""
+    own = Coordinates.of(law, data)
+    start = start_at(fit_law(law, data), own)
+    coordinates, scaled = own.scaled(data.reference), data.scaled()
+    place = coordinates.names.index(name)
+    negative = negative_log_posterior(coordinates, scaled)
+
+    def log_z(probability: float) -> float:
+        held = float(ndtri(probability))
+
+        def insert(x: FloatArray) -> FloatArray:
+            return np.insert(x, place, held, axis=-1)
+
+        def density(x: FloatArray) -> FloatArray:
+            return log_posterior(insert(x), coordinates, scaled) - log_prior(np.array([[held]]))
+
+        mode, covariance = descend(np.delete(start, place), lambda x: negative(insert(x)))
+        return importance(density, mode, covariance, seed, wanted=BRIEF_DRAWS).log_z
+
+    return log_z
+
+
+def weigh_sharing(
+    records: Sequence[Groups], shapes: Mapping[str, SharedShape] | None = None
+) -> tuple[float, pd.DataFrame]:
     """Odds of one law in all records against one each, and the probability of each law if it is one.
+
+    Args:
+        shapes: joint fits of the laws that share a shape.
 
     Returns:
         The odds, NaN where a record has no law that is known; ``law, weight``, best first.
@@ -36,7 +204,8 @@ def weigh_sharing(records: Sequence[Groups]) -> tuple[float, pd.DataFrame]:
         return float("nan"), nothing
     prior = np.array(prior_masses([_parse(name) for name in laws]))
     evidence = np.array([[own.get(name, 0.0) for name in laws] for own in each])
-    together = prior * np.prod(evidence, axis=0)
+    jointly = np.exp([shapes[name].log_odds if shapes and name in shapes else 0.0 for name in laws])
+    together = prior * np.prod(evidence, axis=0) * jointly
     if not together.sum() > 0.0:
         return 0.0, nothing
     table = pd.DataFrame({"law": laws, "weight": together / together.sum()})

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from damping.errors import escape_control
 from damping.regression.fit import NAMES, Fit
 from damping.regression.program import Regression
 
@@ -60,7 +61,7 @@ def describe_comparison(results: Sequence[Regression]) -> str:
 
 def _describe_shown(text: str) -> str:
     """Control characters in names of the input are shown, not sent to the terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    return "\n".join(map(escape_control, text.split("\n")))
 
 
 def _one(result: Regression, criterion: str) -> float:

@@ -20,7 +20,7 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from damping.plots.style import WIDTH
+from damping.plots.style import TEXT_WIDTH
 from damping.report.words import NOTHING, number
 
 #: How to write a value of a column.
@@ -91,7 +91,7 @@ class FigureBlock(Block):
     def share(self) -> float:
         """Width over that of a full figure, at most 1: a narrow one stays narrow, its letters as large as others'."""
         found = _WIDTH_POINTS.search(self.svg)
-        return min(1.0, round(float(found[1]) / (72.0 * WIDTH), 3)) if found else 1.0
+        return min(1.0, round(float(found[1]) / (72.0 * TEXT_WIDTH), 3)) if found else 1.0
 
     @property
     def markup(self) -> Markup:

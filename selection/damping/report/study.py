@@ -112,7 +112,8 @@ def _build_data(result: RecordResult) -> list[Block]:
         }
     )
     caption = f"Tested levels, each at its phase resonance. Units: {result.mode.units}; frequency in Hz."
-    table = tables.tabulate_observations(result).drop(columns="omega")
+    shown = ["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]
+    table = tables.tabulate_observations(result)[shown]
     points = Table(
         table.head(MOST_POINTS),
         f"The first {min(len(table), MOST_POINTS)} of {count(len(table), 'point')} used: frequency (Hz), amplitude, "

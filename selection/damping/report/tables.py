@@ -13,6 +13,7 @@ from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
+from damping.ranking.sharing import tabulate_rows
 from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 from damping.report.words import format_parameter_unit
@@ -212,19 +213,12 @@ def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_observations(result: RecordResult) -> pd.DataFrame:
-    """The rows that say something about damping: force in quadrature E/(pi A) and energy per cycle."""
-    data = result.data
-    return pd.DataFrame(
-        {
-            "sweep": [data.sweeps[s] for s in data.sweep],
-            "point": _list_points(result),
-            "frequency": data.omega / (2.0 * np.pi),
-            "omega": data.omega,
-            "amplitude": data.A,
-            "damping_force": data.D,
-            "energy": np.pi * data.A * data.D,
-        }
-    )
+    """The rows that say something about damping, with their energy per cycle and what a joint fit takes of them."""
+    data, rows = result.data, tabulate_rows(result.data)
+    rows.insert(1, "point", _list_points(result))
+    rows.insert(3, "omega", data.omega)
+    rows.insert(6, "energy", np.pi * data.A * data.D)
+    return rows
 
 
 def _list_points(result: RecordResult) -> list[str]:
