@@ -47,6 +47,7 @@ from damping.gap.weighing import (
     describe_held_out,
     estimate_in_library,
     group_equivalent_effects,
+    list_doubts,
     weigh_hypotheses,
 )
 from damping.gap.where import (
@@ -164,10 +165,10 @@ def diagnose(
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    ends = list_ends(leading.best)
-    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out, len(ends))
+    doubts = list_doubts(tests, leading, gap, held_out)
+    in_library = estimate_in_library(doubts, bool(leading.effects), known.dispersion)
     hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
-    cautions += levels + ends + describe_held_out(leading, gap, held_out)
+    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(

@@ -16,6 +16,7 @@ from scipy.special import expit
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
+from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit
 from damping.gap.search import Hypothesis
@@ -68,18 +69,17 @@ def blend_probabilities(
     return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
 
 
-#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
-#: where nothing is blamed; less for each decade of the smallest p-value (at most six), each effect beyond one, a
-#: held-out level that fails, and each best fit at the end of its range.
-IN_LIBRARY = 1.74
-NOTHING_BLAMED = 1.0
-PER_DECADE = 1.05
-PER_EFFECT = 0.18
-PER_FAILURE = 0.95
-PER_END = 1.47
-_MOST_DECADES = 6.0
+#: Log odds that the library holds the cause of a gap, where it holds three in five: of an effect that leaves noise only;
+#: more where nothing is blamed; less for each of the `list_doubts`.
+IN_LIBRARY = 1.86
+NOTHING_BLAMED = 1.07
+PER_DECADE = 1.17
+PER_EFFECT = 0.17
+PER_FAILURE = 0.99
+PER_END = 1.41
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
+_MOST_DECADES = 6.0
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
 _CLOSED = 0.8
 _FAILED = 0.5
@@ -106,16 +106,21 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
     ]
 
 
-def estimate_in_library(
-    tests: Sequence[Test], dispersion: float, leading: Hypothesis, gap: Gap, held_out: HeldOut | None, ends: int
-) -> float:
-    """The chance that the cause is in the library at all; ``ends``: best fits at the end of their range.
+def list_doubts(tests: Sequence[Test], leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> FloatArray:
+    """What speaks against an explanation, (4,).
 
-    Logistic, with the constants above.
+    Decades of the smallest p-value (at most six), effects beyond one, whether a held-out level fails, best fits at the
+    end of their range.
     """
     decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
-    log_odds = IN_LIBRARY + NOTHING_BLAMED * (not leading.effects) - PER_DECADE * decades - PER_END * ends
-    log_odds -= PER_EFFECT * max(len(leading.effects) - 1, 0) + PER_FAILURE * fails_held_out(leading, gap, held_out)
+    more = max(len(leading.effects) - 1, 0)
+    return np.array([decades, more, fails_held_out(leading, gap, held_out), len(list_ends(leading.best))], dtype=float)
+
+
+def estimate_in_library(doubts: FloatArray, blames: bool, dispersion: float) -> float:
+    """The chance that the cause is in the library at all: logistic, with the constants above."""
+    log_odds = IN_LIBRARY - float(doubts @ (PER_DECADE, PER_EFFECT, PER_FAILURE, PER_END))
+    log_odds += 0.0 if blames else NOTHING_BLAMED
     return float(expit(log_odds - PER_DISPERSION * float(np.log(dispersion))))
 
 
