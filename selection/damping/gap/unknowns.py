@@ -198,7 +198,8 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
 def list_evidences(one: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
-    Without ``wild`` points every value counts in full: what is wild at one noise is none at another. Errors e of neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
+    Without ``wild`` points every value counts in full: what is wild at one noise is none at another. Errors e of
+    neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
     """
     k, sweeps = one.model.size, one.model.sweeps
     own = _scales(one.model.scatter, k, sweeps)

@@ -2,8 +2,8 @@
 
 Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017): those of Laplace and of forms that are nearly the true
 ones are too large. The chance that the library holds the cause is logistic (as of Platt 1999) in what an answer leaves;
-its constants are those of ``python -m damping_validation.doubt``, a regression on answers to generated cases whose cause
-is in no library, or was taken out of it, or is in it; ``damping blind`` says how well the chance is kept.
+its constants are those of ``python -m damping_validation.doubt``, a regression on answers to generated cases whose
+cause is in no library, or was taken out of it, or is in it; ``damping blind`` says how well the chance is kept.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def blend_probabilities(
     return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
 
 
-#: Log odds that the library holds the cause of a gap, where it holds three in five: of an effect that leaves noise only;
-#: more where nothing is blamed; less for each of the `list_doubts`.
+#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
+#: where nothing is blamed; less for each of the `list_doubts`.
 IN_LIBRARY = 1.86
 NOTHING_BLAMED = 1.07
 PER_DECADE = 1.17
