@@ -301,12 +301,9 @@ def test_everything_is_rendered():
 
 def test_the_regression_of_doubts_gives_the_log_odds_of_its_answers():
     """A doubt that holds in 1 of 4 answers within the library, in 3 of 4 without: log odds -/+ ln 3 about even ones."""
-    rows = [
-        (doubt, held)
-        for doubt, held, count in ((0, 1, 300), (1, 1, 100), (0, 0, 100), (1, 0, 300))
-        for _ in range(count)
+    counts = {(0, True): 300, (1, True): 100, (0, False): 100, (1, False): 300}
+    answers = [
+        (np.array([1.0, 0.0, -float(doubt)]), held) for (doubt, held), count in counts.items() for _ in range(count)
     ]
-    answers = [(np.array([1.0, 0.0, -float(doubt)]), bool(held)) for doubt, held in rows]
-    found = regress(answers)
-    # the library holds ``ODDS`` = 1.5 causes for each that it does not; the prior shrinks a slope of error 0.16 by 0.3 %
-    np.testing.assert_allclose(found, [np.log(1.5 * 3.0), 0.0, np.log(9.0)], rtol=0.0, atol=0.02)
+    # the library holds 1.5 causes for each that it does not; the prior shrinks a slope of error 0.16 by 0.3 %
+    np.testing.assert_allclose(regress(answers), [np.log(1.5 * 3.0), 0.0, np.log(9.0)], rtol=0.0, atol=0.02)
