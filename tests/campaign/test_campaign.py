@@ -12,6 +12,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import pyuff
 from nptdms import ChannelObject, TdmsWriter
@@ -19,14 +20,16 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, DesignLevel, Response
+from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, Prediction, Response, compare_predictions
 from damping.campaign.decays import decay_modes
-from damping.campaign.driven import find_notches
-from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import read_corrections
+from damping.campaign.driven import _find_input, find_notches
+from damping.campaign.records import Level, fit_levels, tie_modes
+from damping.campaign.runs import CampaignRun, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.predict.measured import prepare
+from damping.records.mode import Mode
+from damping.records.record import Record
 from damping_pipelines.cli import main
 
 G = 9.80665
@@ -208,7 +211,8 @@ def test_what_was_found_can_be_corrected(tmp_path):
     by_name = {one.name: one for one in runs[0].channels}
     assert f"accelerations[{DEAD}]" not in by_name
     assert by_name["accelerations[0]"].unit == "m/s^2"
-    np.testing.assert_array_equal(by_name[f"accelerations[{REVERSED}]"].values, -plain[0].channels[REVERSED].values)
+    turned = by_name[f"accelerations[{REVERSED}]"].values  # noqa: PD011 - of a channel, not of a table
+    np.testing.assert_array_equal(turned, -plain[0].channels[REVERSED].values)  # noqa: PD011 - as above
 
 
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
@@ -372,3 +376,59 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
     assert (none.low, none.depth_db) == (None, 0.0)
     assert "no notch; at most +2.9 dB" in str(none)
+
+
+def predicted(level: float, tested: bool) -> Prediction:
+    """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
+    peak = steady_peak(level)[0]
+    return Prediction(50.0, level, tested, "tip", "g", (peak, 0.9 * peak, 1.1 * peak))
+
+
+def test_a_run_is_held_against_what_was_predicted(bare_mode):
+    """Tested before: nothing is said; new: the peak beside the band; a notched run counts with its input there."""
+    before = [predicted(level, level < 1.0) for level in np.geomspace(0.5, 2.0, 9)]
+    places = [
+        At(level, True, 50.0, None, (Response("tip", "acceleration", "g", (size, size, size)),), (), reached)
+        for level, reached, size in (
+            (0.5, None, 1.0),
+            (1.5, None, 1.05 * steady_peak(1.5)[0]),
+            (1.9, 1.2, 1.3 * steady_peak(1.2)[0]),
+            (4.0, None, 1.0),
+        )
+    ]
+    found = compare_predictions(before, Campaign((bare_mode(50.3, places),), (), (), "g"))
+    assert [(one.level, one.held) for one in found] == [(1.5, True), (1.2, False)]
+    # straight between nine levels, 1.19 apart: a tenth of a per cent
+    np.testing.assert_allclose([one.above_db for one in found], 20 * np.log10([1.05, 1.3]), atol=0.02)
+    assert "OUTSIDE" in str(found[1])
+    assert compare_predictions(before, Campaign((bare_mode(60.0, places),), (), (), "g")) == ()
+
+
+@pytest.fixture
+def bare_mode():
+    """A mode of nothing but its frequency and levels."""
+
+    def make(frequency: float, places: list[At]) -> ModeAnswer:
+        table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [frequency], "amplitude": [1.0]})
+        mode = Mode(name="mode-1", frequency=frequency, mass=1.0)
+        return ModeAnswer("mode-1", frequency, "viscous", tuple(places), {}, Record(table, "r"), mode, ())
+
+    return make
+
+
+def test_a_notched_run_is_taken_at_its_input():
+    f = np.linspace(40.0, 60.0, 201)
+    drive = np.where(np.abs(f - 50.0) < 3.0, 4.0, 10.0)
+    run = CampaignRun("r", 10.0, "N", f, drive.astype(complex), ())
+    level = Level(run, f, np.zeros((0, 201)), drive, None)
+    assert _find_input(level, 50.0) == 4.0
+    assert _find_input(level, 45.0) == 10.0
+
+
+def test_a_form_that_is_no_campaign(tmp_path, capsys):
+    wrong = tmp_path / "campaign.json"
+    wrong.write_text('{"format": "rank/1"}')
+    with pytest.raises(SystemExit) as stopped:
+        main(["campaign", str(wrong), "--out", str(tmp_path / "out"), "--previous", str(wrong)])
+    assert stopped.value.code == 2
+    assert "campaign.json" in capsys.readouterr().err
