@@ -48,8 +48,8 @@ def cost_table(found: Sequence[Growth]) -> pd.DataFrame:
 @styled
 def cost_figure(table: pd.DataFrame) -> Figure:
     """Processor time against size, with the line of the exponent."""
-    figure = Figure(figsize=(WIDTH, 4.4))
-    panels = figure.subplots(2, 2).ravel()
+    figure = Figure(figsize=(WIDTH, 6.4))
+    panels = figure.subplots(3, 2).ravel()
     for ax, ((work, against), rows) in zip(panels, table.groupby(["work", "against"], sort=False), strict=True):
         size, time = rows["size"].to_numpy(), rows["processor_s"].to_numpy()
         exponent = rows["exponent"].iloc[0]

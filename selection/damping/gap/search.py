@@ -219,9 +219,7 @@ class Search:
             known = max(one.log_evidence for one in self.found.values())
             self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
-    def _fits(
-        self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float
-    ) -> list[ModelFit]:
+    def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
