@@ -13,7 +13,7 @@ from damping.errors import AnalysisError
 from damping.forces import CATALOGUE, make
 from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
-from damping.infer.best_fit import fit_law
+from damping.infer.best_fit import fit_law, fit_laws
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import observe
 from damping.ranking import prior_masses, rank_laws
@@ -248,3 +248,14 @@ def test_friction_is_judged_on_the_force_of_a_decay():
     assert friction.rank == min(c.rank for c in ranking.weighted() if len(c.law.parts) == 1 and c.name != "slip")
     assert friction.weight > 1e3 * viscous.weight  # a force that does not grow with amplitude is not viscous
     assert friction.held_out_error < 3.0  # per cent of force: three times the noise
+
+
+def test_a_law_that_is_never_met_does_not_spoil_the_others(peaks):
+    """All rows far below the resonances: a joint that slips near the tested amplitude sticks at every one of them."""
+    data = levels_of([make("viscous", coefficient=1.5)], peaks)
+    below = replace(data, A=0.01 * data.A, D=0.01 * data.D)
+    stuck, fitted = fit_laws([Law(("slip",)), Law(("velocity-power",))], below)
+    with pytest.raises(AnalysisError, match="slip: a part of it is never met"):
+        raise stuck
+    alone = fit_law(Law(("velocity-power",)), below)
+    np.testing.assert_array_equal(fitted.coefficients, alone.coefficients)

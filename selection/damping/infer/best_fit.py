@@ -226,9 +226,10 @@ def _solve(columns: FloatArray, slopes: FloatArray, data: Observations) -> tuple
     column of zeros.
     """
     scale = columns.max(axis=1)
-    met = (scale > 0.0).all(axis=1)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    columns, slopes = columns / scale[:, None, :], slopes / scale[:, None, :]
+    met = scale > 0.0
+    scale = np.where(met, scale, 1.0)
+    columns = np.where(met[:, None, :], columns / scale[:, None, :], 1.0)  # so that equations can be solved
+    slopes = slopes / scale[:, None, :]
     g = np.broadcast_to(np.abs(data.D), columns.shape[:2])
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     for _ in range(REWEIGHTINGS):
@@ -241,7 +242,7 @@ def _solve(columns: FloatArray, slopes: FloatArray, data: Observations) -> tuple
         if np.all((np.abs(squares - previous) <= STEADY * squares) | ~np.isfinite(squares)):
             break
     squares = np.where(np.isfinite(squares), squares, np.inf)
-    return carried / scale, np.where(met, squares, np.nan)
+    return carried / scale, np.where(met.all(axis=1), squares, np.nan)
 
 
 def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
