@@ -10,8 +10,8 @@ p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhl
 A law strays in proportion to how nonlinear it is: sigma is a parameter times :func:`nonlinearity`. What is proportional
 to force over a test seldom ceases to be.
 
-Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond the
-test paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
+Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
+paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
 
 Damping that grows faster than amplitude (p > 1) may let go beyond the test, as a joint whose contact slips in full:
 levels below it do not show when. It does so at a constant rate in z, ``RELEASE`` at most; the part that grew then stays
@@ -33,8 +33,8 @@ DOUBT_MEDIAN = 0.05
 DOUBT_LOG_SD = 1.5
 #: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
 LINEAR = 0.04
-#: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction and
-#: slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
+#: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
+#: and slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
 SLOWER = 0.3
 #: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
 STEEPER = 2.0
@@ -116,7 +116,7 @@ def let_go(log_A: FloatArray, z: FloatArray, p: FloatArray, rng: np.random.Gener
     Args:
         p: exponent of each draw at the top of the test, (draws,).
     """
-    if len(z) < 2:  # noqa: PLR2004 - nothing is asked beyond the test
+    if len(z) < 2:
         return log_A
     rising = np.clip((p - GROWING[0]) / (GROWING[1] - GROWING[0]), 0.0, 1.0)
     falling = np.clip((STUCK[1] - p) / (STUCK[1] - STUCK[0]), 0.0, 1.0)

@@ -2,8 +2,8 @@
 
 Candidates are every sum of up to ``MAX_TERMS`` forces of the library and the power laws, by rule and not by the rows.
 Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each further term
-halves the prior probability of a number of terms, which the distinct laws of that number share equally. With the priors of
-:mod:`damping.infer.law` and coefficients >= 0,
+halves the prior probability of a number of terms, which the distinct laws of that number share equally. With the
+priors of :mod:`damping.infer.law` and coefficients >= 0,
 
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
