@@ -9,7 +9,7 @@ from damping.extrapolation.near import NEAR, at_resonance, near_resonance, witho
 from damping.forces import CubicStiffness, Sum
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
 from damping.records.record import Record
-from damping_validation.calibration import structures
+from tests.structures import structures
 
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")

@@ -10,7 +10,7 @@ from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import plan_loads
 from damping.infer.law import Law
 from damping.ranking import prior_masses
-from damping_validation.calibration import CANDIDATES, simulated_levels, structures
+from tests.structures import CANDIDATES, simulated_levels, structures
 
 STRUCTURES = {s.name: s for s in structures()}
 

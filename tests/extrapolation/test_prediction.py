@@ -83,6 +83,7 @@ def test_parts_add_to_the_whole(saturn, monkeypatch):
     Of a straying that is as likely to each side: one steeper upwards is skew, and no quantile stands for its variance.
     """
     monkeypatch.setattr(doubt, "STEEPER", 1.0)
+    monkeypatch.setattr(doubt, "RELEASE", 0.0)
     data = saturn("config-2-mode-1")
     # normal parameters, one value of doubt and of scatter: otherwise tails are too heavy for a quantile to stand for a
     # variance
@@ -100,7 +101,8 @@ def test_parts_add_to_the_whole(saturn, monkeypatch):
     assert all(np.all(part >= 0.0) for part in loads.parts.values())
 
 
-def test_parts_of_one_law(saturn):
+def test_parts_of_one_law(saturn, monkeypatch):
+    monkeypatch.setattr(doubt, "RELEASE", 0.0)
     data = saturn("config-2-mode-1")
     m = member(("velocity-power",), data)
     m.draws[:, m.coordinates.names.index("doubt")] = -5.0  # none
@@ -133,6 +135,18 @@ def test_bands_widen_with_doubt_and_with_distance(saturn):
         widths.append(np.log(loads.average.high / loads.average.low))
     assert np.all(np.diff(widths, axis=1) > 0.0)
     assert np.all(widths[1][1:] > widths[0][1:])
+
+
+def test_what_levels_leave_over_pulls_the_prediction_to_them(peaks):
+    """Where a law strays much and scatters little, its corrected amplitudes are the measured ones."""
+    force = np.array([1.0, 1.5, 2.2, 3.3])
+    data = peaks(force * np.array([1.0, 1.0, 1.05, 1.1]), force, 10.0)
+    m = member(("viscous",), data)
+    m.draws[:, m.coordinates.names.index("doubt")] = 5.0
+    m.draws[:, -1] = -5.0  # scatter
+    spread = draw_spread(m, force, data, 0.0, np.random.default_rng(0))
+    # the law alone misses the levels by up to 6 %, of which a residual leaves half the square
+    np.testing.assert_allclose(spread.law.mean(axis=0), np.log(data.tested_amplitude), atol=2.5e-3)
 
 
 def test_stated_repeatability_is_the_least_scatter(saturn):

@@ -32,7 +32,8 @@ from damping_pipelines.fleet.page import tabulate_outliers
 from damping_pipelines.manifest import sole_writer, verify
 from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
-from damping_validation.calibration import OMEGA, simulated_levels, structures
+from damping_validation.truths import OMEGA
+from tests.structures import simulated_levels, structures
 
 RECORDS = 6
 SIZE = 10_000_000

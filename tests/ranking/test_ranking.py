@@ -19,7 +19,7 @@ from damping.infer.observations import observe
 from damping.ranking import prior_masses, rank_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
 from damping.records.record import Record
-from damping_validation.calibration import simulated_levels, structures
+from tests.structures import simulated_levels, structures
 
 OMEGA = 12.0
 LEVELS = np.geomspace(0.4, 2.0, 8)

@@ -10,20 +10,17 @@ from damping.extrapolation.prediction import predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping_validation.calibration import (
-    CANDIDATES,
     LEVEL,
     RANKED,
     RATIOS,
-    SPAN,
     coverage_trial,
     ecdf,
     ecdf_band,
     is_uniform,
     rank_trial,
-    simulated_levels,
-    structures,
 )
 from damping_validation.truths import TRUTHS
+from tests.structures import CANDIDATES, SPAN, simulated_levels, structures
 
 #: One group: the trials that every test looks at are made once.
 pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]

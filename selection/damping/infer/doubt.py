@@ -1,4 +1,4 @@
-"""No law of a few terms is the structure's own: how far the local exponent may stray from it, as a random process.
+"""No law of a few terms is the structure's own: how the local exponent may stray from it, and how damping lets go.
 
 With z = ln F, a law's resonant amplitude has the slope q(z) = d ln A/d ln F = 1/p, the inverse of the local exponent
 p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhlenbeck process of standard deviation
@@ -7,8 +7,16 @@ p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhl
     g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
     h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
 
-Within the test it enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond the test
+A law strays in proportion to how nonlinear it is: sigma is a parameter times :func:`nonlinearity`. What is proportional
+to force over a test seldom ceases to be.
+
+Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
 paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
+
+Damping that grows faster than amplitude (p > 1) may let go beyond the test, as a joint whose contact slips in full:
+levels below it do not show when. It does so at a constant rate in z, ``RELEASE`` at most; the part that grew then stays
+as it is, and the rest is proportional to amplitude, F = F* (1 + (A/A* - 1)/q*) with the steepest slope q* that damping
+can have.
 """
 
 from __future__ import annotations
@@ -19,14 +27,25 @@ from damping.arrays import FloatArray
 
 #: How far in ln F a strayed slope is remembered: about a factor of four in force.
 LENGTH = 1.5
-#: Prior of sigma: median and log standard deviation, so that 5 % lie below 0.0025 and 5 % above 0.35. Tried on the
-#: structures of ``damping calibrate``: half have a law of the library, and a joint's slope can double within the band.
-DOUBT_MEDIAN = 0.03
+#: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.004
+#: and 5 % above 0.6. Tried on structures of the kinds of ``damping calibrate``, in and out of the library.
+DOUBT_MEDIAN = 0.05
 DOUBT_LOG_SD = 1.5
-#: A slope that strays upwards beyond the test strays by this factor more: joints let go at once, and take hold slowly.
-STEEPER = 2.5
+#: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
+LINEAR = 0.04
+#: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
+#: and slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
+SLOWER = 0.3
+#: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
+STEEPER = 2.0
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
+#: Chance per unit of ln F that growing damping lets go: 7 % within four times the tested force. Tried as above.
+RELEASE = 0.05
+#: Exponents p at the top of the test between which the chance rises from none (nothing grows), and falls to none again:
+#: a joint of micro-slip has an exponent of 2 to 3.5, and comes near 1 before it lets go.
+GROWING = (1.0, 1.1)
+STUCK = (2.0, 3.0)
 
 
 def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
@@ -42,7 +61,7 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
 def stray(
     sigma: FloatArray,
     left: FloatArray,
-    variance: FloatArray,
+    noise: FloatArray,
     at: FloatArray,
     grid: FloatArray,
     rng: np.random.Generator,
@@ -50,8 +69,8 @@ def stray(
     """g on ``grid`` given what levels leave over: its mean, and one draw of it (Matheron's rule), each (draws, grid).
 
     Args:
-        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). variance: of its noise,
-            (draws, levels). at, grid: ln F of the levels and of the grid.
+        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). noise: covariance of
+            its errors, (draws, levels, levels). at, grid: ln F of the levels and of the grid.
     """
     origin = float(np.mean(at))
     n = len(at)
@@ -59,11 +78,20 @@ def stray(
     prior = stray_covariance(both, both, origin)
     root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(both)))
     drawn = sigma[:, None] * (rng.standard_normal((len(sigma), len(both))) @ root.T)
-    noise = np.sqrt(variance) * rng.standard_normal(variance.shape)
-    square = (sigma**2)[:, None, None] * prior[:n, :n] + np.eye(n) * variance[:, None, :]
-    wanted = np.stack([left, left - drawn[:, :n] - noise], axis=-1)
+    errors = (np.linalg.cholesky(noise) @ rng.standard_normal((len(sigma), n, 1)))[..., 0]
+    square = (sigma**2)[:, None, None] * prior[:n, :n] + noise
+    wanted = np.stack([left, left - drawn[:, :n] - errors], axis=-1)
     gained = (sigma**2)[:, None, None] * (prior[n:, :n] @ np.linalg.solve(square, wanted))
     return gained[..., 0], drawn[:, n:] + gained[..., 1]
+
+
+def nonlinearity(p: FloatArray) -> FloatArray:
+    """By how much a law strays in proportion, from its exponents at both ends of the test (..., 2): (...).
+
+    ``LINEAR`` and the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
+    """
+    q = np.clip(np.nan_to_num(1.0 / p, nan=0.0), *SLOPES)
+    return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
 def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
@@ -80,3 +108,24 @@ def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
     slope = np.clip(q * np.exp(grown), *SLOPES)
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
+
+
+def let_go(log_A: FloatArray, z: FloatArray, p: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """ln A (draws, grid) on ``z`` from the top of the test on, of which some draws let go on the way.
+
+    Args:
+        p: exponent of each draw at the top of the test, (draws,).
+    """
+    if len(z) < 2:
+        return log_A
+    rising = np.clip((p - GROWING[0]) / (GROWING[1] - GROWING[0]), 0.0, 1.0)
+    falling = np.clip((STUCK[1] - p) / (STUCK[1] - STUCK[0]), 0.0, 1.0)
+    with np.errstate(divide="ignore"):
+        at = z[0] + rng.exponential(size=len(p)) / (RELEASE * rising * falling)
+    at = np.minimum(np.where(np.isnan(at), np.inf, at), z[-1])
+    before = np.clip(np.searchsorted(z, at, side="right") - 1, 0, len(z) - 2)
+    draw = np.arange(len(p))
+    share = (at - z[before]) / (z[before + 1] - z[before])
+    start = (1.0 - share) * log_A[draw, before] + share * log_A[draw, before + 1]
+    grown = np.expm1(np.maximum(z - at[:, None], 0.0))
+    return np.where(grown > 0.0, np.maximum(log_A, start[:, None] + np.log1p(SLOPES[1] * grown)), log_A)

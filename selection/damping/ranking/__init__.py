@@ -1,9 +1,9 @@
 """One table that lists every distinct damping law, best first, and says whether any fits.
 
 Candidates are every sum of up to ``MAX_TERMS`` forces of the library and the power laws, by rule and not by the rows.
-Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each number of terms
-has the same prior probability, shared equally by the distinct laws of that number. With the priors of
-:mod:`damping.infer.law` and coefficients >= 0,
+Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each further term
+halves the prior probability of a number of terms, which the distinct laws of that number share equally. With the
+priors of :mod:`damping.infer.law` and coefficients >= 0,
 
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
@@ -31,7 +31,10 @@ from damping.ranking.candidates import (
 )
 from damping.ranking.verdict import FitVerdict, judge_fit
 
-CRITERION = "-2 ln(evidence x prior), coefficients >= 0; prior equal for each number of terms, shared by its laws"
+CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
+#: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
+#: then are nearest to those of a fitter who knows it.
+FURTHER = 0.5
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
 #: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
@@ -148,9 +151,10 @@ def rank_laws(
 
 
 def prior_masses(laws: Sequence[Law]) -> list[float]:
-    """Prior probability of each law: equal for each number of terms, shared equally by the laws of that number."""
+    """Prior probability of each law: ``FURTHER`` as much for each further term, shared by the laws of that number."""
     sizes = Counter(len(law.parts) for law in laws)
-    return [1.0 / (len(sizes) * sizes[len(law.parts)]) for law in laws]
+    whole = sum(FURTHER**size for size in sizes)
+    return [FURTHER ** len(law.parts) / (whole * sizes[len(law.parts)]) for law in laws]
 
 
 def _fit_laws(
