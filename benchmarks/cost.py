@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks._rows import middle, timed
+from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.plan import plan_loads
 from damping.infer.importance import Proposal
 from damping.infer.law import Coordinates, Law
@@ -22,7 +23,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.regression.design import design_of_arrays
 from damping.regression.subsets import all_subsets
-from damping_validation.calibration import CANDIDATES, peaks, simulated_levels, structures
+from damping_validation.truths import peaks
 
 LAW = Law(("viscous", "displacement-velocity"))
 REPEATS = 3
@@ -95,8 +96,18 @@ def sweep_of(number: int) -> Observations:
     D = (0.5 * A + 0.5 * A**2) * np.exp(0.01 * rng.standard_normal(number))
     one, zero = np.ones(1), np.zeros(number)
     return Observations(
-        *(A, np.ones(number), D, np.sqrt(np.maximum(A**2 - D**2, 0.0))),
-        *(np.zeros(number, dtype=np.int64), zero, zero, zero, ("up",), one, one, one),
+        A=A,
+        omega=np.ones(number),
+        D=D,
+        R=np.sqrt(np.maximum(A**2 - D**2, 0.0)),
+        sweep=np.zeros(number, dtype=np.int64),
+        sd_amplitude=zero,
+        sd_force=zero,
+        sd_phase=zero,
+        sweeps=("up",),
+        tested_force=one,
+        tested_amplitude=one,
+        tested_omega=one,
     )
 
 

@@ -299,6 +299,7 @@ EXAMPLES = {
 }
 for _info in app.registered_commands:
     _own = _info.name or getattr(_info.callback, "__name__", "")
+    assert _info.callback is not None
     _info.callback = _add_common(_info.callback)
     _info.epilog = f"Example: {EXAMPLES[_own]}" if _own in EXAMPLES else None
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from benchmarks._structures import CANDIDATES, SPAN, simulated_levels, structures
 from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict
@@ -20,7 +21,6 @@ from damping_validation.calibration import (
     rank_trial,
 )
 from damping_validation.truths import TRUTHS
-from tests.structures import CANDIDATES, SPAN, simulated_levels, structures
 
 #: One group: the trials that every test looks at are made once.
 pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]
