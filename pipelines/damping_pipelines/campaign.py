@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel, Prediction
+from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError
 from damping.formats.columns import read_columns
@@ -112,14 +112,14 @@ class _CampaignForm(BaseModel):
     modes: list[_ModeForm]
 
 
-def _read_predictions(path: Path) -> list[Prediction]:
+def _read_predictions(path: Path) -> list[SensorPrediction]:
     """Every peak of a form ``campaign/1``. InputError for what is none."""
     try:
         form = _CampaignForm.model_validate_json(read_bytes(path))
     except ValidationError as error:
         raise InputError(str(error.errors()[0]["msg"]), file=path, expected="campaign.json of a campaign") from None
     return [
-        Prediction(
+        SensorPrediction(
             mode.frequency, at.input or at.level, at.tested, one.sensor, one.unit, (one.median, one.low, one.high)
         )
         for mode in form.modes

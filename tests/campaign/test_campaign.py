@@ -20,7 +20,15 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, Prediction, Response, compare_predictions
+from damping.campaign.answer import (
+    At,
+    Campaign,
+    DesignLevel,
+    ModeAnswer,
+    Response,
+    SensorPrediction,
+    compare_predictions,
+)
 from damping.campaign.decays import decay_modes
 from damping.campaign.driven import _find_input, find_notches
 from damping.campaign.records import Level, fit_levels, tie_modes
@@ -378,10 +386,10 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     assert "no notch; at most +2.9 dB" in str(none)
 
 
-def predicted(level: float, tested: bool) -> Prediction:
+def predicted(level: float, tested: bool) -> SensorPrediction:
     """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
     peak = steady_peak(level)[0]
-    return Prediction(50.0, level, tested, "tip", "g", (peak, 0.9 * peak, 1.1 * peak))
+    return SensorPrediction(50.0, level, tested, "tip", "g", (peak, 0.9 * peak, 1.1 * peak))
 
 
 def test_a_run_is_held_against_what_was_predicted(bare_mode):

@@ -137,7 +137,7 @@ class Outcome:
 SAME_MODE = 0.05
 
 
-def compare_predictions(before: Sequence[Prediction], campaign: Campaign) -> tuple[Outcome, ...]:
+def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
     """Every tested level that is not among those tested before, held against what was predicted then.
 
     Args:
@@ -168,7 +168,7 @@ def compare_predictions(before: Sequence[Prediction], campaign: Campaign) -> tup
 
 
 @dataclass(frozen=True)
-class Prediction:
+class SensorPrediction:
     """Peak of a sensor at a level of a mode of ``frequency`` Hz as a form ``campaign/1`` holds it."""
 
     frequency: float
