@@ -83,7 +83,6 @@ def test_parts_add_to_the_whole(saturn, monkeypatch):
     Of a straying that is as likely to each side: one steeper upwards is skew, and no quantile stands for its variance.
     """
     monkeypatch.setattr(doubt, "STEEPER", 1.0)
-    monkeypatch.setattr(doubt, "RELEASE", 0.0)
     data = saturn("config-2-mode-1")
     # normal parameters, one value of doubt and of scatter: otherwise tails are too heavy for a quantile to stand for a
     # variance
@@ -101,8 +100,7 @@ def test_parts_add_to_the_whole(saturn, monkeypatch):
     assert all(np.all(part >= 0.0) for part in loads.parts.values())
 
 
-def test_parts_of_one_law(saturn, monkeypatch):
-    monkeypatch.setattr(doubt, "RELEASE", 0.0)
+def test_parts_of_one_law(saturn):
     data = saturn("config-2-mode-1")
     m = member(("velocity-power",), data)
     m.draws[:, m.coordinates.names.index("doubt")] = -5.0  # none

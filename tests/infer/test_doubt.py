@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal
 
-from damping.infer import doubt
 from damping.infer.doubt import (
     LENGTH,
     LINEAR,
@@ -15,7 +14,6 @@ from damping.infer.doubt import (
     SLOWER,
     STEEPER,
     extend,
-    let_go,
     nonlinearity,
     stray,
     stray_covariance,
@@ -64,26 +62,6 @@ def test_a_law_without_resonance_counts_as_steep():
     z = np.array([0.0, 0.5, 1.0])
     found = extend(np.array([[0.0, np.nan, np.nan]]), np.zeros((1, 3)), z)
     np.testing.assert_allclose(found, SLOPES[1] * z[None], rtol=1e-12)
-
-
-def test_growing_damping_that_lets_go_is_the_closed_form(monkeypatch):
-    """At once: the grown part stays, F = F* (1 + (A/A* - 1)/q*), with q* the steepest slope."""
-    monkeypatch.setattr(doubt, "RELEASE", 1e12)
-    z = np.linspace(0.3, 1.7, 8)
-    found = let_go(0.5 * np.tile(z, (2, 1)), z, np.array([1.5, 1.9]), np.random.default_rng(0))
-    A, F = np.exp(found - found[:, :1]), np.exp(z - z[0])
-    np.testing.assert_allclose(1.0 + (A - 1.0) / SLOPES[1], np.tile(F, (2, 1)), rtol=1e-9)
-
-
-def test_only_damping_that_grows_and_is_not_stuck_lets_go(monkeypatch):
-    """A share 1 - exp(-rate u) of it, within a distance u in ln F."""
-    monkeypatch.setattr(doubt, "RELEASE", 0.5)
-    z, n = np.linspace(0.0, 1.4, 8), 20_000
-    for p, share in ((1.0, 0.0), (1.6, 1.0 - np.exp(-0.5 * 1.4)), (3.0, 0.0)):
-        law = np.tile(z / p, (n, 1))
-        higher = let_go(law, z, np.full(n, p), np.random.default_rng(1))[:, -1] > law[:, -1]
-        spread = np.sqrt(max(share * (1.0 - share), 1e-12) / n)
-        np.testing.assert_allclose(higher.mean(), share, atol=5 * spread)  # five standard errors
 
 
 def test_a_law_strays_in_proportion_to_its_nonlinearity():

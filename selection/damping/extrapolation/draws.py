@@ -9,7 +9,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.forces.contract import Sum
-from damping.infer.doubt import extend, let_go, stray
+from damping.infer.doubt import extend, stray
 from damping.infer.law import Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -110,15 +110,13 @@ def draw_spread(
     def at_forces(strays: FloatArray) -> FloatArray:
         log_A = of_law + strays
         log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond])
-        return log_A
+        return log_A[:, columns]
 
-    law, strayed = at_forces(mean)[:, columns], at_forces(drawn)
-    p = member.coordinates.exponents(member.draws, damping)[:, 1]
-    strayed[:, beyond] = let_go(strayed[:, beyond], z[beyond], p, rng)
+    law = at_forces(mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
     noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
     noise = np.broadcast_to(noise[:, None], law.shape)
-    return Spread(law, strayed[:, columns] - law, noise, np.isfinite(of_law[:, columns]))
+    return Spread(law, at_forces(drawn) - law, noise, np.isfinite(of_law[:, columns]))
 
 
 def _levels(

@@ -1,4 +1,4 @@
-"""No law of a few terms is the structure's own: how the local exponent may stray from it, and how damping lets go.
+"""No law of a few terms is the structure's own: how far the local exponent may stray from it, as a random process.
 
 With z = ln F, a law's resonant amplitude has the slope q(z) = d ln A/d ln F = 1/p, the inverse of the local exponent
 p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhlenbeck process of standard deviation
@@ -12,11 +12,6 @@ to force over a test seldom ceases to be.
 
 Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
 paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
-
-Damping that grows faster than amplitude (p > 1) may let go beyond the test, as a joint whose contact slips in full:
-levels below it do not show when. It does so at a constant rate in z, ``RELEASE`` at most; the part that grew then stays
-as it is, and the rest is proportional to amplitude, F = F* (1 + (A/A* - 1)/q*) with the steepest slope q* that damping
-can have.
 """
 
 from __future__ import annotations
@@ -27,9 +22,9 @@ from damping.arrays import FloatArray
 
 #: How far in ln F a strayed slope is remembered: about a factor of four in force.
 LENGTH = 1.5
-#: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.004
-#: and 5 % above 0.6. Tried on structures of the kinds of ``damping calibrate``, in and out of the library.
-DOUBT_MEDIAN = 0.05
+#: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
+#: and 5 % above 0.5. Tried on structures of the kinds of ``damping calibrate``, in and out of the library.
+DOUBT_MEDIAN = 0.04
 DOUBT_LOG_SD = 1.5
 #: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
 LINEAR = 0.04
@@ -37,15 +32,9 @@ LINEAR = 0.04
 #: and slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
 SLOWER = 0.3
 #: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
-STEEPER = 2.0
+STEEPER = 2.5
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
-#: Chance per unit of ln F that growing damping lets go: 7 % within four times the tested force. Tried as above.
-RELEASE = 0.05
-#: Exponents p at the top of the test between which the chance rises from none (nothing grows), and falls to none again:
-#: a joint of micro-slip has an exponent of 2 to 3.5, and comes near 1 before it lets go.
-GROWING = (1.0, 1.1)
-STUCK = (2.0, 3.0)
 
 
 def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
@@ -90,7 +79,8 @@ def nonlinearity(p: FloatArray) -> FloatArray:
 
     ``LINEAR`` and the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
     """
-    q = np.clip(np.nan_to_num(1.0 / p, nan=0.0), *SLOPES)
+    with np.errstate(divide="ignore"):
+        q = np.clip(np.nan_to_num(1.0 / p, nan=0.0), *SLOPES)
     return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
@@ -108,24 +98,3 @@ def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
     slope = np.clip(q * np.exp(grown), *SLOPES)
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
-
-
-def let_go(log_A: FloatArray, z: FloatArray, p: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """ln A (draws, grid) on ``z`` from the top of the test on, of which some draws let go on the way.
-
-    Args:
-        p: exponent of each draw at the top of the test, (draws,).
-    """
-    if len(z) < 2:
-        return log_A
-    rising = np.clip((p - GROWING[0]) / (GROWING[1] - GROWING[0]), 0.0, 1.0)
-    falling = np.clip((STUCK[1] - p) / (STUCK[1] - STUCK[0]), 0.0, 1.0)
-    with np.errstate(divide="ignore"):
-        at = z[0] + rng.exponential(size=len(p)) / (RELEASE * rising * falling)
-    at = np.minimum(np.where(np.isnan(at), np.inf, at), z[-1])
-    before = np.clip(np.searchsorted(z, at, side="right") - 1, 0, len(z) - 2)
-    draw = np.arange(len(p))
-    share = (at - z[before]) / (z[before + 1] - z[before])
-    start = (1.0 - share) * log_A[draw, before] + share * log_A[draw, before + 1]
-    grown = np.expm1(np.maximum(z - at[:, None], 0.0))
-    return np.where(grown > 0.0, np.maximum(log_A, start[:, None] + np.log1p(SLOPES[1] * grown)), log_A)
