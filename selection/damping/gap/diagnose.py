@@ -142,13 +142,7 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    count = len(record) + sum(len(own) for own, _ in states)
-    if count > MOST_ROWS:
-        raise AnalysisError(
-            f"{record.source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
-        )
-    for own, state in ((record, mode), *states):
-        refuse_other_mode(read_rows(own, state), state)
+    refuse_rows([(record, mode), *states])
     start = setting(record, mode, states, simulate)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
@@ -193,6 +187,17 @@ def diagnose(
         ),
         cautions=tuple(cautions),
     )
+
+
+def refuse_rows(states: Sequence[State]) -> None:
+    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
+    count = sum(len(record) for record, _ in states)
+    if count > MOST_ROWS:
+        raise AnalysisError(
+            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+        )
+    for record, mode in states:
+        refuse_other_mode(read_rows(record, mode), mode)
 
 
 def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
