@@ -193,11 +193,9 @@ def _describe_medians(given: pd.DataFrame) -> str:
 def _list_goals(one: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
     if one.name in WARNED:
-        refused = np.isnan(one.at.average.median).all()
-        measured = one.at.cautions[-1][0] if refused else "a band"
-        return [
-            f"| {_title(one)}: a warning rather than a confident band | {measured} | {_describe_yes(bool(refused))} |"
-        ]
+        said = one.at.cautions[-1][0]
+        warned = said in (one.plan.fit.sentence, one.plan.bistable)
+        return [f"| {_title(one)}: a warning stands before the band | {said} | {_describe_yes(warned)} |"]
     rows = []
     for ratio, most in GOALS.items():
         i = RATIOS.index(ratio)

@@ -61,7 +61,7 @@ class Sizes:
     chains: int
 
 
-LARGEST = FULL = Sizes(16, 4, 0, 16, 2)
+LARGEST = FULL = Sizes(10, 1, 0, 12, 2)
 QUICK = Sizes(1, 0, 0, 12, 2)
 
 

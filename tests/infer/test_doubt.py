@@ -1,13 +1,25 @@
 """The straying of a law's exponent: closed forms against quadrature and dense algebra."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
 from scipy.stats import multivariate_normal
 
-from damping.infer.doubt import LENGTH, SLOPES, STEEPER, extend, stray, stray_covariance
+from damping.infer.doubt import (
+    LENGTH,
+    LINEAR,
+    SLOPES,
+    SLOWER,
+    STEEPER,
+    extend,
+    nonlinearity,
+    stray,
+    stray_covariance,
+)
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import level_covariance, log_likelihood, residuals
+from damping.infer.likelihood import DRIFT_LENGTH, level_covariance, log_likelihood, residuals, scatter_covariance
 from damping_validation.truths import draw_truth
 from damping_validation.truths import sweeps as simulated_sweeps
 
@@ -24,7 +36,9 @@ def test_draws_given_the_levels_are_those_of_the_normal_law():
     at, grid, n = np.array([-0.7, 0.0, 0.7]), np.array([1.2, 2.1]), 40_000
     left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
     rows = np.ones((n, 1))
-    mean, drawn = stray(np.full(n, 0.2), rows * left, rows * variance, at, grid, np.random.default_rng(0))
+    mean, drawn = stray(
+        np.full(n, 0.2), rows * left, np.ones((n, 1, 1)) * np.diag(variance), at, grid, np.random.default_rng(0)
+    )
     K = 0.04 * stray_covariance(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
     np.testing.assert_allclose(mean[0], gain @ left, rtol=1e-9)
@@ -50,6 +64,24 @@ def test_a_law_without_resonance_counts_as_steep():
     np.testing.assert_allclose(found, SLOPES[1] * z[None], rtol=1e-12)
 
 
+def test_a_law_strays_in_proportion_to_its_nonlinearity():
+    found = nonlinearity(np.array([[1.0, 1.0], [2.0, 2.0], [0.5, 0.5], [1.0, 2.0], [np.nan, 1.0]]))
+    limit = 0.5 * (1.0 - SLOPES[0])  # a law without a force below a limit counts as steepest there
+    np.testing.assert_allclose(found - LINEAR, [0.0, 0.5, SLOWER, 0.25, limit], rtol=1e-12)
+
+
+def test_levels_of_a_decay_drift_together(peaks):
+    """As much again as each scatters, forgotten over ``DRIFT_LENGTH`` in ln A; levels of a forced test do not."""
+    forced = peaks(np.array([1.0, 1.2, 2.0]), np.array([1.0, 1.2, 2.0]), 10.0)
+    row, level = np.array([0.02, 0.05]), np.array([0.0, 0.01])
+    apart = np.abs(np.subtract.outer(np.log(forced.A), np.log(forced.A)))
+    own = level[:, None, None] ** 2 * np.eye(3)
+    np.testing.assert_allclose(scatter_covariance(row, level, forced), own, rtol=1e-12)
+    drift = row[:, None, None] ** 2 * np.exp(-apart / DRIFT_LENGTH)
+    decay = replace(forced, amplitude_is_input=True)
+    np.testing.assert_allclose(scatter_covariance(row, level, decay), own + drift, rtol=1e-12)
+
+
 def test_likelihood_is_the_dense_normal_one():
     """Rows, levels and straying in one covariance matrix, written out."""
     rng = np.random.default_rng(4)
@@ -57,7 +89,7 @@ def test_likelihood_is_the_dense_normal_one():
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
     x = 0.3 * rng.standard_normal((3, c.dimension))
     n, h, known = residuals(c.force(x), data)
-    shared = level_covariance(x, c, data)
+    shared = level_covariance(x, c, data, c.force(x))
     for i, value in enumerate(log_likelihood(x, c, data)):
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T

@@ -20,6 +20,7 @@ import pyarrow.dataset
 import pytest
 from distributed import Client
 
+from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
@@ -32,7 +33,7 @@ from damping_pipelines.fleet.page import tabulate_outliers
 from damping_pipelines.manifest import sole_writer, verify
 from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
-from damping_validation.calibration import OMEGA, simulated_levels, structures
+from damping_validation.truths import OMEGA
 
 RECORDS = 6
 SIZE = 10_000_000

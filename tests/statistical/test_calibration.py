@@ -4,24 +4,21 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from benchmarks._structures import CANDIDATES, SPAN, simulated_levels, structures
 from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping_validation.calibration import (
-    CANDIDATES,
     LEVEL,
     RANKED,
     RATIOS,
-    SPAN,
     coverage_trial,
     ecdf,
     ecdf_band,
     is_uniform,
     rank_trial,
-    simulated_levels,
-    structures,
 )
 from damping_validation.truths import TRUTHS
 

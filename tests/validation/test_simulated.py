@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from damping_validation.calibration import OMEGA, Iwan, carrying, peaks, simulated_levels, structures
+from benchmarks._structures import Iwan, carrying, simulated_levels, structures
+from damping_validation.truths import OMEGA, peaks
 
 
 @pytest.mark.parametrize("A", [0.3, 3.9, 4.1, 30.0])

@@ -8,9 +8,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.forces.contract import Sum
 from damping.infer.doubt import extend, stray
 from damping.infer.law import Coordinates
-from damping.infer.likelihood import by_sweep, residuals
+from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -100,8 +101,9 @@ def draw_spread(
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    left, variance, known = _levels(member, row, level, data)
-    mean, drawn = stray(member.coordinates.doubt(member.draws), left, variance, tested, z, rng)
+    damping = member.coordinates.force(member.draws)
+    left, errors, known = _levels(damping, row, level, data)
+    mean, drawn = stray(member.coordinates.doubt(member.draws, damping), left, errors, tested, z, rng)
     beyond = z >= tested.max()
     columns = np.searchsorted(z, asked)
 
@@ -118,14 +120,17 @@ def draw_spread(
 
 
 def _levels(
-    member: Member, row: FloatArray, level: FloatArray, data: Observations
+    damping: Sum, row: FloatArray, level: FloatArray, data: Observations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """ln A of each level less the law's and its variance, (draws, sweeps); mean known variance of a row, (draws,)."""
-    n, h, known = residuals(member.coordinates.force(member.draws), data)
+    """ln A of each level less the law's, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps); mean known
+    variance of a row, (draws,)."""
+    n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
     hh = np.maximum(hh, 1e-6)  # a level whose rows say nothing of its amplitude
-    return hn / hh, 1.0 / hh + level[:, None] ** 2, known.mean(axis=1)
+    errors = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
+    # n > 0 where more force was needed than the law's: its amplitude at that force is larger than the measured one
+    return -hn / hh, errors, known.mean(axis=1)
 
 
 def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:

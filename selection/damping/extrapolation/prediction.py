@@ -43,8 +43,8 @@ def list_cautions(
 
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
-    """What the trend of p says, and how far the resonance moved."""
-    return [*_list_of_trend(force, plan), *([plan.bistable] if plan.bistable else [])]
+    """Whether a law fits, how far the resonance moved, and what the trend of p says."""
+    return [said for said in (plan.fit.sentence, plan.bistable) if said] + _list_of_trend(force, plan)
 
 
 def _list_of_trend(force: float, plan: Plan) -> list[str]:

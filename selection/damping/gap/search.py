@@ -160,11 +160,11 @@ class Search:
         worth = {one.key: one for one in (self.found[frozenset()], *simple, *near)}
         for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
-            for near in one.near:
-                at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
-                model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
-                z = near.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
-                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size], z))
+            for fit in one.near:
+                at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
+                model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
+                z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
+                fits.append(fit_roughly(model, fit.y[np.newaxis, : model.size], z))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 

@@ -7,7 +7,10 @@ p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhl
     g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
     h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
 
-Within the test it enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond the test
+A law strays in proportion to how nonlinear it is: sigma is a parameter times :func:`nonlinearity`. What is proportional
+to force over a test seldom ceases to be.
+
+Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
 paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
 """
 
@@ -19,11 +22,16 @@ from damping.arrays import FloatArray
 
 #: How far in ln F a strayed slope is remembered: about a factor of four in force.
 LENGTH = 1.5
-#: Prior of sigma: median and log standard deviation, so that 5 % lie below 0.0025 and 5 % above 0.35. Tried on the
-#: structures of ``damping calibrate``: half have a law of the library, and a joint's slope can double within the band.
-DOUBT_MEDIAN = 0.03
+#: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
+#: and 5 % above 0.5. Tried on structures of the kinds of ``damping calibrate``, in and out of the library.
+DOUBT_MEDIAN = 0.04
 DOUBT_LOG_SD = 1.5
-#: A slope that strays upwards beyond the test strays by this factor more: joints let go at once, and take hold slowly.
+#: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
+LINEAR = 0.04
+#: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
+#: and slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
+SLOWER = 0.3
+#: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
 STEEPER = 2.5
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
@@ -42,7 +50,7 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
 def stray(
     sigma: FloatArray,
     left: FloatArray,
-    variance: FloatArray,
+    noise: FloatArray,
     at: FloatArray,
     grid: FloatArray,
     rng: np.random.Generator,
@@ -50,8 +58,8 @@ def stray(
     """g on ``grid`` given what levels leave over: its mean, and one draw of it (Matheron's rule), each (draws, grid).
 
     Args:
-        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). variance: of its noise,
-            (draws, levels). at, grid: ln F of the levels and of the grid.
+        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). noise: covariance of
+            its errors, (draws, levels, levels). at, grid: ln F of the levels and of the grid.
     """
     origin = float(np.mean(at))
     n = len(at)
@@ -59,11 +67,21 @@ def stray(
     prior = stray_covariance(both, both, origin)
     root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(both)))
     drawn = sigma[:, None] * (rng.standard_normal((len(sigma), len(both))) @ root.T)
-    noise = np.sqrt(variance) * rng.standard_normal(variance.shape)
-    square = (sigma**2)[:, None, None] * prior[:n, :n] + np.eye(n) * variance[:, None, :]
-    wanted = np.stack([left, left - drawn[:, :n] - noise], axis=-1)
+    errors = (np.linalg.cholesky(noise) @ rng.standard_normal((len(sigma), n, 1)))[..., 0]
+    square = (sigma**2)[:, None, None] * prior[:n, :n] + noise
+    wanted = np.stack([left, left - drawn[:, :n] - errors], axis=-1)
     gained = (sigma**2)[:, None, None] * (prior[n:, :n] @ np.linalg.solve(square, wanted))
     return gained[..., 0], drawn[:, n:] + gained[..., 1]
+
+
+def nonlinearity(p: FloatArray) -> FloatArray:
+    """By how much a law strays in proportion, from its exponents at both ends of the test (..., 2): (...).
+
+    ``LINEAR`` and the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
+    """
+    with np.errstate(divide="ignore"):
+        q = np.clip(np.nan_to_num(1.0 / p, nan=0.0), *SLOPES)
+    return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
 def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from damping.arrays import FloatArray
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, nonlinearity
 from damping.infer.observations import Observations, round_bits
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
@@ -171,11 +171,21 @@ class Coordinates:
             return value(-2), value(-1)
         return value(-1), np.zeros(x.shape[:-1])
 
-    def doubt(self, x: FloatArray) -> FloatArray:
-        """Standard deviation of the exponent's straying, 0 where it is not a parameter; array ``x.shape[:-1]``."""
+    def doubt(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+        """Standard deviation of the straying slope, 0 where it is not a parameter; array ``x.shape[:-1]``.
+
+        ``force``: of the law at ``x``, where it was built before.
+        """
         if not self.with_doubt:
             return np.zeros(x.shape[:-1])
-        return np.asarray(DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2]))
+        sigma = DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
+        return np.asarray(sigma * nonlinearity(self.exponents(x, force)))
+
+    def exponents(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+        """Local exponents p = d ln F/d ln A at both ends of the tested range, (..., 2); NaN where there is no force."""
+        force, ends = force or self.force(x), np.array(self.tested[:2])
+        with np.errstate(all="ignore"):
+            return np.asarray(force.slope(ends, self.tested.omega) / force.quadrature(ends, self.tested.omega))
 
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.forces.contract import Force
+from damping.forces.contract import Force, Sum
 from damping.infer.doubt import stray_covariance
 from damping.infer.law import Coordinates
 from damping.infer.observations import Observations
@@ -31,6 +31,8 @@ REACH = 8.0
 #: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
 MOST = 250_000
 BLOCK = 60_000
+#: How far in ln A the drift of a decay is remembered: over a level or two of the usual steps of a fifth.
+DRIFT_LENGTH = 0.4
 #: Sweeps up to which a product with their matrix is the quickest way to sums over each.
 _FEW = 32
 
@@ -61,24 +63,41 @@ def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int
 
 
 def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    n, h, known = residuals(coordinates.force(x), data)
+    force = coordinates.force(x)
+    n, h, known = residuals(force, data)
     variance = coordinates.scatter(x)[0][:, None] ** 2 + known
     with np.errstate(all="ignore"):
         value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
         if coordinates.with_level_scatter or coordinates.with_doubt:
             nn, hh, hn = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
-            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data))
+            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
         else:
             value -= 0.5 * np.sum(n**2 / variance, axis=-1)
     return np.where(np.isfinite(value), value, -np.inf)
 
 
-def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Covariance of ln A of the levels about the law: scatter of each and straying of the exponent, (points, s, s)."""
+def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, force: Sum) -> FloatArray:
+    """Covariance of ln A of the levels about the law: their scatter and straying of the exponent, (points, s, s).
+
+    ``force``: of the law at ``x``.
+    """
     z = np.log(data.tested_force)
     strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
-    level, doubt = coordinates.scatter(x)[1], coordinates.doubt(x)
-    return level[:, None, None] ** 2 * np.eye(len(z)) + doubt[:, None, None] ** 2 * strays
+    shared = scatter_covariance(*coordinates.scatter(x), data)
+    return shared + coordinates.doubt(x, force)[:, None, None] ** 2 * strays
+
+
+def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
+    """Covariance of the errors that levels have as a whole, (points, s, s), from scatters (points,).
+
+    Levels of one decay drift together, by as much again as each scatters: they are neighbours in one envelope, with one
+    trend of its baseline, its temperature or a mode beside it.
+    """
+    covariance = level[:, None, None] ** 2 * np.eye(len(data.sweeps))
+    if not data.amplitude_is_input:
+        return covariance
+    apart = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
+    return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-apart / DRIFT_LENGTH))
 
 
 def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -1,9 +1,9 @@
 """One table that lists every distinct damping law, best first, and says whether any fits.
 
 Candidates are every sum of up to ``MAX_TERMS`` forces of the library and the power laws, by rule and not by the rows.
-Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each number of terms
-has the same prior probability, shared equally by the distinct laws of that number. With the priors of
-:mod:`damping.infer.law` and coefficients >= 0,
+Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each further term
+halves the prior probability of a number of terms, which the distinct laws of that number share equally. With the
+priors of :mod:`damping.infer.law` and coefficients >= 0,
 
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.errors import AnalysisError
-from damping.infer.best_fit import BestFit, fit_law
+from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
@@ -31,7 +31,10 @@ from damping.ranking.candidates import (
 )
 from damping.ranking.verdict import FitVerdict, judge_fit
 
-CRITERION = "-2 ln(evidence x prior), coefficients >= 0; prior equal for each number of terms, shared by its laws"
+CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
+#: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
+#: then are nearest to those of a fitter who knows it.
+FURTHER = 0.5
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
 #: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
@@ -137,9 +140,10 @@ def rank_laws(
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
     scores = np.array([row.score for row in ranked])
     weights = np.exp(-0.5 * (scores - scores[0]))
+    held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
     ranked = [
-        replace(_describe(row, data, hold_out), rank=i + 1, weight=float(w))
-        for i, (row, w) in enumerate(zip(ranked, weights / weights.sum(), strict=True))
+        replace(_describe(row, data, *out), rank=i + 1, weight=float(w))
+        for i, (row, w, out) in enumerate(zip(ranked, weights / weights.sum(), held_out, strict=True))
     ]
     best = [row.fit for row in ranked if row.fit is not None]
     unranked = [row for row in rows if not np.isfinite(row.score)]
@@ -147,9 +151,10 @@ def rank_laws(
 
 
 def prior_masses(laws: Sequence[Law]) -> list[float]:
-    """Prior probability of each law: equal for each number of terms, shared equally by the laws of that number."""
+    """Prior probability of each law: ``FURTHER`` as much for each further term, shared by the laws of that number."""
     sizes = Counter(len(law.parts) for law in laws)
-    return [1.0 / (len(sizes) * sizes[len(law.parts)]) for law in laws]
+    whole = sum(FURTHER**size for size in sizes)
+    return [FURTHER ** len(law.parts) / (whole * sizes[len(law.parts)]) for law in laws]
 
 
 def _fit_laws(
@@ -157,16 +162,15 @@ def _fit_laws(
 ) -> tuple[list[BestFit], list[Candidate]]:
     """The best fit of every law that can be fitted, and rows that say why the others cannot."""
     fits, failed = [], []
-    for law in laws:
-        try:
-            if not (law.has_resonance or data.amplitude_is_input):
-                raise AnalysisError("friction alone sets no resonant amplitude")
-            fit = fit_law(law, data)
-            if not np.isfinite(fit.squares):
-                raise AnalysisError(f"{law.name}: no coefficient makes it carry the measured forces")
+    for law, fit in zip(laws, fit_laws(laws, data), strict=True):
+        if not (law.has_resonance or data.amplitude_is_input):
+            failed.append(Candidate(law, cautions=("friction alone sets no resonant amplitude",)))
+        elif not isinstance(fit, BestFit):
+            failed.append(Candidate(law, cautions=(str(fit),)))
+        elif not np.isfinite(fit.squares):
+            failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient makes it carry the measured forces",)))
+        else:
             fits.append(fit)
-        except AnalysisError as error:
-            failed.append(Candidate(law, cautions=(str(error),)))
         done(law.name)
     return fits, failed
 
@@ -189,10 +193,9 @@ def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int
     )
 
 
-def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
-    """The row with its coefficients, errors and cautions."""
+def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[str, ...]) -> Candidate:
+    """The row with its coefficients, errors and cautions; ``said`` of the held-out error."""
     assert row.fit is not None  # a row with a score was fitted
-    held_out, said = _hold_levels_out(row.law, data) if hold_out else (np.nan, ())
     return replace(
         row,
         coefficients=_tabulate_coefficients(row),
@@ -202,14 +205,16 @@ def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
     )
 
 
-def _hold_levels_out(law: Law, data: Observations) -> tuple[float, tuple[str, ...]]:
-    """Held-out error in per cent, or NaN with the reason."""
+def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[float, tuple[str, ...]]]:
+    """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
-        return np.nan, ("one level: nothing to hold out",)
-    try:
-        return root_mean_square(held_out_errors(law, data)), ()
-    except AnalysisError:
-        return np.nan, ("with a level left out it cannot carry the other forces",)
+        return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
+    return [
+        (np.nan, ("with a level left out it cannot carry the other forces",))
+        if errors is None
+        else (root_mean_square(errors), ())
+        for errors in held_out_errors(laws, data)
+    ]
 
 
 def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:

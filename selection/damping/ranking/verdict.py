@@ -13,6 +13,7 @@ whose smaller probability, doubled (Bonferroni), is the p-value:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -64,7 +65,7 @@ class FitVerdict:
         return f"no law fits: of the leading one, {by}"
 
 
-def judge_fit(leader: BestFit, others: list[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
+def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
     """The verdict on the leading law, with the others asked where it does not fit."""
     p = fit_probability(leader, data, seed)
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))

@@ -84,21 +84,23 @@ def _list_steps(study: StudyResult) -> list[str]:
         "Weights: predictions average the laws by their probability on the rows near resonance, where those of the "
         "ranking rest on every row.",
         "Ranking: the score is −2 ln Z, Z the marginal likelihood by importance sampling with coefficients at least "
-        "0. Weights are Z over the sum of Z, all candidates being equally probable before the test; a candidate "
+        "0. Weights are Z times a prior in which each further term is half as probable; a candidate "
         "whose least-squares coefficient is negative is a simpler law with a force that is not there, and gets "
         "none. AIC, AICc and BIC come from the relative residuals with the scatter as one more parameter, and do "
         "not exist where there are too few points.",
         "Held-out error: each level's resonant amplitude is predicted by the law fitted to the other levels only, "
         "because points within a sweep share its error.",
-        f"Sampling: {run.ensembles} independent emcee ensembles of {run.walkers} walkers run until every reported "
+        f"Sampling: {run.ensembles * run.walkers} independent walkers of emcee, each choosing at every step among "
+        f"{run.tries} draws of the proposal that the marginal likelihood was found with, run until every reported "
         f"quantity has R-hat at most {run.r_hat:g}, an effective size of at least {run.effective_size:g} and a "
         f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
         f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",
         "Prediction: each posterior draw is solved for its resonant amplitude at the frequency of the largest "
         "tested level (credible band). The predictive band adds, draw by draw and in ln A, the noise of a level and of "
         "a reading, and how far the slope d ln A/d ln F strays from the law's: an Ornstein-Uhlenbeck process in ln F "
-        f"that forgets itself over {LENGTH:g}, its standard deviation log-normal about {DOUBT_MEDIAN:g} with "
-        f"standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from the levels with the law's parameters; "
+        f"that forgets itself over {LENGTH:g}, its standard deviation in proportion to |d ln A/d ln F − 1|, log-normal "
+        f"about {DOUBT_MEDIAN:g} of it with standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from the levels "
+        "with the law's parameters; "
         f"slopes stay within {SLOPES[0]:.2g} and {SLOPES[1]:g}. Models are averaged "
         f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
         "cent.",
