@@ -155,9 +155,9 @@ class Search:
         rows = self.problem.rows
         sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
         ranked = self.ranked()
-        near = [one for one in ranked[:_AGAIN] if one.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
+        probable = [one for one in ranked[:_AGAIN] if one.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {one.key: one for one in (self.found[frozenset()], *simple, *near)}
+        worth = {one.key: one for one in (self.found[frozenset()], *simple, *probable)}
         for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
             for fit in one.near:

@@ -117,10 +117,10 @@ def list_doubts(tests: Sequence[Test], leading: Hypothesis, gap: Gap, held_out: 
     return np.array([decades, more, fails_held_out(leading, gap, held_out), len(list_ends(leading.best))], dtype=float)
 
 
-def estimate_in_library(doubts: FloatArray, blames: bool, dispersion: float) -> float:
+def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: float) -> float:
     """The chance that the cause is in the library at all: logistic, with the constants above."""
     log_odds = IN_LIBRARY - float(doubts @ (PER_DECADE, PER_EFFECT, PER_FAILURE, PER_END))
-    log_odds += 0.0 if blames else NOTHING_BLAMED
+    log_odds += 0.0 if leading.effects else NOTHING_BLAMED
     return float(expit(log_odds - PER_DISPERSION * float(np.log(dispersion))))
 
 
