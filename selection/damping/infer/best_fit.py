@@ -202,7 +202,7 @@ def _solve_all(
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
     """Coefficients >= 0 (points, parts) and the squares left (points,) of each law at its points (points, shapes)."""
     most = max(1, MOST // (len(data.A) * max(len(x) for x in points.values())))
-    solved = {}
+    solved: dict[int, tuple[FloatArray, FloatArray]] = {}
     for first in range(0, len(points), most):
         some = list(points)[first : first + most]
         units = [_tabulate_units(points[i], laws[i], data) for i in some]
