@@ -94,7 +94,6 @@ def sweep_of(number: int) -> Observations:
     rng = np.random.default_rng(number)
     A = 1.0 - 0.5 * np.abs(np.linspace(-1.0, 1.0, number))
     D = (0.5 * A + 0.5 * A**2) * np.exp(0.01 * rng.standard_normal(number))
-<<<<<<< HEAD
     one, zero = np.ones(1), np.zeros(number)
     return Observations(
         A=A,
@@ -110,11 +109,6 @@ def sweep_of(number: int) -> Observations:
         tested_amplitude=one,
         tested_omega=one,
     )
-=======
-    R, one, zero = np.sqrt(np.maximum(A**2 - D**2, 0.0)), np.ones(1), np.zeros(number)
-    sweep = np.zeros(number, dtype=np.int64)
-    return Observations(A, np.ones(number), D, R, sweep, zero, zero, zero, ("up",), one, one, one)
->>>>>>> chains
 
 
 def ranked_laws(number: int) -> Callable[[], object]:

@@ -79,13 +79,8 @@ class Proposal:
     @cached_property
     def _whitening(self) -> FloatArray:
         """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
-<<<<<<< HEAD
-        whitening = np.linalg.inv(self.roots).transpose(2, 0, 1).reshape(self.means.shape[1], -1)
-        return np.asarray(whitening, dtype=np.float64)
-=======
         inverse = np.linalg.inv(self.roots)
         return np.asarray(inverse.transpose(2, 0, 1).reshape(len(inverse[0]), -1), dtype=np.float64)
->>>>>>> chains
 
     @cached_property
     def _white_origin(self) -> FloatArray:
