@@ -13,12 +13,12 @@ import emcee
 import numpy as np
 
 from benchmarks._rows import middle, timed
+from benchmarks.structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.plan import plan_loads
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_posterior
 from damping.regression.design import design_of_arrays
 from damping.regression.subsets import all_subsets
-from damping_validation.calibration import CANDIDATES, peaks, simulated_levels, structures
 
 LAW = Law(("viscous", "displacement-velocity"))
 REPEATS = 3

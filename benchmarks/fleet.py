@@ -25,6 +25,7 @@ import pandas as pd
 import psutil
 from matplotlib.figure import Figure
 
+from benchmarks.structures import simulated_levels, structures
 from damping.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
 from damping_pipelines.fleet import command
@@ -33,7 +34,7 @@ from damping_pipelines.fleet.dataset import row_of
 from damping_pipelines.fleet.inputs import FleetResult, FleetTask
 from damping_pipelines.fleet.runners import distributed
 from damping_pipelines.store import write_text
-from damping_validation.calibration import OMEGA, simulated_levels, structures
+from damping_validation.truths import OMEGA
 
 OUT = Path(__file__).parents[1] / "results" / "benchmarks"
 RECORDS = 20

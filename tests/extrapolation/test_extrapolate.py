@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.structures import structures
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.forces import CubicStiffness, Sum
@@ -14,7 +15,6 @@ from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
 from damping_reed1970.tables import data_folder
-from tests.structures import structures
 
 STRUCTURES = {s.name: s for s in structures()}
 M = 0.3

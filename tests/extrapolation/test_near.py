@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.structures import structures
 from damping.errors import AnalysisError
 from damping.extrapolation.near import NEAR, at_resonance, near_resonance, without_offset
 from damping.forces import CubicStiffness, Sum
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
 from damping.records.record import Record
-from tests.structures import structures
 
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
+from benchmarks.structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import plan_loads
 from damping.infer.law import Law
 from damping.ranking import prior_masses
-from tests.structures import CANDIDATES, simulated_levels, structures
 
 STRUCTURES = {s.name: s for s in structures()}
 

@@ -20,6 +20,7 @@ import pyarrow.dataset
 import pytest
 from distributed import Client
 
+from benchmarks.structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
@@ -33,7 +34,6 @@ from damping_pipelines.manifest import sole_writer, verify
 from damping_pipelines.provenance import digest_code
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
-from tests.structures import simulated_levels, structures
 
 RECORDS = 6
 SIZE = 10_000_000

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import statsmodels.api as sm
 
+from benchmarks.structures import simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.forces import CATALOGUE, make
 from damping.forces.contract import AveragedForce
@@ -19,7 +20,6 @@ from damping.infer.observations import observe
 from damping.ranking import prior_masses, rank_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
 from damping.records.record import Record
-from tests.structures import simulated_levels, structures
 
 OMEGA = 12.0
 LEVELS = np.geomspace(0.4, 2.0, 8)

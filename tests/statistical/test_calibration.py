@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from benchmarks.structures import CANDIDATES, SPAN, simulated_levels, structures
 from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict
@@ -22,7 +23,6 @@ from damping_validation.calibration import (
     rank_trial,
 )
 from damping_validation.truths import TRUTHS
-from tests.structures import CANDIDATES, SPAN, simulated_levels, structures
 
 #: One group: the trials that every test looks at are made once.
 pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]

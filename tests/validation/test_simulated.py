@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from benchmarks.structures import Iwan, carrying, simulated_levels, structures
 from damping_validation.truths import OMEGA, peaks
-from tests.structures import Iwan, carrying, simulated_levels, structures
 
 
 @pytest.mark.parametrize("A", [0.3, 3.9, 4.1, 30.0])
