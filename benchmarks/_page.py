@@ -48,8 +48,8 @@ def cost_table(found: Sequence[Growth]) -> pd.DataFrame:
 @styled
 def cost_figure(table: pd.DataFrame) -> Figure:
     """Processor time against size, with the line of the exponent."""
-    figure = Figure(figsize=(WIDTH, 4.4))
-    panels = figure.subplots(2, 2).ravel()
+    figure = Figure(figsize=(WIDTH, 6.4))
+    panels = figure.subplots(3, 2).ravel()
     for ax, ((work, against), rows) in zip(panels, table.groupby(["work", "against"], sort=False), strict=True):
         size, time = rows["size"].to_numpy(), rows["processor_s"].to_numpy()
         exponent = rows["exponent"].iloc[0]
@@ -106,7 +106,8 @@ _PAGE = """# Speed
 By `make bench` (`python -m benchmarks [NAME ...]`; each name is a module of `benchmarks/`, which says what is done and
 how the peer is used). Ours and the peer run in one process, or in processes one after the other, with one thread each.
 Ratios are of processor time, which other work on the machine disturbs least; it was busy while these were taken, which
-the wall times show.
+the wall times show. `python -m benchmarks --guard` fails where a command, beside the import of its stack, has become
+1.5 times slower than in the table at the tag set last.
 
 | work | peer | ours | peer | ratio | goal | met | on the wall | |
 |---|---|---|---|---|---|---|---|---|

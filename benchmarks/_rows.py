@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -54,6 +57,30 @@ class Row:
         """The goal in words."""
         parts = [f"ratio >= {self.at_least:g}"] if self.at_least is not None else []
         return ", ".join(parts + ([f"ours <= {self.at_most:g} s"] if self.at_most is not None else []))
+
+
+@dataclass(frozen=True)
+class Process:
+    """What a process took, its children's time included; its largest memory, MB; and what it printed."""
+
+    time: Time
+    largest_mb: float
+    printed: str
+
+
+def run_process(command: Sequence[str]) -> Process:
+    """Run a command to its end with one thread of linear algebra. RuntimeError if it fails."""
+    start = perf_counter()
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
+        assert process.stdout is not None
+        printed = process.stdout.read().decode()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}")
+    time = Time(usage.ru_utime + usage.ru_stime, perf_counter() - start)
+    return Process(time, usage.ru_maxrss / (1024.0 if sys.platform == "linux" else 1e6), printed)
 
 
 def timed(work: Callable[[], object], repeats: int = 1) -> Time:

@@ -1,4 +1,5 @@
-"""How cost grows with points, levels, terms and walkers: exponents b of processor time ~ size^b, at the larger sizes.
+"""How cost grows with points, rows, laws, levels, terms and draws: exponents b of processor
+time ~ size^b, at the larger sizes.
 
 Run ``python -m benchmarks.cost``. For terms the size is the number of subsets, 2^terms - 1.
 """
@@ -9,16 +10,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-import emcee
 import numpy as np
 
 from benchmarks._rows import middle, timed
-from benchmarks.structures import CANDIDATES, simulated_levels, structures
+from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.plan import plan_loads
+from damping.infer.importance import Proposal
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_posterior
+from damping.infer.observations import Observations
+from damping.ranking import rank_laws
+from damping.ranking.candidates import candidate_laws
 from damping.regression.design import design_of_arrays
 from damping.regression.subsets import all_subsets
+from damping_validation.truths import peaks
 
 LAW = Law(("viscous", "displacement-velocity"))
 REPEATS = 3
@@ -79,25 +84,56 @@ def terms(k: int) -> Callable[[], object]:
     return work
 
 
-def walkers(number: int) -> Callable[[], object]:
-    """The work of twenty steps of an ensemble of ``number`` walkers on three resonances."""
-    A = np.array([1.229, 1.439, 1.567])
-    data = peaks(A**1.6, A)
-    coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
-    density = partial(log_posterior, coordinates=coordinates, data=data)
-    sampler = emcee.EnsembleSampler(number, coordinates.dimension, density, vectorize=True)
-    state = emcee.State(0.1 * np.random.default_rng(0).standard_normal((number, coordinates.dimension)))
-    return partial(sampler.run_mcmc, state, 20, skip_initial_state_check=True)
+def ranked_rows(number: int) -> Callable[[], object]:
+    """The work of ranking eight laws on one sweep of ``number`` rows."""
+    return partial(rank_laws, sweep_of(number), laws=CANDIDATES[:8], hold_out=False)
+
+
+def sweep_of(number: int) -> Observations:
+    """One sweep through a resonance of a law of two terms, read to one per cent."""
+    rng = np.random.default_rng(number)
+    A = 1.0 - 0.5 * np.abs(np.linspace(-1.0, 1.0, number))
+    D = (0.5 * A + 0.5 * A**2) * np.exp(0.01 * rng.standard_normal(number))
+    one, zero = np.ones(1), np.zeros(number)
+    return Observations(
+        A=A,
+        omega=np.ones(number),
+        D=D,
+        R=np.sqrt(np.maximum(A**2 - D**2, 0.0)),
+        sweep=np.zeros(number, dtype=np.int64),
+        sd_amplitude=zero,
+        sd_force=zero,
+        sd_phase=zero,
+        sweeps=("up",),
+        tested_force=one,
+        tested_amplitude=one,
+        tested_omega=one,
+    )
+
+
+def ranked_laws(number: int) -> Callable[[], object]:
+    """The work of ranking ``number`` laws on five levels."""
+    data = simulated_levels(structures()[1], 5, 4.0, 0.01, np.random.default_rng(5))
+    return partial(rank_laws, data, laws=candidate_laws()[:number], hold_out=False)
+
+
+def draws(number: int) -> Callable[[], object]:
+    """The work of ``number`` importance draws and their density under the proposal, four variables."""
+    rng = np.random.RandomState(0)
+    proposal = Proposal.through(rng.standard_normal((4096, 4)))
+    return lambda: proposal.log_density(proposal.draw_random(number, rng))
 
 
 def measure() -> list[Growth]:
-    """All four."""
+    """All six."""
     subsets = growth("all subsets with statistics", "terms", list(range(6, 14)), terms)
     return [
         growth("posterior density of 256 points", "points", [10 * 4**i for i in range(6)], points),
-        growth("laws weighed for a band", "levels", [3, 4, 6, 8], levels),
+        growth("eight laws ranked", "rows of a sweep", [10 * 4**i for i in range(5)], ranked_rows),
+        growth("laws ranked on five levels", "laws", [4, 8, 16, 32, 64], ranked_laws),
+        growth("laws weighed for a band", "levels", [3, 4, 6, 8, 12], levels),
         Growth(subsets.work, "subsets, 2^terms - 1", 2**subsets.sizes - 1, subsets.seconds),
-        growth("20 steps of an ensemble", "walkers", [32 * 2**i for i in range(8)], walkers),
+        growth("draws of a proposal with their density", "draws", [256 * 4**i for i in range(5)], draws),
     ]
 
 

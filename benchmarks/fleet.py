@@ -25,7 +25,7 @@ import pandas as pd
 import psutil
 from matplotlib.figure import Figure
 
-from benchmarks.structures import simulated_levels, structures
+from benchmarks._structures import simulated_levels, structures
 from damping.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
 from damping_pipelines.fleet import command

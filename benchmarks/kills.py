@@ -3,8 +3,7 @@
 Two studies that differ in their seed are run into one folder by turns and killed, every other one while it writes.
 After each kill the folder is read as a user would: either its manifest fits, and then every file is of one finished
 study, or the reader says that it does not; every file is whole, whosever it is; no process of the study is left. At
-the end the study is run once more without a kill: it goes on where it was, and its files are those of a run never
-killed.
+the end the study is run once more without a kill: its files are those of a run never killed.
 """
 
 from __future__ import annotations
@@ -37,13 +36,12 @@ _LONGEST_S = 300.0
 
 @dataclass
 class Tally:
-    """What was seen after the kills: manifests that fitted, that did not, chains that the next run could go on from."""
+    """What was seen after the kills: manifests that fitted, and that did not."""
 
     kills: int = 0
     while_writing: int = 0
     fitting: int = 0
     refused: int = 0
-    resumable: int = 0
 
 
 class Studies:
@@ -111,8 +109,7 @@ def run(folder: Path, kills: int, seed: int) -> Tally:
             tally.while_writing += (out / ".staged").exists()
             tally.kills += 1
         last = (kills + 1) % 2
-        assert studies.whole(out, SEEDS[last])[0] == known[last], "a resumed study has other digits"
-        assert not (out / ".chains").exists()
+        assert studies.whole(out, SEEDS[last])[0] == known[last], "a study run again has other digits"
         assert not (out / ".staged").exists()
     return tally
 
@@ -159,10 +156,9 @@ def gone(session: int) -> None:
 
 def look(out: Path, known: list[dict[str, str]], tally: Tally) -> None:
     """Read what is left as a user would."""
-    tally.resumable += any((out / ".chains").glob("*.h5"))
     for path in out.rglob("*"):
         name = str(path.relative_to(out))
-        if path.is_file() and not name.startswith((".chains", ".staged", ".manifest")) and name != MANIFEST:
+        if path.is_file() and not name.startswith((".staged", ".manifest")) and name != MANIFEST:
             assert digest(path.read_bytes()) in {outputs[name] for outputs in known}, f"{name} is not whole"
     try:
         found = verify(out).manifest.outputs
@@ -184,8 +180,8 @@ def main() -> None:
         tally = run(Path(folder), words.kills, words.seed)
     print(
         f"{tally.kills} kills, {tally.while_writing} of them between staging and the manifest: {tally.fitting} folders "
-        f"fitted their manifest, {tally.refused} were refused, {tally.resumable} had chains to go on from; no file was "
-        "half-written, no process was left, and the resumed study has the digits of one that was never killed"
+        f"fitted their manifest, {tally.refused} were refused; no file was half-written, "
+        "no process was left, and the study run again has the digits of one that was never killed"
     )
 
 

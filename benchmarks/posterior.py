@@ -10,15 +10,12 @@ convergence beside.
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
-from benchmarks._rows import Row, Time
+from benchmarks._rows import Row, Time, run_process
 
 WANTED = 50_000
 PLAIN = 20.0
@@ -52,19 +49,9 @@ class Run:
 
 def run(name: str) -> Run:
     """One contender in a process of its own."""
-    command = [sys.executable, "-m", "benchmarks._contender", name, str(PARTS.get(name, WANTED))]
-    start = perf_counter()
-    with subprocess.Popen(command, stdout=subprocess.PIPE, env={**os.environ, "OMP_NUM_THREADS": "1"}) as process:
-        assert process.stdout is not None
-        printed = process.stdout.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{name} ended with {process.returncode}")
-    wall = perf_counter() - start
-    told = json.loads(printed.splitlines()[-1])
-    used = usage.ru_utime + usage.ru_stime
-    time = Time(used, wall).times(1.0 - told["beside"] / used)
+    process = run_process([sys.executable, "-m", "benchmarks._contender", name, str(PARTS.get(name, WANTED))])
+    told = json.loads(process.printed.splitlines()[-1])
+    time = process.time.times(1.0 - told["beside"] / process.time.processor)
     return Run(time, told["size"], told["rate"], told["how"], np.array(told["mean"]), np.array(told["sd"]))
 
 

@@ -6,9 +6,12 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel
+from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError
 from damping.formats.columns import read_columns
@@ -28,6 +31,7 @@ def campaign(
     modes: str | None,
     correct: Path | None,
     limit: Sequence[str],
+    previous: Path | None,
     seed: int,
     max_size: int,
 ) -> None:
@@ -39,14 +43,15 @@ def campaign(
     """
     from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
-    refuse_inputs("--out", out, *files, *([correct] if correct else []))
+    refuse_inputs("--out", out, *files, *(path for path in (correct, previous) if path))
     named = [os.path.realpath(file) for file in files]
     if len(set(named)) < len(named):
         raise InputError("a file is given twice", expected="each once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
-    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit))
-    inputs = {file.name: digest(file.read_bytes()) for file in files}
+    before = _read_predictions(previous) if previous else ()
+    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    inputs = {file.name: digest(file.read_bytes()) for file in (*files, *([previous] if previous else []))}
     title = f"Campaign: {', '.join(file.name for file in files)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
@@ -72,6 +77,55 @@ def _read_design(word: str) -> DesignLevel:
     if missing:
         raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
     return DesignLevel(found["frequency"], found["level"])
+
+
+class _PeakForm(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+    sensor: str
+    unit: str
+    median: Annotated[float, Field(gt=0.0)]
+    low: Annotated[float, Field(gt=0.0)]
+    high: Annotated[float, Field(gt=0.0)]
+
+
+class _LevelForm(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+    level: float
+    input: Annotated[float, Field(gt=0.0)] | None = None
+    tested: bool = False
+    response: list[_PeakForm]
+
+
+class _ModeForm(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+    frequency: Annotated[float, Field(gt=0.0)]
+    at: list[_LevelForm]
+
+
+class _CampaignForm(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+    format: Literal["campaign/1"]
+    modes: list[_ModeForm]
+
+
+def _read_predictions(path: Path) -> list[SensorPrediction]:
+    """Every peak of a form ``campaign/1``. InputError for what is none."""
+    try:
+        form = _CampaignForm.model_validate_json(read_bytes(path))
+    except ValidationError as error:
+        raise InputError(str(error.errors()[0]["msg"]), file=path, expected="campaign.json of a campaign") from None
+    return [
+        SensorPrediction(
+            mode.frequency, at.input or at.level, at.tested, one.sensor, one.unit, (one.median, one.low, one.high)
+        )
+        for mode in form.modes
+        for at in mode.at
+        for one in at.response
+    ]
 
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:
@@ -132,6 +186,8 @@ def _show(found: Campaign, out: Path) -> None:
             to.print(f"- {notch}")
         for finding in mode.findings:
             to.print(f"- {mode.name}: {finding}")
+    for outcome in found.outcomes:
+        to.print(f"- {outcome}")
     to.print(f"written to {out}")
 
 

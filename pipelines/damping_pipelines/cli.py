@@ -254,13 +254,17 @@ def campaign(
         list[str] | None,
         typer.Option("--limit", metavar="SENSOR=VALUE", help="Largest reading allowed: gives the notch; repeat."),
     ] = None,
+    previous: Annotated[
+        Path | None,
+        typer.Option("--previous", metavar="campaign.json", help="The answer before these runs: held against them."),
+    ] = None,
     seed: Seed = DEFAULT_SEED,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """A laboratory's files, several levels, modes and sensors, to the answer."""
     from damping_pipelines.campaign import campaign as run
 
-    run(sources, out, tuple(design or ()), modes, correct, tuple(limit or ()), seed, max_size)
+    run(sources, out, tuple(design or ()), modes, correct, tuple(limit or ()), previous, seed, max_size)
 
 
 #: Commands whose options stand elsewhere.
@@ -295,6 +299,7 @@ EXAMPLES = {
 }
 for _info in app.registered_commands:
     _own = _info.name or getattr(_info.callback, "__name__", "")
+    assert _info.callback is not None
     _info.callback = _add_common(_info.callback)
     _info.epilog = f"Example: {EXAMPLES[_own]}" if _own in EXAMPLES else None
 

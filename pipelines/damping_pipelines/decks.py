@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
-from scipy.optimize import nnls
 
 from damping.errors import AnalysisError, InputError
 
@@ -238,6 +237,8 @@ def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]
     Raises:
         AnalysisError: the form holds no forces and amplitudes.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
+
     omega = 2.0 * pi * np.array([point.frequency for point in points])
     A = np.array([point.amplitude for point in points])
     F = np.array([point.force * getattr(point, which) / point.median for point in points])

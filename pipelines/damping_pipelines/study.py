@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -36,8 +35,8 @@ from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
-from damping_pipelines.manifest import checkpoint_in, sole_writer
-from damping_pipelines.provenance import digest_code, versions
+from damping_pipelines.manifest import sole_writer
+from damping_pipelines.provenance import versions
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
@@ -73,7 +72,6 @@ class Task:
     level: float
     seed: int
     of_source: bool
-    chains: Path
 
 
 def run_study(
@@ -85,10 +83,7 @@ def run_study(
     pdf: bool = False,
     despite: Collection[str] = (),
 ) -> None:
-    """Run a study and write its results; earlier results stay as they were if anything fails.
-
-    A run that was interrupted goes on from the chains that it left under ``.chains``.
-    """
+    """Run a study and write its results; earlier results stay as they were if anything fails."""
     path = settings_file or default_study()
     settings = read_settings(path)
     if seed is not None:
@@ -97,9 +92,8 @@ def run_study(
     inputs = read_inputs(settings, path.parent, despite)
     read = [path, *(path.parent / name for one in settings.records for name in (one.record, one.mode))]
     with sole_writer(out, ("report.html", "summary.json")):
-        result = compute(settings, inputs, hashes(path, settings), out / ".chains")
+        result = compute(settings, inputs, hashes(path, settings))
         write_study(result, out, read, png=png, pdf=pdf)
-        shutil.rmtree(out / ".chains", ignore_errors=True)
     print(f"{out / 'report.html'} written")
 
 
@@ -122,7 +116,7 @@ def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
     return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
 
 
-def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str], chains: Path) -> StudyResult:
+def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with ProcessPoolExecutor(
@@ -132,7 +126,7 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         estimate = remember(evidence)
         rankings = _rank(inputs, settings.seed, estimate)
         plans = _plan(inputs, settings.seed, estimate)
-        sampled = _sample(pool, list(_tasks(settings, inputs, rankings, chains)))
+        sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
         records = tuple(
             _record_result(one, ranking, plan, tuple(law for task, law in sampled if task.record == number), settings)
             for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
@@ -186,7 +180,7 @@ def _prefixed(done: Advance, prefix: str) -> Advance:
     return lambda what, parts=1: done(f"{prefix}: {what}", parts)
 
 
-def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking], chains: Path) -> Iterable[Task]:
+def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]) -> Iterable[Task]:
     """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those the settings name, each once, best first."""
     for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True)):
         named = [ranking.find(Law(law)) for law in one.settings.laws]
@@ -195,26 +189,23 @@ def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]
             leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
             if candidate.evidence is not None and (leads or of_source):
                 forces = np.array(one.settings.design_forces)
-                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source, chains)
+                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
     """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
-    keys = [describe_chain_key(task) for task in tasks]
-    runs = {key: task for key, task in reversed(list(zip(keys, tasks, strict=True)))}
-    results: dict[str, LawPosterior] = {}
-    with progress("sampling", len(runs)) as done:
-        futures = {pool.submit(sample_law, task): key for key, task in runs.items()}
+    with progress("sampling", len(tasks)) as done:
+        futures = {pool.submit(sample_law, task): task for task in tasks}
+        results = {}
         for future in as_completed(futures):
-            law = results[futures[future]] = future.result()
+            law = results[id(futures[future])] = future.result()
             done(law.law.name + (f" FAILED: {law.posterior.failure}" if law.posterior.failure else ""))
-    return [(task, results[key]) for key, task in zip(keys, tasks, strict=True)]
+    return [(task, results[id(task)]) for task in tasks]
 
 
 def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
-    checkpoint = checkpoint_in(task.chains, describe_chain_key(task))
-    posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed, checkpoint)
+    posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
     amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
     return LawPosterior(
@@ -225,15 +216,6 @@ def sample_law(task: Task) -> LawPosterior:
         check=predictive_check(posterior, task.data, amplitude, task.level, task.seed),
         of_source=task.of_source,
     )
-
-
-def describe_chain_key(task: Task) -> str:
-    """A digest of everything the chains of a task depend on."""
-    digest = hashlib.sha256(repr((task.candidate.name, task.data.sweeps, task.seed, digest_code())).encode())
-    for value in (*vars(task.data).values(), task.forces):
-        if isinstance(value, np.ndarray):
-            digest.update(np.ascontiguousarray(value).tobytes())
-    return digest.hexdigest()[:24]
 
 
 def _record_result(

@@ -9,6 +9,7 @@ compares them. Units are lb, in, s.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import cos, pi, radians
 from pathlib import Path
 from typing import Literal, get_args
@@ -56,6 +57,12 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
     key = _choose(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
     _choose(version, get_args(Version), "version of a table")
     _choose(run, get_args(Run), "run of Table 5.IV")
+    return _load(key, version, run).copy()
+
+
+@lru_cache
+def _load(key: str, version: Version, run: Run) -> pd.DataFrame:
+    """A table, read once."""
     table = _read(f"tables/table_{key}.csv")
     if version != "printed":
         table = _tabulate_corrected(table, key, version, run)

@@ -7,22 +7,37 @@ code under test.
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
+import pyuff
+from nptdms import ChannelObject, TdmsWriter
 from scipy.integrate import solve_ivp
+from scipy.signal import lsim
 
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, DesignLevel, Response
+from damping.campaign.answer import (
+    At,
+    Campaign,
+    DesignLevel,
+    ModeAnswer,
+    Response,
+    SensorPrediction,
+    compare_predictions,
+)
 from damping.campaign.decays import decay_modes
-from damping.campaign.driven import find_notches
-from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import read_corrections
+from damping.campaign.driven import _find_input, find_notches
+from damping.campaign.records import Level, fit_levels, tie_modes
+from damping.campaign.runs import CampaignRun, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.predict.measured import prepare
+from damping.records.mode import Mode
+from damping.records.record import Record
 from damping_pipelines.cli import main
 
 G = 9.80665
@@ -204,7 +219,8 @@ def test_what_was_found_can_be_corrected(tmp_path):
     by_name = {one.name: one for one in runs[0].channels}
     assert f"accelerations[{DEAD}]" not in by_name
     assert by_name["accelerations[0]"].unit == "m/s^2"
-    np.testing.assert_array_equal(by_name[f"accelerations[{REVERSED}]"].values, -plain[0].channels[REVERSED].values)
+    turned = by_name[f"accelerations[{REVERSED}]"].values  # noqa: PD011 - of a channel, not of a table
+    np.testing.assert_array_equal(turned, -plain[0].channels[REVERSED].values)  # noqa: PD011 - as above
 
 
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
@@ -248,38 +264,67 @@ def test_a_design_input_over_frequency():
 
 F_N = 30.0
 RATIO = 0.01
+#: Third harmonic of the tip at 1 N and 30 Hz, m, and its lag, rad.
+THIRD, LAG_3 = 2e-7, 0.7
 SWEEP = np.log(40.0 / 22.0) / 90.0  # of ln f a second: .57 octaves a minute
 
 
+@cache
+def driven_mode(level: float) -> tuple[np.ndarray, ...]:
+    """Time, phase of the force, force and acceleration of a mode of 2 kg under a swept force."""
+    fine = np.arange(0.0, 90.0, 1.0 / 4000.0)  # straight between samples: right to 3e-4 at 40 Hz
+    turned = 2 * np.pi * 22.0 * (np.exp(SWEEP * fine) - 1.0) / SWEEP
+    force, w_n = level * np.sin(turned), 2 * np.pi * F_N
+    state = [[0.0, 1.0], [-(w_n**2), -2 * RATIO * w_n]]
+    q = lsim((state, [[0.0], [0.5]], np.eye(2), np.zeros((2, 1))), force, fine)[1]
+    acceleration = force / 2.0 - 2 * RATIO * w_n * q[:, 1] - w_n**2 * q[:, 0]
+    return fine[::4], turned[::4], force[::4], acceleration[::4]
+
+
 def shaken(path: Path, level: float) -> Path:
-    """A mode under a swept force, integrated in time: two sensors and the force, as a table or as arrays."""
-    t = np.arange(0.0, 90.0, 1.0 / 1000.0)
-    w_n = 2 * np.pi * F_N
-
-    def force(now):
-        return level * np.sin(2 * np.pi * 22.0 * (np.exp(SWEEP * now) - 1.0) / SWEEP)
-
-    found = solve_ivp(
-        lambda now, y: [y[1], force(now) / 2.0 - 2 * RATIO * w_n * y[1] - w_n**2 * y[0]],
-        (0.0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-7, atol=1e-12, max_step=0.005,
-    )  # fmt: skip
-    acceleration = force(t) / 2.0 - 2 * RATIO * w_n * found.y[1] - w_n**2 * found.y[0]
+    """A mode under a swept force: two sensors and the force in a file of any kind, a third harmonic in the sensors."""
+    t, turned, force, acceleration = driven_mode(level)
     rng = np.random.default_rng(int(10 * level))
-    columns = {"time": t, "force": force(t), "tip": acceleration, "mid": 0.5 * acceleration}
+    third = -9.0 * (2 * np.pi * F_N) ** 2 * THIRD * level * np.sin(3.0 * turned - LAG_3)
+    columns = {"time": t, "force": force, "tip": acceleration + third, "mid": 0.5 * (acceleration + third)}
     noisy = {name: x + (0.002 * rng.normal(size=len(t)) if name != "time" else 0.0) for name, x in columns.items()}
     units = {"time": "s", "force": "N", "tip": "m/s^2", "mid": "m/s^2"}
     if path.suffix == ".csv":
         header = ",".join(f"{name} [{units[name]}]" for name in noisy)
         np.savetxt(path, np.column_stack(list(noisy.values())), delimiter=",", header=header, comments="", fmt="%.6g")
+        return path
+    run, of_time = f"run_{level:g}N", {name: x for name, x in noisy.items() if name != "time"}
+    if path.suffix == ".tdms":
+        with TdmsWriter(path) as file:
+            for name, x in of_time.items():
+                properties = {"wf_increment": 1e-3, "unit_string": units[name]}
+                file.write_segment([ChannelObject(run, name, x, properties)])
+    elif path.suffix == ".uff":
+        of = {"force": (13, 0), "tip": (12, 1), "mid": (12, 2)}  # specific data type and node
+        sets = [
+            {"type": 58, "binary": 1, "func_type": 1, "id1": f"{name} {level:g} N", "data": x, "x": t, "rsp_node": node,
+             "rsp_dir": 3, "ref_node": 0, "ref_dir": 0, "abscissa_spacing": 1, "abscissa_spec_data_type": 17,
+             "ordinate_spec_data_type": code, "orddenom_spec_data_type": 0,
+             "ordinate_axis_units_lab": units[name], "abscissa_min": 0.0,
+             "abscissa_inc": 1e-3, "abscissa_axis_units_lab": "s"}
+            for (name, x), (code, node) in zip(of_time.items(), of.values(), strict=True)
+        ]  # fmt: skip
+        pyuff.UFF(str(path)).write_sets(sets, "add", force_double=True)
     else:
         with h5py.File(path, "w") as file:
+            if path.suffix == ".nc4":  # the controller's layout: the force is told by its unit
+                file.attrs["sample_rate"] = 1000
+                file["time_data"] = np.array(list(of_time.values()))
+                for name, values in {"node_number": list(of_time), "unit": [units[name] for name in of_time]}.items():
+                    file[f"channels/{name}"] = np.array(values, dtype=h5py.string_dtype())
+                return path
             for name, x in noisy.items():
-                file[f"run_{level:g}N/{name}"] = x
-                file[f"run_{level:g}N/{name}"].attrs["units"] = units[name]
+                file[f"{run}/{name}"] = x
+                file[f"{run}/{name}"].attrs["units"] = units[name]
     return path
 
 
-@pytest.mark.parametrize("ending", ["csv", "h5"])
+@pytest.mark.parametrize("ending", ["csv", "h5", "tdms", "uff", "nc4"])
 def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     """In blocks smaller than the file; the record has the rate, and steady states of it are those of the mode."""
     monkeypatch.setattr("damping.campaign.tracked.BLOCK", 400_000)
@@ -297,6 +342,10 @@ def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     # .3 Hz/s beside a bandwidth of .6 Hz: 0.8 bandwidths in the time one takes, uncorrected 15 % off
     np.testing.assert_allclose(np.median(Z.to_numpy().imag / w), 2.0 * 2.0 * RATIO * w_n, rtol=0.05)
     np.testing.assert_allclose(mode.mode.mass, 2.0, rtol=0.1)
+    # acceleration of 9 w^2 THIRD at 30 Hz, so that the motion is THIRD (30/f)^2, and its lag that of the motion
+    scaled = steady["amplitude_3"] * (steady["frequency"] / F_N) ** 2
+    np.testing.assert_allclose(np.median(scaled), 2.0 * THIRD, rtol=0.05)  # noise of 0.002 m/s^2 in windows of 250
+    np.testing.assert_allclose(np.median(steady["phase_3"]), LAG_3, atol=0.05)
 
 
 def test_broken_tables_of_time(tmp_path):
@@ -335,3 +384,59 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
     assert (none.low, none.depth_db) == (None, 0.0)
     assert "no notch; at most +2.9 dB" in str(none)
+
+
+def predicted(level: float, tested: bool) -> SensorPrediction:
+    """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
+    peak = steady_peak(level)[0]
+    return SensorPrediction(50.0, level, tested, "tip", "g", (peak, 0.9 * peak, 1.1 * peak))
+
+
+def test_a_run_is_held_against_what_was_predicted(bare_mode):
+    """Tested before: nothing is said; new: the peak beside the band; a notched run counts with its input there."""
+    before = [predicted(level, level < 1.0) for level in np.geomspace(0.5, 2.0, 9)]
+    places = [
+        At(level, True, 50.0, None, (Response("tip", "acceleration", "g", (size, size, size)),), (), reached)
+        for level, reached, size in (
+            (0.5, None, 1.0),
+            (1.5, None, 1.05 * steady_peak(1.5)[0]),
+            (1.9, 1.2, 1.3 * steady_peak(1.2)[0]),
+            (4.0, None, 1.0),
+        )
+    ]
+    found = compare_predictions(before, Campaign((bare_mode(50.3, places),), (), (), "g"))
+    assert [(one.level, one.held) for one in found] == [(1.5, True), (1.2, False)]
+    # straight between nine levels, 1.19 apart: a tenth of a per cent
+    np.testing.assert_allclose([one.above_db for one in found], 20 * np.log10([1.05, 1.3]), atol=0.02)
+    assert "OUTSIDE" in str(found[1])
+    assert compare_predictions(before, Campaign((bare_mode(60.0, places),), (), (), "g")) == ()
+
+
+@pytest.fixture
+def bare_mode():
+    """A mode of nothing but its frequency and levels."""
+
+    def make(frequency: float, places: list[At]) -> ModeAnswer:
+        table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [frequency], "amplitude": [1.0]})
+        mode = Mode(name="mode-1", frequency=frequency, mass=1.0)
+        return ModeAnswer("mode-1", frequency, "viscous", tuple(places), {}, Record(table, "r"), mode, ())
+
+    return make
+
+
+def test_a_notched_run_is_taken_at_its_input():
+    f = np.linspace(40.0, 60.0, 201)
+    drive = np.where(np.abs(f - 50.0) < 3.0, 4.0, 10.0)
+    run = CampaignRun("r", 10.0, "N", f, drive.astype(complex), ())
+    level = Level(run, f, np.zeros((0, 201)), drive, None)
+    assert _find_input(level, 50.0) == 4.0
+    assert _find_input(level, 45.0) == 10.0
+
+
+def test_a_form_that_is_no_campaign(tmp_path, capsys):
+    wrong = tmp_path / "campaign.json"
+    wrong.write_text('{"format": "rank/1"}')
+    with pytest.raises(SystemExit) as stopped:
+        main(["campaign", str(wrong), "--out", str(tmp_path / "out"), "--previous", str(wrong)])
+    assert stopped.value.code == 2
+    assert "campaign.json" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.structures import structures
+from benchmarks._structures import structures
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.forces import CubicStiffness, Sum

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.structures import structures
+from benchmarks._structures import structures
 from damping.errors import AnalysisError
 from damping.extrapolation.near import NEAR, at_resonance, near_resonance, without_offset
 from damping.forces import CubicStiffness, Sum

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from benchmarks.structures import CANDIDATES, simulated_levels, structures
+from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance

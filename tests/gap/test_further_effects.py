@@ -10,6 +10,7 @@ import pytest
 
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.contract import Drive, Terms
+from damping.effects.forces import joint_force
 from damping.effects.rig import clipping, compressing
 from damping.effects.terms import predict, third_harmonic
 from damping.forces import make
@@ -82,6 +83,19 @@ def test_compression_is_undone():
     back, inverse = reading.unread(value)
     np.testing.assert_allclose(back, v, rtol=0.0, atol=1e-12)  # closed forms, rounding
     np.testing.assert_allclose(slope * inverse, 1.0, rtol=1e-12, atol=0.0)
+
+
+def test_many_joints_at_once_are_their_sum():
+    A = np.geomspace(1e-3, 1.0, 60)[np.newaxis]
+    together = joint_force({"stiffness": np.array([[40.0], [25.0]]), "limit": np.array([[0.1], [0.3]]), "kappa": 1.4})
+    one_by_one = [sum(parts) for parts in zip(*(joint.averages(A, OMEGA) for joint in together.forces), strict=True)]
+    for own, expected in zip(together.averages(A, OMEGA), one_by_one, strict=True):
+        np.testing.assert_allclose(own, expected, rtol=1e-12, atol=1e-15)  # the same terms in another order
+    single = joint_force({"stiffness": 40.0, "limit": 0.1, "kappa": 1.4})
+    (C, slope, S, in_phase_slope), (C_next, _, S_next, _) = (single.averages(A * by, OMEGA) for by in (1.0, 1.0001))
+    # a difference quotient over 1e-4 of ln A: half that times a curvature of the order of the force, more at a limit
+    np.testing.assert_allclose((C_next - C) / np.log(1.0001), slope, rtol=0.0, atol=2e-3 * np.max(C))
+    np.testing.assert_allclose((S_next - S) / np.log(1.0001), in_phase_slope, rtol=0.0, atol=2e-3 * np.max(-S))
 
 
 def test_third_harmonic_of_a_cubic_spring():

@@ -40,11 +40,19 @@ def test_configuration_1_has_two_planes_and_does_not_soften(first):
         assert sum(rest) < 0.1 * first.hypotheses[0].probability
 
 
-@pytest.mark.parametrize(("frequency", "mass"), [(0.0005, 0.01), (0.002, 0.02), (0.003, 0.01)])
-def test_configuration_1_has_two_planes_among_its_explanations_at_other_tolerances(first, frequency, mass):
-    """They are no more than assumed: beyond 0.001 a joint that slips and a resonance moved by 0.5 % fit as well."""
-    found = diagnose(first.record, replace(first.mode, tolerance=Tolerance(frequency, mass, 0.12)))
-    assert ("planar-coupling",) in {one.effects for one in found.explanations}
+@pytest.mark.parametrize(
+    ("frequency", "mass", "viscous"),
+    [(0.0005, 0.01, 0.12), (0.001, 0.05, 0.12), (0.002, 0.01, 0.12), (0.002, 0.05, 0.2), (0.003, 0.05, 0.12)],
+)
+def test_configuration_1_has_two_planes_at_other_tolerances(first, frequency, mass, viscous):
+    """They are no more than assumed: beyond 0.001 a joint that slips and a resonance moved by 0.5 % fit as well.
+
+    Two planes lead, or the answer says that it is they or slip.
+    """
+    found = diagnose(first.record, replace(first.mode, tolerance=Tolerance(frequency, mass, viscous)))
+    said = [one.effects for one in found.explanations]
+    assert said[0] == ("planar-coupling",) or {("planar-coupling",), ("slip",)} <= set(said)
+    assert said[0] == ("planar-coupling",) or frequency > 0.001
 
 
 def test_configuration_1_second_plane(first):

@@ -63,8 +63,7 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	mkdir records
 	cp "$data/records/config-2-mode-1.csv" "$data/modes/config-2-mode-1.toml" records
 	"$bin/damping" --quiet fleet records --out fleet --fast --workers 0 >/dev/null
-	# a calibration, --quick too, takes too long here: that it answers and finds its structures stands for it
-	"$bin/python" -c 'from damping_validation.calibration import structures; assert structures()'
+	# a calibration, --quick too, takes too long here: that it answers stands for it
 	"$bin/damping" calibrate --help >/dev/null
 	cd "$clone"
 	tried=$((tried + 1))

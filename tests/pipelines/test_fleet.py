@@ -20,7 +20,7 @@ import pyarrow.dataset
 import pytest
 from distributed import Client
 
-from benchmarks.structures import simulated_levels, structures
+from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes

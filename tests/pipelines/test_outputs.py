@@ -13,7 +13,7 @@ import pytest
 
 from damping.errors import InputError
 from damping_pipelines import provenance
-from damping_pipelines.manifest import MANIFEST, digest, load_chain, publish, sole_writer, verify
+from damping_pipelines.manifest import MANIFEST, digest, publish, sole_writer, verify
 from damping_pipelines.provenance import describe_code, digest_code, digest_source
 from damping_pipelines.store import write_text
 from damping_pipelines.sweep import MOST_ROWS
@@ -205,13 +205,6 @@ def test_standard_output_that_takes_nothing(output, words):
     assert run.returncode == 1
     assert run.stderr.count("\n") == 1
     assert run.stderr.startswith("damping: standard output ")
-
-
-def test_a_checkpoint_that_is_no_chain_is_set_aside(tmp_path):
-    path = tmp_path / "key-0.h5"
-    path.write_bytes(b"no chain")
-    assert load_chain(path) is None
-    assert [file.name for file in tmp_path.iterdir()] == ["key-0.h5.broken"]
 
 
 def test_keys_hold_the_source(monkeypatch, tmp_path):

@@ -142,7 +142,7 @@ def test_posterior_converges_and_agrees_with_least_squares() -> None:
 @pytest.mark.sampling
 def test_a_seed_gives_the_same_digits() -> None:
     phasors = data()
-    prior, short = PlanarPrior.of(phasors, 21.0), Settings(block=50, budget=50)
+    prior, short = PlanarPrior.of(phasors, 21.0), Settings(budget=50)
     sample = partial(planar_posterior, prior, phasors, settings=short)
     first, second = sample(seed=5), sample(seed=5)
     np.testing.assert_array_equal(first.draws, second.draws)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks.structures import CANDIDATES, SPAN, simulated_levels, structures
+from benchmarks._structures import CANDIDATES, SPAN, simulated_levels, structures
 from damping.extrapolation.draws import Member
 from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict

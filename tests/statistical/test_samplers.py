@@ -11,7 +11,7 @@ from scipy.stats import kurtosis, norm
 
 from damping.infer.chains import ChainStart, Target, run, sample
 from damping.infer.evidence import evidence
-from damping.infer.importance import Proposal
+from damping.infer.importance import importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood, log_posterior, log_prior
 
@@ -92,8 +92,8 @@ def test_closed_form(law, saturn):
     columns, known = (one, log_F) if law == "viscous" else (np.column_stack([one, log_F]), 0.0)
     mean, covariance, log_density = conjugate(columns, log_A - known, 0.02)
     names = ["-ln c omega", "1/p"][: len(mean)]
-    prior = np.random.default_rng(0).standard_normal((4096, len(mean)))
-    found = chains_of(log_density, len(mean), ChainStart(prior, Proposal.through(prior)), names, seed=1)
+    start = importance(log_density, np.zeros(len(mean)), np.eye(len(mean)))
+    found = chains_of(log_density, len(mean), ChainStart(start.draws, start.proposal), names, seed=1)
     truth = {n: exact(m, s) for n, m, s in zip(names, mean, np.sqrt(np.diag(covariance)), strict=True)}
     assert largest_difference(found, truth) < LARGEST
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from benchmarks.structures import Iwan, carrying, simulated_levels, structures
+from benchmarks._structures import Iwan, carrying, simulated_levels, structures
 from damping_validation.truths import OMEGA, peaks
 
 

@@ -21,7 +21,6 @@ import pandas as pd
 from scipy.stats import chi2
 
 from damping.arrays import FloatArray
-from damping.infer.chains import Settings
 from damping.infer.evidence import Evidence
 from damping.signals.modal import viscous_energy
 from damping_reed1970.chapter_3 import PLANES, yaw_response
@@ -155,7 +154,6 @@ LEVEL = 0.9
 #: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
 SECOND_PLANE = (11.48, 11.51)
 
-_SETTINGS = Settings(block=600)  # chains are looked at when they are likely to be long enough
 #: Frequencies of a band: 16 between two measured ones.
 _GRID = 177
 #: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
@@ -210,7 +208,7 @@ def _known(name: str, variant: str, seed: int) -> Known:
     held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
     prior = PlanarPrior.of(data, PLANES.mass, held, extras)
     if (name, variant) in SAMPLED:
-        posterior = planar_posterior(prior, data, seed, _SETTINGS)
+        posterior = planar_posterior(prior, data, seed)
         return Known(name, variant, prior, posterior.draws, posterior.evidence, posterior)
     weighed = planar_evidence(prior, data, seed)
     return Known(name, variant, prior, weighed.draws, weighed, None)

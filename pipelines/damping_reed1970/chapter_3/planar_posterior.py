@@ -192,7 +192,7 @@ def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
 
 
 def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:
-    """Sample the planar oscillator with four ensembles until every parameter is known (see ``sampling.Settings``)."""
+    """Sample the planar oscillator until every parameter is known (see ``chains.Settings``)."""
     evidence = planar_evidence(prior, data, seed)
     target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
     chains = run(target, ChainStart(evidence.draws, evidence.proposal), lambda x: {}, seed, settings)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import exp, pi
 from pathlib import Path
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
+from damping.campaign.answer import (
+    NORMAL_90,
+    At,
+    Campaign,
+    DesignLevel,
+    ModeAnswer,
+    Prediction,
+    Response,
+    compare_predictions,
+)
 from damping.campaign.decays import DecayMode, decay_modes
 from damping.campaign.driven import answer_driven, modal_loads
 from damping.campaign.records import fit_levels, tie_modes
@@ -31,13 +41,15 @@ def analyse(
     max_size: int = 200_000_000,
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
+    before: Sequence[Prediction] = (),
 ) -> Campaign:
     """Everything from some files.
 
     Args:
         design: levels asked, in the unit of the drive; of free decays the amplitude of the sensor that moves most.
             By default twice the top level. frequencies: of the modes, Hz, where they are not to be looked for.
-        corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit.
+        corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit. before:
+            what was predicted of these runs.
 
     Raises:
         InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
@@ -54,7 +66,8 @@ def analyse(
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
     modes = tuple(answer_driven(names, levels, mode, inputs, seed, limits or {}) for mode in tie_modes(names, levels))
-    return Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
+    found = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
+    return replace(found, outcomes=compare_predictions(before, found))
 
 
 def _of_decays(

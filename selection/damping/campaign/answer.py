@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -55,7 +56,10 @@ class Response:
 
 @dataclass(frozen=True)
 class At:
-    """A mode at a level; ``tested`` or a design level; bands are (median, low, high), None where there is no answer."""
+    """A mode at a level; ``tested`` or a design level; bands are (median, low, high), None where there is no answer.
+
+    ``reached``: the input at the mode, where it is not the level because the run was notched there.
+    """
 
     level: float
     tested: bool
@@ -63,6 +67,12 @@ class At:
     ratio: tuple[float, float, float] | None
     response: tuple[Response, ...]
     cautions: tuple[str, ...]
+    reached: float | None = None
+
+    @property
+    def driven(self) -> float:
+        """The input at the mode."""
+        return self.level if self.reached is None else self.reached
 
 
 @dataclass(frozen=True)
@@ -94,6 +104,82 @@ class Notch:
 
 
 @dataclass(frozen=True)
+class Outcome:
+    """A peak that was measured beside its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
+
+    mode: str
+    sensor: str
+    unit: str
+    level: float
+    measured: float
+    predicted: tuple[float, float, float]
+
+    @property
+    def above_db(self) -> float:
+        """By how much the measured peak is above the predicted median."""
+        return float(20.0 * np.log10(self.measured / self.predicted[0]))
+
+    @property
+    def held(self) -> bool:
+        """Whether it lies in the band."""
+        return self.predicted[1] <= self.measured <= self.predicted[2]
+
+    def __str__(self) -> str:
+        median, low, high = self.predicted
+        place = "within" if self.held else "OUTSIDE"
+        return (
+            f"{self.mode}, {self.sensor} at {self.level:.3g}: {self.measured:.4g} {self.unit} measured, {place} the "
+            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
+        )
+
+
+#: Modes of two campaigns are one where their frequencies differ by no more than this share.
+SAME_MODE = 0.05
+
+
+def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
+    """Every tested level that is not among those tested before, held against what was predicted then.
+
+    Args:
+        before: predicted and tested peaks of the campaign before the run. Between levels a peak is straight on
+            logarithmic axes; outside nothing was predicted.
+    """
+    found = []
+    for mode in campaign.modes:
+        near = [one for one in before if abs(one.frequency / mode.frequency - 1.0) < SAME_MODE]
+        for at in (at for at in mode.places if at.tested):
+            if any(one.tested and abs(one.level / at.driven - 1.0) < 0.01 for one in near):
+                continue
+            for response in at.response:
+                rows = sorted(
+                    {
+                        one.level: one.band
+                        for one in near
+                        if one.sensor == response.sensor and one.unit == response.unit
+                    }.items()
+                )
+                level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+                if len(rows) < 2 or not level[0] <= at.driven <= level[-1]:
+                    continue
+                band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
+                predicted = (band[0], band[1], band[2])
+                found.append(Outcome(mode.name, response.sensor, response.unit, at.driven, response.band[0], predicted))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class SensorPrediction:
+    """Peak of a sensor at a level of a mode of ``frequency`` Hz as a form ``campaign/1`` holds it."""
+
+    frequency: float
+    level: float
+    tested: bool
+    sensor: str
+    unit: str
+    band: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class ModeAnswer:
     """A mode with its record and its levels; ``law`` is the one with the largest weight, ``findings`` its audit."""
 
@@ -118,6 +204,7 @@ class Campaign:
     design: tuple[float, ...]
     unit: str
     summary: Summary = field(default_factory=Summary)
+    outcomes: tuple[Outcome, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""
@@ -132,6 +219,7 @@ class Campaign:
                 for mode in self.modes
                 for finding in mode.findings
             ],
+            "outcomes": [asdict(one) | {"above_db": one.above_db, "held": one.held} for one in self.outcomes],
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }
@@ -169,6 +257,7 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
             {
                 "level": at.level,
                 "tested": at.tested,
+                "input": at.driven,
                 "frequency": at.frequency,
                 "damping_ratio": _band(at.ratio),
                 "response": [

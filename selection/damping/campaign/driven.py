@@ -20,7 +20,7 @@ from damping.arrays import FloatArray
 from damping.campaign.answer import NORMAL_90, At, DesignLevel, ModeAnswer, Notch, Response
 from damping.campaign.modal_fit import receptance
 from damping.campaign.records import Level, ModeFound
-from damping.campaign.runs import ORDERS
+from damping.campaign.runs import LABEL_AGREES, ORDERS
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.prediction import Loads
@@ -62,7 +62,7 @@ def answer_driven(
     """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
     run = levels[0].run
     of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
-    tested = [float(level.run.level or 0.0) for level in levels]
+    tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
     wanted = [level.at(float(mode.frequency[-1])) for level in design]
     asked = [*tested, *wanted, *(list_levels(tested, wanted) if limits else [])]
     loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
@@ -79,7 +79,11 @@ def answer_driven(
         drive, of = level * unit(run.drive_unit).factor, levels[k if measured else -1]
         response = _list_responses(names, of, mode, float(frequency[k]), ratio, drive) if ratio else ()
         cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
-        places.append(At(level, measured, float(frequency[k]), ratio, response, cautions))
+        stated = float(levels[k].run.level or 0.0) if measured else level
+        reached = None if stated == level else level
+        if reached is not None:
+            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
+        places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
     count = len(tested) + len(wanted)
     notches = [
         notch
@@ -91,6 +95,13 @@ def answer_driven(
         mode.name, float(mode.frequency[0]), law, tuple(places[:count]), mode.left_out, mode.record, mode.mode, forces,
         audit(mode.record, mode.mode).findings, tuple(notches),
     )  # fmt: skip
+
+
+def _find_input(level: Level, frequency: float) -> float:
+    """The input at a mode in the unit of the drive: the run's level, but where it was notched there."""
+    stated = float(level.run.level or 0.0)
+    found = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
+    return stated if abs(found / stated - 1.0) <= LABEL_AGREES else found
 
 
 def _measured_ratio(mode: ModeFound, k: int) -> tuple[float, float, float]:

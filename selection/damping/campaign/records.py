@@ -36,13 +36,17 @@ ALIKE = 0.9
 
 @dataclass(frozen=True)
 class Level:
-    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit."""
+    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
+
+    ``third`` (sensors, n): third harmonics likewise, where they were tracked.
+    """
 
     run: CampaignRun
     f: FloatArray
     H: Complex
     drive: FloatArray
     fit: ModalFit
+    third: Complex | None = None
 
     @property
     def rate(self) -> FloatArray | None:
@@ -85,19 +89,23 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     ratios: Sequence[float] = ()
     for run in runs:
         f, H, drive = _accelerations(run, names)
+        third = None if any(one.third is None for one in run.channels) else _accelerations(run, names, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
         if not len(starts):
             starts = find_peaks_of(f, H)
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
         fit = fit_level(f, H, starts, sign, ratios)
-        levels.append(Level(run, f, H, drive, fit))
+        levels.append(Level(run, f, H, drive, fit, third))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return names, levels
 
 
-def _accelerations(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, Complex, FloatArray]:
-    """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI."""
+def _accelerations(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> tuple[FloatArray, Complex, FloatArray]:
+    """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
+
+    ``harmonic``: 3 for the third harmonics of the sensors.
+    """
     assert run.drive is not None
     by_name = {one.name: one for one in run.channels}
     drive_unit = unit(run.drive_unit)
@@ -105,9 +113,9 @@ def _accelerations(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, 
         raise InputError(f"a drive in {run.drive_unit}", expected="a force, or an acceleration of the base")
     keep = run.x > 0.0
     f, drive = run.x[keep], np.asarray(run.drive)[keep] * drive_unit.factor
-    w = 2.0 * pi * f
+    w = harmonic * 2.0 * pi * f
     rows = []
-    for name, values in zip(names, values_of(run, names), strict=True):
+    for name, values in zip(names, values_of(run, names, harmonic), strict=True):
         of = by_name[name]
         motion = values[keep] * unit(of.unit).factor * (1j * w) ** (2 - ORDERS[of.quantity])
         rows.append(motion / drive_unit.factor if of.per_drive else motion / drive)
@@ -235,6 +243,12 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         )
         if level.rate is not None:
             table["sweep_rate"] = level.rate[rows]
+        if level.third is not None and not level.run.is_base_driven:  # a base has a third harmonic of its own
+            third = level.third[:, rows][kept]
+            p = np.sum(weight * third, axis=0) / np.sum(weight * r[:, None], axis=0)
+            table["amplitude_3"] = factor * np.abs(p) * drive / (3.0 * w) ** 2
+            # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
+            table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
         tables.append(table)
     return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
 

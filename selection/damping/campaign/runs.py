@@ -15,6 +15,7 @@ Corrections are a small TOML file. Names are those of the table that is shown::
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -22,12 +23,18 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import unit
-from damping.formats.series import Samples
+from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, describe_nearest, read_toml
 
+#: What a label says of a level: a number with a unit.
+LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
+#: Names of channels that drive.
+DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")
+#: A control that is off from the level in its label by no more than this is that level.
+LABEL_AGREES = 0.15
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
 
@@ -110,7 +117,8 @@ _MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acce
 class Channel:
     """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
 
-    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it.
+    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it; ``third``: the
+    third harmonic of a history that was tracked, its phase at three times that of the drive.
     """
 
     name: str
@@ -119,6 +127,12 @@ class Channel:
     values: Samples
     per_drive: bool = False
     at_drive: bool = False
+    third: Samples | None = None
+
+    def scaled(self, factor: float) -> Channel:
+        """The channel with every value times a factor."""
+        third = None if self.third is None else self.third * factor
+        return replace(self, values=self.values * factor, third=third)
 
 
 @dataclass(frozen=True)
@@ -152,8 +166,7 @@ def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
             continue
         text = of.unit or one.unit
         quantity = describe_quantity(text, one.name) if of.unit else one.quantity
-        values = one.values * of.scale if of.scale != 1.0 else one.values
-        channels.append(replace(one, unit=text, quantity=quantity, values=values))
+        channels.append(replace(one.scaled(of.scale), unit=text, quantity=quantity))
     return replace(run, level=stated.levels.get(run.label, run.level), channels=tuple(channels))
 
 
@@ -174,7 +187,42 @@ def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
     return kept
 
 
-def values_of(run: CampaignRun, names: Sequence[str]) -> Samples:
-    """Values (sensors, n) of a run."""
+def values_of(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> Samples:
+    """Values (sensors, n) of a run, or its third harmonics."""
     by_name: Mapping[str, Channel] = {one.name: one for one in run.channels}
-    return np.array([by_name[name].values for name in names])
+    return np.array([by_name[name].values if harmonic == 1 else by_name[name].third for name in names])
+
+
+def is_drive(name: str, stated: Corrections) -> bool:
+    """Whether a channel is the drive: as stated, else by its name."""
+    role = stated.of(name).role
+    return role == "drive" or (not role and bool(DRIVE.search(name)))
+
+
+def find_level(text: str) -> tuple[float, str] | None:
+    """A level and its unit in a label; None where there is none."""
+    found = LEVEL.search(text)
+    return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
+
+
+def set_level(run: CampaignRun, stated: tuple[float, str] | None, file: Path, summary: Summary) -> CampaignRun:
+    """The run with its level: as the label says where the control agrees, else the median of the control.
+
+    A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
+    universal files may: values of every channel in g are then divided by g.
+    """
+    assert run.drive is not None
+    measured = float(np.median(np.abs(run.drive)))
+    if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
+        return replace(run, level=measured)
+    level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
+    if abs(measured / level - 1.0) <= LABEL_AGREES:
+        return replace(run, level=level)
+    if run.drive_unit == "g" and abs(measured / level / STANDARD_GRAVITY_M_S2 - 1.0) <= LABEL_AGREES:
+        summary.note(
+            f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
+        )
+        channels = tuple(one.scaled(1.0 / STANDARD_GRAVITY_M_S2) if one.unit == "g" else one for one in run.channels)
+        return replace(run, level=level, drive=run.drive / STANDARD_GRAVITY_M_S2, channels=channels)
+    summary.note(f"{file.name}: the control of {run.label!r} reads {measured:.3g} {run.drive_unit}, taken as its level")
+    return replace(run, level=measured)

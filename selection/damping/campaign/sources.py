@@ -5,30 +5,41 @@ A universal file says it in ID lines, points and units; an HDF5 file in a group 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import STANDARD_GRAVITY_M_S2
-from damping.campaign.runs import CampaignRun, Channel, Corrections, correct_run, describe_quantity
-from damping.campaign.tracked import LOOKED_AT, UNEVEN, find_table, track_arrays, track_table
+from damping.campaign.runs import (
+    CampaignRun,
+    Channel,
+    Corrections,
+    correct_run,
+    describe_quantity,
+    find_level,
+    is_drive,
+    set_level,
+)
+from damping.campaign.tracked import (
+    LOOKED_AT,
+    TIMES,
+    find_channels,
+    find_table,
+    name_function,
+    read_histories,
+    track_channels,
+    track_group,
+    track_table,
+)
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
-from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes
 
-_LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
-_DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")
 _FREQUENCIES = ("frequency", "freq", "f")
-_TIMES = ("time", "t", "zeit")
-#: A control that is off from the level in its label by no more than this is that level.
-LABEL_AGREES = 0.15
 
 
 def read_runs(
@@ -54,12 +65,6 @@ def read_runs(
     return runs, summary
 
 
-def _is_drive(name: str, stated: Corrections) -> bool:
-    """Whether a channel is the drive: as stated, else by its name."""
-    role = stated.of(name).role
-    return role == "drive" or (not role and bool(_DRIVE.search(name)))
-
-
 def _join_controls(values: Sequence[Samples], control: str) -> Samples:
     """One drive (n,) of several control channels: their average, or at each row the one that is largest."""
     stacked = np.array(values)
@@ -70,16 +75,20 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
 
 def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
     start = _read_start(file, max_size)
-    if start.startswith(b"\x89HDF"):
+    kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
+    channels = find_channels(file, kind, max_size) if kind else None
+    if channels is not None:
+        return track_channels(channels, file, kind, max_size, summary, stated)
+    if kind:
         return _list_hdf(file, max_size, summary, stated)
     if start.lstrip()[:2] == b"-1":
         return _list_functions(read_functions(read_bytes(file, max_size), file, summary), file, summary, stated)
     table = find_table(start)
-    drive = next((h.name for h in table[1] if _is_drive(h.name, stated)), None) if table else None
+    drive = next((h.name for h in table[1] if is_drive(h.name, stated)), None) if table else None
     if table and drive:
         run = track_table(file, *table, drive, stated)
-        return [_levelled(run, _level(file.stem.replace("_", " ")), file, summary)]
-    return [_table(read_bytes(file, max_size), file, summary)]
+        return [set_level(run, find_level(file.stem.replace("_", " ")), file, summary)]
+    return [_read_decay(read_bytes(file, max_size), file, summary)]
 
 
 def _read_start(file: Path, max_size: int) -> bytes:
@@ -95,18 +104,13 @@ def _read_start(file: Path, max_size: int) -> bytes:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
 
 
-def _level(text: str) -> tuple[float, str] | None:
-    found = _LEVEL.search(text)
-    return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
-
-
 def _list_functions(
     functions: Sequence[Function], file: Path, summary: Summary, stated: Corrections
 ) -> list[CampaignRun]:
     """Runs of a universal file: functions of one level in their ID lines belong together."""
     groups: dict[str, list[Function]] = {}
     for one in functions:
-        level = _level(one.title)
+        level = find_level(one.title)
         groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(one)
     return [_function_run(label, group, file, summary, stated) for label, group in groups.items()]
 
@@ -115,8 +119,8 @@ def _function_run(
     label: str, group: Sequence[Function], file: Path, summary: Summary, stated: Corrections
 ) -> CampaignRun:
     if any(one.is_time for one in group):
-        raise InputError("time histories in a universal file", file=file, expected="spectra or frequency responses")
-    drives = [one for one in group if not one.per and (one.quantity == "force" or _is_drive(_name_of(one), stated))]
+        return read_histories(label, group, file, summary, stated)
+    drives = [one for one in group if not one.per and (one.quantity == "force" or is_drive(name_function(one), stated))]
     sensors = [one for one in group if not any(one is drive for drive in drives)]
     ratio = bool(sensors) and bool(sensors[0].per)
     if not sensors or (not drives and not ratio):
@@ -126,7 +130,7 @@ def _function_run(
     if any(len(one.x) != len(x) or not np.allclose(one.x, x, rtol=1e-4, atol=0.0) for one in group):
         raise InputError(f"{label}: channels at different frequencies", file=file, expected="one list of frequencies")
     drive_unit = sensors[0].units[1] if ratio else drives[0].units[0]
-    level = _level(label)
+    level = find_level(label)
     channels = [_channel(one) for one in sensors]
     if ratio:
         if level is None:
@@ -135,20 +139,13 @@ def _function_run(
             )
         run = CampaignRun(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
         return run if drive_unit in ("", level[1]) else replace(run, drive_unit=drive_unit)
-    drive = _join_controls([one.y * stated.of(_name_of(one)).scale for one in drives], stated.control)
-    drive_unit = stated.of(_name_of(drives[0])).unit or drive_unit
-    return _levelled(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
-
-
-def _name_of(one: Function) -> str:
-    """Name of a channel: the ID line without its level."""
-    found = _LEVEL.search(one.title)
-    name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
-    return " ".join(name.split()) or f"node {one.response[0]}"
+    drive = _join_controls([one.y * stated.of(name_function(one)).scale for one in drives], stated.control)
+    drive_unit = stated.of(name_function(drives[0])).unit or drive_unit
+    return set_level(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
 
 
 def _channel(one: Function) -> Channel:
-    name = _name_of(one)
+    name = name_function(one)
     quantity = one.quantity or describe_quantity(one.units[0], name)
     return Channel(
         name,
@@ -158,31 +155,6 @@ def _channel(one: Function) -> Channel:
         bool(one.per),
         one.per == "force" and one.response == one.reference,
     )
-
-
-def _levelled(run: CampaignRun, stated: tuple[float, str] | None, file: Path, summary: Summary) -> CampaignRun:
-    """The run with its level: as the label says where the control agrees, else the median of the control.
-
-    A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
-    universal files may: values of every channel in g are then divided by g.
-    """
-    assert run.drive is not None
-    measured = float(np.median(np.abs(run.drive)))
-    if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
-        return replace(run, level=measured)
-    level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
-    if abs(measured / level - 1.0) <= LABEL_AGREES:
-        return replace(run, level=level)
-    if run.drive_unit == "g" and abs(measured / level / STANDARD_GRAVITY_M_S2 - 1.0) <= LABEL_AGREES:
-        summary.note(
-            f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
-        )
-        channels = tuple(
-            replace(one, values=one.values / STANDARD_GRAVITY_M_S2) if one.unit == "g" else one for one in run.channels
-        )
-        return replace(run, level=level, drive=run.drive / STANDARD_GRAVITY_M_S2, channels=channels)
-    summary.note(f"{file.name}: the control of {run.label!r} reads {measured:.3g} {run.drive_unit}, taken as its level")
-    return replace(run, level=measured)
 
 
 def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
@@ -195,10 +167,10 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
     runs = []
     for group, leaves in groups.items():
         x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
-        drive = next((leaf for leaf in leaves if _is_drive(leaf, stated)), None)
-        t = next((leaf for leaf in leaves if leaf.lower() in _TIMES), None)
+        drive = next((leaf for leaf in leaves if is_drive(leaf, stated)), None)
+        t = next((leaf for leaf in leaves if leaf.lower() in TIMES), None)
         if t and drive and not x:
-            runs.append(_time_run(file, group, t, drive, leaves, known, max_size, summary, stated))
+            runs.append(track_group(file, group, t, drive, leaves, known, max_size, summary, stated))
         if x and drive and len(leaves) > 2:
             runs.append(_group_run(file, group, x, drive, leaves, max_size, summary, stated))
     if not runs:
@@ -206,21 +178,6 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
         expected = f"groups with frequency, control (or force) and responses; it has {listed}"
         raise InputError("no runs", file=file, expected=expected)
     return runs
-
-
-def _time_run(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
-              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
-    """The run of a group with times, a drive and responses of one length."""
-    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
-    like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
-    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
-    times = first.arrays[path[t]][0].real.reshape(-1)
-    step = np.diff(times)
-    if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
-        raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
-    units = {leaf: first.units.get(path[leaf], "") for leaf in leaves}
-    run = track_arrays(file, group, drive, like, float(np.mean(step)), units, max_size, stated)
-    return _levelled(run, _level((group or file.stem).replace("_", " ")), file, summary)
 
 
 def _group_run(
@@ -237,7 +194,7 @@ def _group_run(
     found = read_arrays(file, "hdf5", list(path.values()), max_size)
     f = found.arrays[path[x]][0].real.reshape(-1)
     units = {leaf: found.units.get(path[leaf], "") for leaf in leaves}
-    level = _level(group.replace("_", " "))
+    level = find_level(group.replace("_", " "))
     channels: list[Channel] = []
     for leaf in leaves:
         if leaf in (x, drive) or path[leaf] not in found.arrays:
@@ -258,14 +215,14 @@ def _group_run(
     values = _join_controls(list(np.atleast_2d(rows)), stated.control)
     drive_unit = stated.of(drive).unit or drive_unit
     run = CampaignRun(group, None, drive_unit, f, values, tuple(channels))
-    return _levelled(run, level, file, summary)
+    return set_level(run, level, file, summary)
 
 
-def _table(data: bytes, file: Path, summary: Summary) -> CampaignRun:
+def _read_decay(data: bytes, file: Path, summary: Summary) -> CampaignRun:
     """The run of a table of motions against time: a free decay."""
     table = find_table(data[:LOOKED_AT])
     headers = table[1] if table else []
-    time = next((h for h in headers if h.name.lower() in _TIMES), None)
+    time = next((h for h in headers if h.name.lower() in TIMES), None)
     sensors = [h for h in headers if h is not time and h.text]
     if time is None or not sensors:
         first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]

@@ -1,22 +1,34 @@
 """Files of time with a drive channel to runs: the drive tracked, every channel at its frequency, read in blocks.
 
-A table of text is read some lines at a time, an HDF5 or Rattlesnake file some samples at a time, so that a file of any
-size takes the memory of a block.
+A table of text is read some lines at a time, an HDF5, TDMS or Rattlesnake file some samples at a time, so that a file
+of any size takes the memory of a block.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.runs import CampaignRun, Channel, Corrections, describe_quantity
+from damping.campaign.runs import (
+    LEVEL,
+    CampaignRun,
+    Channel,
+    Corrections,
+    describe_quantity,
+    find_level,
+    is_drive,
+    set_level,
+)
 from damping.errors import InputError
-from damping.formats.arrays import read_arrays
+from damping.formats.arrays import Arrays, read_arrays
 from damping.formats.headers import ABSCISSAS, DELIMITERS, ColumnHeader, Layout, find_layout, parse_header
+from damping.formats.quantity import unit
+from damping.formats.series import Summary
+from damping.formats.uff import Function
 from damping.records.text import describe_shortened
 from damping.signals.tracking import track_sine
 
@@ -27,13 +39,15 @@ SAMPLES = 500_000
 LOOKED_AT = 100_000
 #: Steps of time that differ by more than this share of one are no even sampling.
 UNEVEN = 0.02
+#: Names of a column of time.
+TIMES = ("time", "t", "zeit")
 
 
 def find_table(start: bytes) -> tuple[Layout, list[ColumnHeader]] | None:
     """Layout and headers of a table of text by its first bytes; None where it has no column of time."""
     layout = find_layout(start.decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
     headers = [parse_header(name.strip()) for name in layout.names] if layout else []
-    if layout is None or not any(header.name.lower() in ("time", "t", "zeit") for header in headers):
+    if layout is None or not any(header.name.lower() in TIMES for header in headers):
         return None
     return layout, headers
 
@@ -46,7 +60,7 @@ def track_table(
     Raises:
         InputError: cells that are no numbers, or times that are not evenly spaced.
     """
-    place = next(k for k, header in enumerate(headers) if header.name.lower() in ("time", "t", "zeit"))
+    place = next(k for k, header in enumerate(headers) if header.name.lower() in TIMES)
     columns = [k for k, header in enumerate(headers) if header.text and k != place]
     factor = ABSCISSAS["time"].get(headers[place].unit.lower(), 1.0)
     blocks = _list_blocks(file, layout, [place, *columns])
@@ -61,19 +75,27 @@ def track_table(
             yield block[1:]
 
     names = [headers[k].name for k in columns]
-    units = [headers[k].unit.replace("m/s2", "m/s^2") for k in columns]
-    return _track(samples(), names, units, names.index(drive), step, file.stem, stated)
+    units = [headers[k].unit for k in columns]
+    return track_samples(samples(), names, units, names.index(drive), step, file.stem, stated)
 
 
-def track_arrays(file: Path, group: str, drive: str, leaves: Sequence[str], step: float, units: dict[str, str],
-                 most: int, stated: Corrections) -> CampaignRun:  # fmt: skip
-    """The run of a group of an HDF5 file with arrays of samples of one length: a drive and responses."""
-    paths = [f"{group}/{leaf}".lstrip("/") for leaf in leaves]
+def track_arrays(
+    file: Path, kind: str, channels: Mapping[str, str], drive: str, step: float, label: str, most: int,
+    stated: Corrections,
+) -> CampaignRun:  # fmt: skip
+    """The run of arrays or channels of one length, a drive and responses.
+
+    Args:
+        kind: ``hdf5`` or ``tdms``. channels: unit of each by its path in the file, named by its last part.
+    """
+    paths = list(channels)
+    # channels of a file are read all together or not at all, arrays one by one
+    asked = paths if kind == "hdf5" and find_channels(file, kind, most) is None else []
 
     def samples() -> Iterator[FloatArray]:
         first = 0
         while True:
-            found = read_arrays(file, "hdf5", paths, most, rows=(first, first + SAMPLES)).arrays
+            found = read_arrays(file, kind, asked, most, rows=(first, first + SAMPLES)).arrays
             block = np.array([found[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
                 yield block
@@ -81,12 +103,18 @@ def track_arrays(file: Path, group: str, drive: str, leaves: Sequence[str], step
                 return
             first += SAMPLES
 
-    named = [units.get(leaf, "").replace("m/s2", "m/s^2") for leaf in leaves]
-    return _track(samples(), list(leaves), named, list(leaves).index(drive), step, group or file.stem, stated)
+    names = [path.rpartition("/")[2] for path in paths]
+    return track_samples(samples(), names, list(channels.values()), names.index(drive), step, label, stated)
 
 
-def _track(
-    samples: Iterator[FloatArray],
+def find_channels(file: Path, kind: str, most: int) -> Arrays | None:
+    """The first samples of every channel of a file that says their time step; None for a file of mere arrays."""
+    found = read_arrays(file, kind, [], most, rows=(0, 1))
+    return found if found.steps else None
+
+
+def track_samples(
+    samples: Iterable[FloatArray],
     names: Sequence[str],
     units: Sequence[str],
     drive: int,
@@ -94,11 +122,19 @@ def _track(
     label: str,
     stated: Corrections,
 ) -> CampaignRun:
+    """The run of blocks of samples (channels, n), the drive at the place ``drive`` among them."""
     found = track_sine(samples, drive, step)
+    units = [text.replace("m/s2", "m/s^2") for text in units]
     order = np.argsort(found.frequency, kind="stable")
     others = [k for k in range(len(names)) if k != drive]
     channels = tuple(
-        Channel(names[k], describe_quantity(units[k], names[k]), units[k], found.response[place][order])
+        Channel(
+            names[k],
+            describe_quantity(units[k], names[k]),
+            units[k],
+            found.response[place][order],
+            third=found.third[place][order],
+        )
         for place, k in enumerate(others)
         if stated.of(names[k]).role != "out"
     )
@@ -137,3 +173,85 @@ def _require_even(t: FloatArray, step: float, file: Path) -> None:
     even = t[0] + step * np.arange(len(t))
     if not step > 0.0 or float(np.max(np.abs(t - even))) > max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
         raise InputError("the times are not evenly spaced", file=file, expected="one step throughout, rising")
+
+
+def name_function(one: Function) -> str:
+    """Name of a channel: the ID line without its level."""
+    found = LEVEL.search(one.title)
+    name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
+    return " ".join(name.split()) or f"node {one.response[0]}"
+
+
+def read_histories(
+    label: str, group: Sequence[Function], file: Path, summary: Summary, stated: Corrections
+) -> CampaignRun:
+    """The run of functions of time: tracked where one is the drive, else free decays."""
+    t, names = group[0].x, [name_function(one) for one in group]
+    if not all(one.is_time and len(one.x) == len(t) and np.allclose(one.x, t) for one in group):
+        raise InputError(f"{label}: functions of time of several lengths", file=file, expected="one list of times")
+    units = [one.units[0] for one in group]
+    drive = choose_drive(dict(zip(names, units, strict=True)), stated)
+    if drive is None:
+        channels = [
+            Channel(name, describe_quantity(of, name), of, np.asarray(one.y).real)
+            for name, of, one in zip(names, units, group, strict=True)
+        ]
+        return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    samples = np.array([np.asarray(one.y).real for one in group])
+    run = track_samples([samples], names, units, names.index(drive), step, label, stated)
+    return set_level(run, find_level(label), file, summary)
+
+
+def choose_drive(units: Mapping[str, str], stated: Corrections) -> str | None:
+    """The channel that is the drive, of all by their units: as stated, by its name, or the only force."""
+    named = next((name for name in units if is_drive(name, stated)), None)
+    forces = [name for name, text in units.items() if text and unit(text).powers == (1, 0, 0)]
+    return named or (forces[0] if len(forces) == 1 else None)
+
+
+def track_channels(
+    found: Arrays, file: Path, kind: str, max_size: int, summary: Summary, stated: Corrections
+) -> list[CampaignRun]:
+    """Runs of a file of channels with their time step, one for each of its groups: tracked, or free decays."""
+    groups: dict[str, list[str]] = {}
+    for path in found.steps:
+        groups.setdefault(path.rpartition("/")[0], []).append(path)
+    runs = []
+    for group, paths in groups.items():
+        of = {path: found.units.get(path, "") for path in paths}
+        steps, sizes = {found.steps[path] for path in paths}, {found.known[path] for path in paths}
+        if len(steps) > 1 or len(sizes) > 1:
+            raise InputError(
+                f"channels of {group or file.stem} of several rates or lengths", file=file, expected="one for all"
+            )
+        start, step = next(iter(steps))
+        drive = choose_drive({path.rpartition("/")[2]: text for path, text in of.items()}, stated)
+        label = group or file.stem
+        if drive is not None:
+            run = track_arrays(file, kind, of, drive, step, label, max_size, stated)
+            runs.append(set_level(run, find_level(label.replace("_", " ")), file, summary))
+            continue
+        arrays = read_arrays(file, kind, [], max_size).arrays
+        t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
+        channels = [
+            Channel(name := path.rpartition("/")[2], describe_quantity(text, name), text, arrays[path][0].reshape(-1))
+            for path, text in of.items()
+        ]
+        runs.append(CampaignRun(label, None, "", t, None, tuple(channels), is_time=True))
+    return runs
+
+
+def track_group(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
+              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
+    """The run of a group with times, a drive and responses of one length."""
+    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
+    like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
+    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
+    times = first.arrays[path[t]][0].real.reshape(-1)
+    step = np.diff(times)
+    if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
+        raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
+    label, channels = group or file.stem, {path[leaf]: first.units.get(path[leaf], "") for leaf in like}
+    run = track_arrays(file, "hdf5", channels, drive, float(np.mean(step)), label, max_size, stated)
+    return set_level(run, find_level(label.replace("_", " ")), file, summary)

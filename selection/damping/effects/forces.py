@@ -70,7 +70,9 @@ class ManyJoints(Sum):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """The sums of C, dC/d ln A, S and dS/d ln A."""
-        stiffness, limit = (np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit"))
+        stiffness, limit = (
+            np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit")
+        )
         rank = 1 + max(np.ndim(A), np.ndim(omega))
         slips = Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in (stiffness, limit)))
         C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in slips.averages(A, omega))

@@ -245,35 +245,13 @@ def _rigid_side(sign: float, resonance: float) -> Form:
     return Form("residual-modes", change, report, 0.1, largest=30.0, label=f"rigid body, {sign:+.0f}")
 
 
-#: A table without a frequency ratio: the residual of many modes, an even line over frequency.
-_NO_RATIO = -1.0
-
-
-def simulate_residual(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The mode of a table, or without its frequency ratio R = compliance (1 + slope (omega/omega_n - 1))."""
-    if table["frequency_ratio"] != _NO_RATIO:
-        return simulate_path(terms, table)
-    compliance, slope, centre = table["compliance"], table["slope"], terms.omega_n
-
-    def part(drive: Drive) -> Floats:
-        result: Floats = compliance * (1.0 + slope * (drive.omega / centre - 1.0))
-        return result
-
-    return replace(terms, compliance=(*terms.compliance, part))
-
-
 RESIDUAL_MODES = Effect(
     name="residual-modes",
     kind="structure",
     sentence="other modes or rigid-body motion add an in-phase part",
     forms=residual_forms,
-    simulate=simulate_residual,
-    shapes=(
-        Shape("compliance", LENGTH / FORCE),
-        Shape("slope", default=0.0),
-        Shape("frequency_ratio", least=0.0, default=_NO_RATIO),
-        Shape("loss", least=0.0, default=0.0),
-    ),
+    simulate=simulate_path,
+    shapes=PATH,
     need="sweep",
 )
 

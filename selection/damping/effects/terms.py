@@ -103,7 +103,9 @@ def _unread(terms: Terms, u: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _at_resonance(found: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
-    loss = (1.0 / found.H).imag
+    stiffness = 1.0 / found.H
+    # a simulation without damping loses nothing at all, and would stand still at no amplitude
+    loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
     squared = found.H * found.H
     real = np.log(F) - np.log(np.abs(loss))
     by_u, by_frequency = (

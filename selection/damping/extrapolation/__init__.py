@@ -23,7 +23,7 @@ from damping.extrapolation.draws import Member, Spread, amplitude_draws, draw_sp
 from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
 from damping.extrapolation.what_if import NextLevel, choose_next_level, list_levels, vary_priors
-from damping.infer.chains import Checkpoint, Posterior, Settings, sample
+from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
@@ -34,8 +34,6 @@ from damping.records.resonance import number_levels
 
 #: Laws with less weight are not sampled by chains and not shown in short tables; they are part of every average.
 LEAST_WEIGHT = 0.01
-#: Sizes of the chains, and the steps after which one that has not converged is given up.
-SETTINGS = Settings()
 #: Levels below a held-out one, at least.
 FEWEST_BELOW = 2
 #: Effective importance draws that may stand for a chain that does not converge: they give the end of a 90 % band to 7 %
@@ -207,13 +205,7 @@ def _repeatability(mode: Mode | None) -> float:
     return (mode.repeatability.amplitude if mode else None) or 0.0
 
 
-def sample_candidate(
-    law: Candidate | Planned,
-    data: Observations,
-    forces: np.ndarray,
-    seed: int,
-    checkpoint: Checkpoint | None = None,
-) -> Posterior:
+def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
     """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
     assert law.coordinates is not None  # a law with a weight was fitted
     assert law.evidence is not None
@@ -223,7 +215,7 @@ def sample_candidate(
         draws = amplitude_draws(Member(name, 1.0, coordinates, x), forces, data)
         return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
 
-    return sample(coordinates, data, law.evidence, amplitudes, seed, SETTINGS, checkpoint)
+    return sample(coordinates, data, law.evidence, amplitudes, seed)
 
 
 def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mode: Mode | None = None) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from scipy.special import softmax
 from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
 from damping.extrapolation.near import Trend, describe_bistability, trend
-from damping.infer.best_fit import fit_law
+from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
@@ -92,10 +92,13 @@ def plan_loads(
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
-    chosen, reasons = [], []
-    for law in load_candidates(data) if laws is None else laws:
+    chosen, reasons, fits = [], [], {}
+    laws = load_candidates(data) if laws is None else laws
+    for law, fit in zip(laws, fit_laws(laws, data), strict=True):
+        if not isinstance(fit, AnalysisError):
+            fits[law] = fit
         try:
-            chosen.append(_judge(law, data, seed, estimate))
+            chosen.append(_judge(law, data, seed, estimate, fit))
         except AnalysisError as error:
             reasons.append(str(error))
         done(law.name)
@@ -111,14 +114,18 @@ def plan_loads(
         laws=tuple(sorted(planned, key=lambda p: -p.weight)),
         trend=trend(data, float(np.median(np.hypot(*best.coordinates.scatter(best.evidence.draws))))),
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
-        fit=judge_fit(fit_law(best.law, data), (fit_law(p.law, data) for p in planned), data, seed),
+        fit=judge_fit(fits[best.law], (fits[p.law] for p in planned), data, seed),
         bistable=describe_bistability(data, mass) if mass else "",
     )
 
 
-def _judge(law: Law, data: Observations, seed: int, estimate: Estimate) -> tuple[Coordinates, Evidence]:
+def _judge(
+    law: Law, data: Observations, seed: int, estimate: Estimate, fit: BestFit | AnalysisError
+) -> tuple[Coordinates, Evidence]:
     """A law's evidence on the rows near resonance."""
+    if isinstance(fit, AnalysisError):
+        raise fit
     if not law.has_resonance:
         raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
     coordinates = Coordinates.of(law, data)
-    return coordinates, estimate(coordinates, data, seed)
+    return coordinates, estimate(coordinates, data, seed, fit)

@@ -85,7 +85,11 @@ class Force(ABC):
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A, for those who need them all."""
         C, slope = self.quadrature(A, omega), self.slope(A, omega)
-        return (C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega)) if self.restores else (C, slope, 0.0, 0.0)
+        return (
+            (C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega))
+            if self.restores
+            else (C, slope, 0.0, 0.0)
+        )
 
     @property
     def joints(self) -> tuple[Joint, ...]:

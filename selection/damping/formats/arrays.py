@@ -59,8 +59,8 @@ def read_arrays(
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes. rows: first and behind the last sample of every array of an HDF5 file that
-            are read, along its longest axis; all where None.
+        max_size: largest file read, bytes. rows: first and behind the last sample that are read, of every channel, and
+            of every array of an HDF5 file along its longest axis; all where None.
 
     Raises:
         AnalysisError: the package that reads the format is not installed.

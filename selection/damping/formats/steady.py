@@ -13,8 +13,7 @@ from damping.errors import InputError
 from damping.formats.conversion import Conversion, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import Imported, Series, Stated, Summary
-from damping.records.keys import record_schema
-from damping.records.record import Record
+from damping.records.record import Record, find_problems
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
@@ -258,23 +257,12 @@ def _phases(table: pd.DataFrame, file: str | Path, summary: Summary) -> None:
 
 def _checked(table: pd.DataFrame, file: str | Path) -> None:
     """InputError for what no record may hold."""
-    import pandera.errors  # noqa: PLC0415 - takes half a second and only reading a record needs it
-
-    try:
-        record_schema().validate(table, lazy=True)
-    except pandera.errors.SchemaErrors as errors:
-        case = errors.failure_cases.iloc[0]
-        message = f"{float(case['failure_case']):g} in row {int(case['index']) + 1} of the record"
-        raise InputError(message, file=file, column=str(case["column"]), expected=str(case["check"])) from None
-    repeats = table.duplicated().to_numpy()
-    if repeats.any():
-        row = int(np.argmax(repeats))
-        label = table["sweep"].iloc[row]
-        raise InputError(
-            f"sweep {label!r} has a row twice, at {table['frequency'].iloc[row]:g} Hz",
-            file=file,
-            expected="each measured state once",
-        )
+    for problem in find_problems(table):
+        where = f"{problem.message} in row {problem.row + 1} of the record"
+        if problem.column is None:
+            label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
+            where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
+        raise InputError(where, file=file, column=problem.column, expected=problem.expected)
 
 
 def system_factors(system: str) -> tuple[float, float]:

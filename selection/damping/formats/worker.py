@@ -192,11 +192,18 @@ def _choose_rows(shape: Any) -> tuple[Any, Any]:
     return tuple(one.stop - (one.start or 0) for one in index), index
 
 
+def _choose_samples(count: int) -> slice:
+    """The samples of a channel that are wanted."""
+    first, last = _ROWS or (0, count)
+    return slice(min(first, count), min(last, count))
+
+
 def _rattlesnake(h5py: Any, file: Any, most: int, known: Any, units: Any, steps: Any) -> Any:
     """Every channel of a file of the Rattlesnake controller: ``time_data`` (channel, sample) at ``sample_rate``."""
     data, channels = file["time_data"], file["channels"]
     _readable(h5py, data, "time_data")
-    _bounded(data.shape, 16, most)
+    part = _choose_samples(int(data.shape[1]))
+    _bounded((data.shape[0], part.stop - part.start), 16, most)
 
     def text(of: str, k: int) -> str:
         found = channels[of][k] if of in channels else b""
@@ -205,10 +212,11 @@ def _rattlesnake(h5py: Any, file: Any, most: int, known: Any, units: Any, steps:
     known.clear()
     for k in range(data.shape[0]):
         name = f"{text('node_number', k)} {text('node_direction', k)}".strip() or f"channel {k + 1}"
+        name = f"{name} drive" if text("feedback_device", k) else name  # the signal that went to an exciter
         name = f"{name} ({k + 1})" if name in known else name
         known[name] = [int(data.shape[1])]
         units[name], steps[name] = text("unit", k), (0.0, 1.0 / float(np.ravel(file.attrs["sample_rate"])[0]))
-        yield name, data[k]
+        yield name, data[k, part]
 
 
 def _tdms(path: str, kind: str, names: list[str], most: int, known: Any, units: Any, steps: Any) -> Any:
@@ -226,8 +234,9 @@ def _tdms(path: str, kind: str, names: list[str], most: int, known: Any, units: 
                 step = float(channel.properties.get("wf_increment", 0.0))
                 if step > 0.0:
                     steps[name] = (float(channel.properties.get("wf_start_offset", 0.0)), step)
-                _bounded((len(channel),), 16, most)
-                yield name, channel[:]
+                part = _choose_samples(len(channel))
+                _bounded((part.stop - part.start,), 16, most)
+                yield name, channel[part]
 
 
 def _lvm(path: str, kind: str, names: list[str], most: int, known: Any, units: Any, steps: Any) -> Any:

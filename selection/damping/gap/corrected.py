@@ -1,6 +1,6 @@
 """Parameters of an explanation, and the simulation corrected by it, ready to run.
 
-Posterior of the leading explanation's parameters: importance draws, then emcee ensembles until they have settled.
+Posterior of the leading explanation's parameters: importance draws, then chains until they have settled.
 
 The deviations of the sweeps are integrated out: the residuals are linear in them, with the robust weights of the fit.
 """
@@ -20,7 +20,7 @@ from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
 from damping.gap.model import Part
 from damping.gap.simulation import within_tolerance
-from damping.infer.chains import Chains, ChainStart, Settings, Target, run
+from damping.infer.chains import Chains, ChainStart, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
@@ -131,9 +131,6 @@ def _together(simulated: Mapping[str, float], added: Mapping[str, float]) -> dic
     return {key: value + (simulated.get(key, 0.0) if key == leading else 0.0) for key, value in added.items()}
 
 
-_SETTINGS = Settings(budget=4000)
-
-
 @dataclass(frozen=True)
 class EffectPosterior:
     """Draws of the explanation's parameters.
@@ -157,7 +154,7 @@ def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     k = leading.model.size
     start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
     target = Target(density, k, partial(parameters, leading))
-    chains = run(target, ChainStart(start.draws, start.proposal), lambda x: {}, seed, _SETTINGS)
+    chains = run(target, ChainStart(start.draws, start.proposal), lambda x: {}, seed)
     values = parameters(leading, chains.x.reshape(-1, k))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)

@@ -47,6 +47,7 @@ from damping.gap.weighing import (
     describe_held_out,
     estimate_in_library,
     group_equivalent_effects,
+    list_doubts,
     weigh_hypotheses,
 )
 from damping.gap.where import (
@@ -164,7 +165,8 @@ def diagnose(
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    in_library = estimate_in_library(tests, known.dispersion, leading, gap, held_out)
+    doubts = list_doubts(tests, leading, gap, held_out)
+    in_library = estimate_in_library(doubts, bool(leading.effects), known.dispersion)
     hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
     cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
@@ -207,6 +209,8 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     to agree with a part of the rows.
     """
     known, search = _with_noise(start, effects)
+    if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
+        return known, search  # what so few rows leave open of the noise is wide enough
     for _ in range(MOST_DISPERSIONS):
         r = search.ranked()[0].best.r
         rest = spread(r)

@@ -225,11 +225,12 @@ def _neighbours(one: ModelFit) -> Test:
 def unexplained(one: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
     """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
 
-    It does where some test is below ``ALARM``, all of them taken together. It is where it needs more than
-    ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not have.
+    It does where some test is below ``ALARM``, all of them taken together, or too many points are wild. It is where it
+    needs more than ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not
+    have.
     """
     forces = sum(effects[name].kind == "force" for name in one.effects)
-    return smallest_p(tests) < ALARM or forces > MOST_FORCES
+    return smallest_p(tests) < ALARM or forces > MOST_FORCES or one.many_wild
 
 
 #: Splines that the record determines to less than this share of the best determined one are left out.

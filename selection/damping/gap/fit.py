@@ -23,6 +23,9 @@ _INLIER = np.log(1.0 - WILD)
 _OUTLIER = np.log(WILD / WIDE)
 #: Robust weight below which a residual is taken for wild and left out of every number.
 WILD_WEIGHT = 0.5
+#: More wild values than this share of all, and so many beside it, are no errors of measurement.
+MOST_WILD = 0.05
+_FEW_WILD = 2.0
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
 _MOST_STEPS = 40
 _SETTLED = 0.01
@@ -61,6 +64,12 @@ class ModelFit:
     def effects(self) -> tuple[str, ...]:
         """Names of the effects."""
         return self.model.effects
+
+    @property
+    def many_wild(self) -> bool:
+        """Whether more values are taken for wild than errors of measurement are."""
+        seen = self.model.problem.rows.seen
+        return float(np.sum(self.weights[seen] < WILD_WEIGHT)) > MOST_WILD * seen.sum() + _FEW_WILD
 
 
 def fit_model(

@@ -26,8 +26,8 @@ PRIOR_NULL = 25.0
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
 _NEAR = 4.0
-#: The gain beside an explanation that leaves no more than noise, where lines say it all: the spread of its residuals
-#: within so many standard errors, 0.8/sqrt(m), of 1.
+#: The gain beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
+#: errors, 0.8/sqrt(m), of 1.
 _GAIN_BEYOND_NOISE = 4.5
 _FITTING = 1.6
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
@@ -160,11 +160,11 @@ class Search:
         worth = {one.key: one for one in (self.found[frozenset()], *simple, *near)}
         for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
-            for near in one.near:
-                at = near.model.at if kept is None or near.model.at is None else near.model.at[kept]
-                model = replace(near.model, problem=problem, scatter=unknown.first, at=at)
-                z = near.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
-                fits.append(fit_roughly(model, near.y[np.newaxis, : model.size], z))
+            for fit in one.near:
+                at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
+                model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
+                z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
+                fits.append(fit_roughly(model, fit.y[np.newaxis, : model.size], z))
             other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
         return other
 
@@ -187,7 +187,7 @@ class Search:
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         quiet = {key for key, one in self.found.items() if key and _leaves_noise(one)}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
-            least, times = (_GAIN_BEYOND_NOISE, 1.0) if _leaves_noise(base) else (_GAIN, _BEYOND_LINES)
+            least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
@@ -196,11 +196,11 @@ class Search:
                     continue  # that one says what more could be gained
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
-                hope = base.log_posterior + times * gain - price
+                hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
-            if hope > self.ranked()[0].log_posterior - _NEAR:
+            if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
                 self._extend(base, name, tried)
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
@@ -219,9 +219,7 @@ class Search:
             known = max(one.log_evidence for one in self.found.values())
             self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
-    def _fits(
-        self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float
-    ) -> list[ModelFit]:
+    def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
@@ -253,7 +251,7 @@ class Search:
 
 def _leaves_noise(one: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
+    return not one.plain.many_wild and spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
 
 
 def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:

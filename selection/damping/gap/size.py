@@ -17,9 +17,6 @@ from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
-#: A larger share of wild values than this is no error of measurement: then none counts as wild.
-MOST_WILD = 0.08
-
 
 @dataclass(frozen=True)
 class Gap:
@@ -48,8 +45,7 @@ def measure_gap(leading: ModelFit) -> Gap:
 def regular_values(one: ModelFit) -> BoolArray:
     """Values (m,) that are measured and that a fit does not take for wild points; all, where these are many."""
     seen = one.model.problem.rows.seen
-    found = seen & (one.weights > WILD_WEIGHT)
-    return found if found.sum() >= (1.0 - MOST_WILD) * seen.sum() else seen
+    return seen if one.many_wild else seen & (one.weights > WILD_WEIGHT)
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:

@@ -132,7 +132,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
-AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.1))
+AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
 FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
 #: Nodes of ln noise, in units of its standard deviation.
 _NODES = np.linspace(-2.5, 2.5, 11)
@@ -195,20 +195,22 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
     )
 
 
-def list_evidences(one: ModelFit, unknown: Unknowns) -> FloatArray:
+def list_evidences(one: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
-    Errors e of neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
+    Without ``wild`` points every value counts in full: what is wild at one noise is none at another. Errors e of
+    neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
     """
     k, sweeps = one.model.size, one.model.sweeps
     own = _scales(one.model.scatter, k, sweeps)
-    root = np.sqrt(one.weights)
+    weights = one.weights if wild else np.ones(len(one.r))
+    root = np.sqrt(weights)
     J = one.J / own * root[:, np.newaxis]
     start = one.r * root - J @ (one.y * own)  # residuals at x = 0, b = 0
     scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
     precision = (one.model.scatter.noise / np.array(unknown.noises)) ** 2
-    regular = float(np.sum(one.weights > WILD_WEIGHT))
-    robust = float(log_likelihood(one.r)) + 0.5 * float(one.weights @ one.r**2)
+    regular = float(np.sum(weights > WILD_WEIGHT))
+    robust = float(log_likelihood(one.r)) + 0.5 * float(weights @ one.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(one.model.scatter.noise)
     found = []
     for rho in unknown.correlations:
@@ -225,16 +227,27 @@ def list_evidences(one: ModelFit, unknown: Unknowns) -> FloatArray:
 def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
     """The fit at the most probable scatter and noise, its evidence averaged over all of them.
 
-    It is made again at these where its evidence comes up to ``least``: others do not matter.
+    It is made again at these where its evidence comes up to ``least``: others do not matter. Where the noise is not
+    stated every point may be regular at one that is larger: the answer must not hang on the noise that came first.
     """
     if unknown.known:
         return one
-    found = list_evidences(one, unknown) + unknown.log_prior
-    best = unknown.scatter(int(np.argmax(found)))
-    if best != one.model.scatter and float(logsumexp(found)) > least:
+    for _ in range(_MOST_ROUNDS):
+        found = list_evidences(one, unknown) + unknown.log_prior
+        likely = found
+        if len(unknown.noises) > 1:
+            likely = max(found, list_evidences(one, unknown, wild=False) + unknown.log_prior, key=np.max)
+        best = unknown.scatter(int(np.argmax(likely)))
+        if best == one.model.scatter or float(logsumexp(likely)) < least:
+            break
         one = _refitted(one, best)
+    else:
         found = list_evidences(one, unknown) + unknown.log_prior
     return replace(one, log_evidence=float(logsumexp(found)))
+
+
+#: Fits at a scatter and noise that is the most probable one of the fit before.
+_MOST_ROUNDS = 3
 
 
 def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:

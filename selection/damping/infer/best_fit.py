@@ -45,6 +45,8 @@ SHAPE_STEP = 2e-3
 REFINED_POINTS = 9
 #: Terms up to which all sets of them are tried.
 FEW_TERMS = 3
+#: Rows times points of shapes that are solved at once: their arrays stay within tens of megabytes.
+MOST = 250_000
 #: Relative ridge of normal equations, which keeps columns that are multiples of each other apart from an error.
 DEPENDENT = 1e-13
 
@@ -114,22 +116,50 @@ def build_force(law: Law, coefficients: FloatArray, shapes: Sequence[dict[str, f
 
 
 def fit_law(law: Law, data: Observations) -> BestFit:
-    """The best fit of a law, sought without dimension so that units cannot move it.
+    """The best fit of a law (:func:`fit_laws`).
 
     Raises:
         AnalysisError: a part of the law is never met at the tested amplitudes.
     """
+    fit = fit_laws([law], data)[0]
+    if isinstance(fit, AnalysisError):
+        raise fit
+    return fit
+
+
+def fit_laws(laws: Sequence[Law], data: Observations) -> list[BestFit | AnalysisError]:
+    """The best fit of each law, or why there is none: a part of it is never met at the tested amplitudes.
+
+    Laws with as many terms and shapes are searched together; without dimension, so that units cannot move a fit.
+    """
     scaled = data.scaled()
-    pure = Coordinates.of(law, scaled)
-    point, solved, squares_left = _search_shapes(pure, scaled)
-    coordinates = Coordinates.of(law, data)
+    groups: dict[tuple[int, int], list[int]] = {}
+    for i, law in enumerate(laws):
+        groups.setdefault((len(law.parts), len(law.free_shapes)), []).append(i)
+    fits: dict[int, BestFit | AnalysisError] = {}
+    for members in groups.values():
+        pure = [Coordinates.of(laws[i], scaled) for i in members]
+        for i, one, searched in zip(members, pure, _search_shapes(pure, scaled), strict=True):
+            never = AnalysisError(f"{laws[i].name}: a part of it is never met at the tested amplitudes")
+            fits[i] = _restore_units(one, searched, data) if searched else never
+    return [fits[i] for i in range(len(laws))]
+
+
+#: Shapes of a best fit as standard normal variables (shapes,), its coefficients (parts,), and the squares it leaves.
+Searched = tuple[FloatArray, FloatArray, float]
+
+
+def _restore_units(pure: Coordinates, searched: Searched, data: Observations) -> BestFit:
+    """A fit that was sought without dimension."""
+    point, solved, squares = searched
+    coordinates = Coordinates.of(pure.law, data)
     x = _place(point, coordinates)
     per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
     pure_force = solved / np.array([float(c) for c in pure.coefficients(x)])
     coefficients = pure_force * per_force * data.reference[2]
     shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
-    n = np.asarray(residuals(build_force(law, coefficients, shapes), data)[0])
-    return BestFit(coordinates, coefficients, shapes, point, n, squares_left if np.isfinite(n).all() else np.inf)
+    n = np.asarray(residuals(build_force(pure.law, coefficients, shapes), data)[0])
+    return BestFit(coordinates, coefficients, shapes, point, n, squares if np.isfinite(n).all() else np.inf)
 
 
 def _place(points: FloatArray, coordinates: Coordinates) -> FloatArray:
@@ -140,25 +170,47 @@ def _place(points: FloatArray, coordinates: Coordinates) -> FloatArray:
     return x
 
 
-def _search_shapes(coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray, float]:
-    """Shapes of least squares, standard normal variables (shapes,), with their coefficients and the squares left.
+def _search_shapes(laws: Sequence[Coordinates], data: Observations) -> list[Searched | None]:
+    """The shapes of least squares of laws with as many terms and shapes; None of a law with a part that is never met.
 
     The best of a grid over the prior; then grids around the best, each a neighbour's distance wide.
     """
-    free = len(coordinates.law.free_shapes)
-    axes = [ndtri(SHAPE_GRID)] * free
-    best, low, high = None, ndtri(EXTREME[0]), ndtri(EXTREME[1])
-    while True:
-        points = np.array(list(product(*axes)), dtype=float)
-        solved, squares = _solve(points, coordinates, data)
-        i = int(np.argmin(squares))
-        if best is None or squares[i] < best[2]:
-            best = points[i], solved[i], float(squares[i])
-        # the neighbours of the best on each axis, and how far off the farther is
-        spans = [_span(axis, value, low, high) for axis, value in zip(axes, best[0], strict=True)]
-        if all(end - start < SHAPE_STEP for start, end in spans):
-            return best
-        axes = [np.linspace(start, end, REFINED_POINTS) for start, end in spans]
+    free = len(laws[0].law.free_shapes)
+    axes = {i: [ndtri(SHAPE_GRID)] * free for i in range(len(laws))}
+    best: dict[int, Searched | None] = {}
+    low, high = ndtri(EXTREME[0]), ndtri(EXTREME[1])
+    while axes:
+        points = {i: np.array(list(product(*axis)), dtype=float) for i, axis in axes.items()}
+        for i, (solved, squares) in _solve_all(points, laws, data).items():
+            k, before = int(np.argmin(squares)), best.get(i)
+            if np.isnan(squares).any():
+                best[i] = None
+                del axes[i]
+                continue
+            if before is None or squares[k] < before[2]:
+                best[i] = before = points[i][k], solved[k], float(squares[k])
+            # the neighbours of the best on each axis, and how far off the farther is
+            spans = [_span(axis, value, low, high) for axis, value in zip(axes[i], before[0], strict=True)]
+            axes[i] = [np.linspace(start, end, REFINED_POINTS) for start, end in spans]
+            if all(end - start < SHAPE_STEP for start, end in spans):
+                del axes[i]
+    return [best[i] for i in range(len(laws))]
+
+
+def _solve_all(
+    points: dict[int, FloatArray], laws: Sequence[Coordinates], data: Observations
+) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Coefficients >= 0 (points, parts) and the squares left (points,) of each law at its points (points, shapes)."""
+    most = max(1, MOST // (len(data.A) * max(len(x) for x in points.values())))
+    solved: dict[int, tuple[FloatArray, FloatArray]] = {}
+    for first in range(0, len(points), most):
+        some = list(points)[first : first + most]
+        units = [_tabulate_units(points[i], laws[i], data) for i in some]
+        columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
+        ends = np.cumsum([len(points[i]) for i in some])[:-1]
+        carried, squares = _solve(columns, slopes, data)
+        solved |= dict(zip(some, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
+    return solved
 
 
 def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[float, float]:
@@ -167,17 +219,17 @@ def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[floa
     return float(below[-1] if below.size else low), float(above[0] if above.size else high)
 
 
-def _solve(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
-    """Coefficients >= 0 (points, parts) at given shapes (points, shapes), and the squares they leave (points,).
+def _solve(columns: FloatArray, slopes: FloatArray, data: Observations) -> tuple[FloatArray, FloatArray]:
+    """Coefficients >= 0 (k, parts) on columns C and dC/d ln A (k, rows, parts), and the squares they leave (k,).
 
-    A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients.
+    A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients; NaN: a
+    column of zeros.
     """
-    law = coordinates.law
-    columns, slopes = _tabulate_units(points, coordinates, data)
     scale = columns.max(axis=1)
-    if not np.all(scale > 0.0):
-        raise AnalysisError(f"{law.name}: a part of it is never met at the tested amplitudes")
-    columns, slopes = columns / scale[:, None, :], slopes / scale[:, None, :]
+    met = scale > 0.0
+    scale = np.where(met, scale, 1.0)
+    columns = np.where(met[:, None, :], columns / scale[:, None, :], 1.0)  # so that equations can be solved
+    slopes = slopes / scale[:, None, :]
     g = np.broadcast_to(np.abs(data.D), columns.shape[:2])
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     for _ in range(REWEIGHTINGS):
@@ -187,9 +239,10 @@ def _solve(points: FloatArray, coordinates: Coordinates, data: Observations) -> 
         g = np.einsum("kij,kj->ki", slopes, carried)
         left = data.D - np.einsum("kij,kj->ki", columns, carried)
         previous, squares = squares, np.sum(left**2 / _variance(g, data), axis=1)
-        if np.all(np.abs(squares - previous) <= STEADY * squares):
+        if np.all((np.abs(squares - previous) <= STEADY * squares) | ~np.isfinite(squares)):
             break
-    return carried / scale, np.where(np.isfinite(squares), squares, np.inf)
+    squares = np.where(np.isfinite(squares), squares, np.inf)
+    return carried / scale, np.where(met.all(axis=1), squares, np.nan)
 
 
 def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
@@ -213,7 +266,7 @@ def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
         columns: (k, rows, terms). target: (k, rows).
     """
     terms = columns.shape[2]
-    if terms > FEW_TERMS or len(columns) == 1:
+    if terms > FEW_TERMS:
         from scipy.optimize import nnls  # noqa: PLC0415 - a third of a second to import
 
         return np.array([nnls(X, y)[0] for X, y in zip(columns, target, strict=True)])

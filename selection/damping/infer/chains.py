@@ -1,16 +1,21 @@
-"""Posteriors by emcee: four independent ensembles, run until every reported quantity is known.
+"""Posteriors by emcee: independent walkers that choose among many draws of a proposal close to the posterior.
 
-A run grows in blocks until, for every quantity, the effective sample size reaches 1000, the chains are 50
-autocorrelation times long and R-hat between the ensembles is at most 1.01, or until the budget of steps is spent; then
-the result says so (``converged`` is False) and nothing uses it silently.
+At each step every walker at x weighs N draws y_1 .. y_N of the adapted proposal q beside its own place, w = p/q, and
+goes to one of these N + 1 points with a probability in proportion to w (iterated sampling importance resampling:
+Tjelmeland 2004; Andrieu, Lee and Vihola 2018). That leaves p as it is whatever q; steps of one walker are nearly
+independent where N draws of q are worth more than one of p.
+
+A run grows until, for every quantity, the effective sample size reaches 1000, the chains are 50 autocorrelation times
+long and R-hat between four groups of walkers is at most 1.01, or until the budget of steps is spent; then the result
+says so (``converged`` is False) and nothing uses it silently.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,10 +28,15 @@ from damping.infer.likelihood import log_posterior
 from damping.infer.observations import Observations
 
 if TYPE_CHECKING:
-    import emcee
+    from emcee.model import Model
+    from emcee.state import State
 
 #: Named functions of x (points, dimension) -> (points,): what the reader is told, so what must have converged.
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
+#: Share of a run that is left out at its beginning: walkers start on draws of the posterior, so little is needed.
+BURN_IN = 0.1
+#: A run that has not said enough is made longer by this factor before the next look.
+GROWTH = 1.5
 
 
 @dataclass(frozen=True)
@@ -34,16 +44,17 @@ class Settings:
     """Sizes of a run and what it must reach.
 
     Attributes:
-        ensembles, walkers: independent ensembles and walkers in each. block: steps between looks at convergence.
-        budget: most steps of an ensemble: minutes, where most laws take seconds.
+        ensembles, walkers: groups of walkers, and walkers in each. tries: draws that a walker chooses among at a step.
+        first, budget: steps before the first look at convergence, and at most.
         effective_size, lengths, r_hat: the criteria (at least, at least, at most).
         kept: draws kept of each ensemble.
     """
 
     ensembles: int = 4
-    walkers: int = 32
-    block: int = 250
-    budget: int = 5_000
+    walkers: int = 8
+    tries: int = 32
+    first: int = 80
+    budget: int = 2_000
     effective_size: float = 1000.0
     lengths: float = 50.0
     r_hat: float = 1.01
@@ -66,7 +77,7 @@ class Target:
 
 @dataclass(frozen=True)
 class ChainStart:
-    """What is known of the posterior before: ``draws`` (n, dimension), n >= walkers, and a ``proposal`` close to it."""
+    """What is known of the posterior before: ``draws`` (n, dimension), and a ``proposal`` close to it."""
 
     draws: FloatArray
     proposal: Proposal
@@ -113,15 +124,26 @@ class Posterior:
         return self.coordinates.parameters(self.x)
 
 
-@dataclass
-class Checkpoint:
-    """Where a run's chains are kept between blocks; the default keeps nothing.
+@dataclass(frozen=True)
+class ManyTries:
+    """A move of emcee: every walker chooses among its place and ``tries`` draws of the proposal (see the module)."""
 
-    ``load(ensemble)`` gives an emcee backend with the steps done so far, or None; ``save(ensemble, backend)`` keeps it.
-    """
+    log_density: Callable[[FloatArray], FloatArray]
+    proposal: Proposal
+    tries: int
 
-    load: Callable[[int], Any] = field(default=lambda ensemble: None)
-    save: Callable[[int, Any], None] = field(default=lambda ensemble, backend: None)
+    def propose(self, model: Model, state: State) -> tuple[State, FloatArray]:
+        """The state after one step, and which walkers moved (walkers,)."""
+        walkers, d = state.coords.shape
+        tried = self.proposal.draw_random(walkers * self.tries, model.random)
+        places = np.concatenate([state.coords[:, None], tried.reshape(walkers, -1, d)], axis=1)
+        log_p = np.column_stack([state.log_prob, self.log_density(tried).reshape(walkers, -1)])
+        log_w = log_p - self.proposal.log_density(places.reshape(-1, d)).reshape(log_p.shape)
+        # the largest of ln w + Gumbel noise is one in proportion to w
+        chosen = np.argmax(log_w + model.random.gumbel(size=log_w.shape), axis=1)
+        every = np.arange(walkers)
+        state.coords, state.log_prob = places[every, chosen], log_p[every, chosen]
+        return state, chosen > 0
 
 
 def sample(
@@ -131,85 +153,57 @@ def sample(
     quantities: Quantities,
     seed: int,
     settings: Settings | None = None,
-    checkpoint: Checkpoint | None = None,
 ) -> Posterior:
-    """Run the ensembles on a damping law. Arguments as in ``run``.
+    """Sample a damping law. Arguments as in ``run``.
 
     Args:
-        start: weighted draws near the posterior; the walkers begin on them.
+        start: weighted draws near the posterior, on which the walkers begin, and the proposal adapted to them.
         quantities: what must have converged beside the law's parameters.
     """
     density = partial(log_posterior, coordinates=coordinates, data=data)
     target = Target(density, coordinates.dimension, coordinates.parameters)
-    chains = run(target, ChainStart(start.draws, start.proposal), quantities, seed, settings, checkpoint)
+    chains = run(target, ChainStart(start.draws, start.proposal), quantities, seed, settings)
     return Posterior(coordinates, log_z=start.log_z, **vars(chains))
 
 
 def run(
-    target: Target,
-    start: ChainStart,
-    quantities: Quantities,
-    seed: int,
-    settings: Settings | None = None,
-    checkpoint: Checkpoint | None = None,
+    target: Target, start: ChainStart, quantities: Quantities, seed: int, settings: Settings | None = None
 ) -> Chains:
-    """Run the ensembles. The result depends on the arguments only: on one machine a seed gives the same digits.
+    """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:
         quantities: what must have converged beside the parameters themselves.
         seed: of the moves and of the choice of starting points.
     """
-    settings, checkpoint = settings or Settings(), checkpoint or Checkpoint()
-    samplers = [_sampler(target, start, seed, k, settings, checkpoint) for k in range(settings.ensembles)]
-    steps = 0
+    import emcee  # noqa: PLC0415 - bands of importance draws need no chains
+
+    settings = settings or Settings()
+    walkers = settings.ensembles * settings.walkers
+    # emcee copies numpy's global random state unless it is given one: give it one
+    random = np.random.RandomState(np.random.SeedSequence(seed).generate_state(4))
+    chosen = random.choice(len(start.draws), walkers, replace=False)
+    state = emcee.State(start.draws[chosen], random_state=random.get_state())
+    move = ManyTries(target.log_density, start.proposal, settings.tries)
+    sampler = emcee.EnsembleSampler(walkers, target.dimension, target.log_density, vectorize=True, moves=move)
+    steps = min(settings.first, settings.budget)
     while True:
-        steps = min(steps + settings.block, settings.budget)
-        for k, (sampler, state) in enumerate(samplers):
-            todo = steps - sampler.backend.iteration
-            if todo > 0:
-                sampler.run_mcmc(state if sampler.backend.iteration == 0 else sampler.get_last_sample(), todo)
-                checkpoint.save(k, sampler.backend)
-        chains = [sampler.get_chain()[:steps] for sampler, _ in samplers]  # views: all steps are held once
-        diagnoses, burn = _diagnose(chains, target, quantities)
+        # walkers do not depend on each other, so that equal ones do no harm
+        state = sampler.run_mcmc(state, steps - sampler.iteration, skip_initial_state_check=True)
+        x = sampler.get_chain(discard=int(BURN_IN * steps))
+        diagnoses = _diagnose(x, target, quantities, settings.ensembles)
         failure = _describe_failure(diagnoses, settings)
         if not failure or steps == settings.budget:
             break
-    acceptance = float(np.mean([sampler.acceptance_fraction for sampler, _ in samplers]))
-    x = np.stack([_keep(chain[burn:], settings.kept) for chain in chains])
-    return Chains(x, diagnoses, not failure, failure, steps, acceptance)
+        steps = min(int(GROWTH * steps), settings.budget)
+    kept = np.stack([_keep(part, settings.kept) for part in np.split(x, settings.ensembles, axis=1)])
+    return Chains(kept, diagnoses, not failure, failure, steps, float(np.mean(sampler.acceptance_fraction)))
 
 
-def _sampler(
-    target: Target, start: ChainStart, seed: int, ensemble: int, settings: Settings, checkpoint: Checkpoint
-) -> tuple[emcee.EnsembleSampler, emcee.State]:
-    """One ensemble, fresh or as its checkpoint left it, and the state to start from."""
-    import emcee  # noqa: PLC0415 - bands of importance draws need no chains
-
-    # emcee copies numpy's global random state unless it is given one: give it one
-    random = np.random.RandomState(np.random.SeedSequence([seed, ensemble]).generate_state(4))
-    # independent proposals make long jumps, the ensemble's own moves explore what they miss
-    moves = [(emcee.moves.MHMove(start.proposal), 0.6), (emcee.moves.DEMove(), 0.3), (emcee.moves.StretchMove(), 0.1)]
-    shape = (settings.walkers, target.dimension)
-    done = checkpoint.load(ensemble)
-    if done is not None and done.shape != shape:  # of another run: begin again
-        done = None
-    sampler = emcee.EnsembleSampler(*shape, target.log_density, vectorize=True, moves=moves, backend=done)
-    chosen = random.choice(len(start.draws), settings.walkers, replace=False)
-    # resampled draws repeat; a small spread keeps the walkers apart and is forgotten in the burn-in
-    coords = start.draws[chosen] + 1e-3 * random.standard_normal(shape)
-    return sampler, emcee.State(coords, random_state=random.get_state())
-
-
-def _diagnose(
-    chains: Sequence[FloatArray], target: Target, quantities: Quantities
-) -> tuple[tuple[Convergence, ...], int]:
-    """Diagnose every quantity on chains (steps, walkers, dimension), one an ensemble; also the burn-in in steps."""
-    burn = len(chains[0]) // 5
-    thin = max(1, len(chains[0]) // 1000)
-    x = np.stack([chain[burn::thin] for chain in chains])
+def _diagnose(x: FloatArray, target: Target, quantities: Quantities, ensembles: int) -> tuple[Convergence, ...]:
+    """Diagnose every quantity on chains (steps, walkers, dimension)."""
     flat = x.reshape(-1, x.shape[-1])
     values = {**target.parameters(flat), **quantities(flat)}
-    return tuple(assess_convergence(name, value.reshape(x.shape[:-1]), thin) for name, value in values.items()), burn
+    return tuple(assess_convergence(name, value.reshape(x.shape[:-1]), ensembles) for name, value in values.items())
 
 
 def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) -> str:

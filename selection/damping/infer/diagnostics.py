@@ -1,4 +1,4 @@
-"""Has a chain said enough? Effective sample size, length in autocorrelation times, R-hat between ensembles (arviz)."""
+"""Have chains said enough? Effective sample size, length in autocorrelation times, R-hat between ensembles (arviz)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def load_arviz() -> Any:
     """ArviZ, loaded when asked for (60 MB), without the announcement of its next version at every import."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)
-        import arviz  # noqa: PLC0415 - 60 MB that only chains need
+        import arviz  # noqa: PLC0415 - 60 MB that only files of posteriors and leaving out need
     return arviz
 
 
@@ -24,9 +24,9 @@ class Convergence:
     """Convergence of one reported quantity.
 
     Attributes:
-        r_hat: rank-normalised split R-hat between the independent ensembles.
-        effective_size: the least of arviz's bulk and tail sizes and of emcee's (draws over autocorrelation time).
-        autocorrelation: integrated autocorrelation time in steps, the longest over the ensembles.
+        r_hat: rank-normalised split R-hat between the ensembles.
+        effective_size: the least of the sizes for the bulk, the tails and the mean.
+        autocorrelation: integrated autocorrelation time in steps: draws over their effective size for the mean.
         lengths: steps after burn-in over that time. monte_carlo_error: standard error of the mean.
     """
 
@@ -40,33 +40,31 @@ class Convergence:
     monte_carlo_error: float
 
 
-def assess_convergence(name: str, values: FloatArray, thin: int = 1) -> Convergence:
+def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Convergence:
     """Diagnose a quantity.
 
     Args:
-        values: (ensembles, steps, walkers), every ``thin``-th step after burn-in.
-        thin: steps between two entries, so that times are in steps.
+        values: (steps, walkers) after burn-in, walkers of one ensemble beside each other.
     """
-    from emcee.autocorr import integrated_time  # noqa: PLC0415 - chains alone need it
-
-    arviz = load_arviz()
-    ensembles, steps, walkers = values.shape
+    steps, walkers = values.shape
+    by_walker = values.T
     # in order of steps, so that the halves of split R-hat are early and late
-    r_hat = float(arviz.rhat(values.reshape(ensembles, steps * walkers)))
+    by_ensemble = by_walker.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
+    arviz = load_arviz()
     with np.errstate(invalid="ignore", divide="ignore"):  # of a quantity that stays where it is
-        tau = float(np.max([integrated_time(v, tol=0, quiet=True) for v in values]))
-    by_walker = np.moveaxis(values, 1, 2).reshape(ensembles * walkers, steps)
-    sizes = [ensembles * steps * walkers / max(tau, 1.0)]
-    sizes += [float(arviz.ess(by_walker, method=method)) for method in ("bulk", "tail")]
-    size = float(np.min(sizes))
+        sizes = {method: float(arviz.ess(by_walker, method=method)) for method in ("mean", "bulk", "tail")}
+        r_hat = float(arviz.rhat(by_ensemble))
+    moves = bool(np.ptp(values) > 0.0)
+    size = min(sizes.values()) if moves else np.nan
     sd = float(values.std())
+    tau = max(steps * walkers / sizes["mean"], 1.0) if moves else np.nan
     return Convergence(
         name=name,
         mean=float(values.mean()),
         sd=sd,
         r_hat=r_hat,
         effective_size=size,
-        autocorrelation=tau * thin,
+        autocorrelation=tau,
         lengths=steps / tau,
         monte_carlo_error=sd / float(np.sqrt(size)),
     )

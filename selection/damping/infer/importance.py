@@ -4,8 +4,8 @@
 
 with ``q`` a mixture of multivariate t that covers the posterior: one part as wide as the prior, the others started from
 the Gaussian at the mode and adapted to the weighted draws until enough of them count (Cappe et al. 2008, adaptive
-importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, whose
-independence move the mixture is.
+importance sampling in general mixture classes). The draws, resampled by weight, also start the Markov chains, which
+choose among further draws of the mixture.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
+from scipy.special import gammaincinv, gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -77,8 +77,14 @@ class Proposal:
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
-    def _inverse_roots(self) -> FloatArray:
-        return np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
+    def _whitening(self) -> FloatArray:
+        """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
+        whitening = np.linalg.inv(self.roots).transpose(2, 0, 1).reshape(self.means.shape[1], -1)
+        return np.asarray(whitening, dtype=np.float64)
+
+    @cached_property
+    def _white_origin(self) -> FloatArray:
+        return -np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel()
 
     @cached_property
     def _log_norms(self) -> FloatArray:
@@ -90,8 +96,8 @@ class Proposal:
     def log_density(self, x: FloatArray) -> FloatArray:
         """Log density at x (n, d)."""
         d, nu = x.shape[1], DEGREES_OF_FREEDOM
-        white = [(x - mean) @ inverse.T for mean, inverse in zip(self.means, self._inverse_roots, strict=True)]
-        squares = np.stack([np.einsum("ni,ni->n", z, z) for z in white], axis=1)
+        white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
+        squares = np.einsum("nki,nki->nk", white, white)
         parts = self._log_norms - 0.5 * (nu + d) * np.log1p(squares / nu)
         top = parts.max(axis=1)
         return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
@@ -101,14 +107,11 @@ class Proposal:
         z, chi_square, u = _standard_draws(self.means.shape[1], power, seed)
         return self.transform(z, chi_square, self._part(u))
 
-    def __call__(self, x: FloatArray, rng: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        """A Metropolis-Hastings proposal for each walker: new points and ln q(old) - ln q(new)."""
-        n, d = x.shape
-        z = rng.standard_normal((n, d))
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, n))
-        u = np.asarray(rng.random_sample(n))
-        new = self.transform(z, chi_square, self._part(u))
-        return new, self.log_density(x) - self.log_density(new)
+    def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
+        """Independent draws (number, d)."""
+        z = rng.standard_normal((number, self.means.shape[1]))
+        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
+        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
 
     def _part(self, u: FloatArray) -> IntArray:
         """The part that a uniform variable falls into."""
@@ -195,7 +198,9 @@ def importance(
         of_old = proposals[-1].log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
-        weighed = _weigh(x, log_p - logsumexp(log_q, axis=1, b=sizes / len(x)), mode, proposals[-1], seed)
+        top = log_q.max(axis=1)
+        log_mixture = top + np.log(np.exp(log_q - top[:, None]) @ (sizes / len(x)))
+        weighed = _weigh(x, log_p - log_mixture, mode, proposals[-1], seed)
         proposals.append(Proposal.through(weighed.draws))
         if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
             break

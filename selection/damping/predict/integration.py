@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -160,6 +159,8 @@ def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> Stat
     turning.terminal, turning.direction = True, -sign  # type: ignore[attr-defined]  # how solve_ivp takes events
     scale = max(abs(state.q), abs(state.v) / w, F / oscillator.K)
     size = _RTOL * np.array([scale, scale * w, *(scale * oscillator.period * np.array([1.0, 1.0, 1.0, scale]))])
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and few commands integrate in time
+
     solution = solve_ivp(
         motion,
         (state.t, end),

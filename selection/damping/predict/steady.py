@@ -124,8 +124,8 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
             A = np.exp(u)
-            slope = force.slope(A, omega) / force.quadrature(A, omega)
-            return _excess(force, u, omega, target), np.broadcast_to(slope, shape)
+            C = force.quadrature(A, omega)
+            return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(force.slope(A, omega) / C, shape)
 
         return np.exp(bracketed_newton(excess, low, high))
 

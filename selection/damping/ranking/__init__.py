@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.errors import AnalysisError
-from damping.infer.best_fit import BestFit, fit_law
+from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.evidence import Estimate, Evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
@@ -140,9 +140,10 @@ def rank_laws(
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
     scores = np.array([row.score for row in ranked])
     weights = np.exp(-0.5 * (scores - scores[0]))
+    held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
     ranked = [
-        replace(_describe(row, data, hold_out), rank=i + 1, weight=float(w))
-        for i, (row, w) in enumerate(zip(ranked, weights / weights.sum(), strict=True))
+        replace(_describe(row, data, *out), rank=i + 1, weight=float(w))
+        for i, (row, w, out) in enumerate(zip(ranked, weights / weights.sum(), held_out, strict=True))
     ]
     best = [row.fit for row in ranked if row.fit is not None]
     unranked = [row for row in rows if not np.isfinite(row.score)]
@@ -161,16 +162,15 @@ def _fit_laws(
 ) -> tuple[list[BestFit], list[Candidate]]:
     """The best fit of every law that can be fitted, and rows that say why the others cannot."""
     fits, failed = [], []
-    for law in laws:
-        try:
-            if not (law.has_resonance or data.amplitude_is_input):
-                raise AnalysisError("friction alone sets no resonant amplitude")
-            fit = fit_law(law, data)
-            if not np.isfinite(fit.squares):
-                raise AnalysisError(f"{law.name}: no coefficient makes it carry the measured forces")
+    for law, fit in zip(laws, fit_laws(laws, data), strict=True):
+        if not (law.has_resonance or data.amplitude_is_input):
+            failed.append(Candidate(law, cautions=("friction alone sets no resonant amplitude",)))
+        elif not isinstance(fit, BestFit):
+            failed.append(Candidate(law, cautions=(str(fit),)))
+        elif not np.isfinite(fit.squares):
+            failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient makes it carry the measured forces",)))
+        else:
             fits.append(fit)
-        except AnalysisError as error:
-            failed.append(Candidate(law, cautions=(str(error),)))
         done(law.name)
     return fits, failed
 
@@ -193,10 +193,9 @@ def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int
     )
 
 
-def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
-    """The row with its coefficients, errors and cautions."""
+def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[str, ...]) -> Candidate:
+    """The row with its coefficients, errors and cautions; ``said`` of the held-out error."""
     assert row.fit is not None  # a row with a score was fitted
-    held_out, said = _hold_levels_out(row.law, data) if hold_out else (np.nan, ())
     return replace(
         row,
         coefficients=_tabulate_coefficients(row),
@@ -206,14 +205,16 @@ def _describe(row: Candidate, data: Observations, hold_out: bool) -> Candidate:
     )
 
 
-def _hold_levels_out(law: Law, data: Observations) -> tuple[float, tuple[str, ...]]:
-    """Held-out error in per cent, or NaN with the reason."""
+def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[float, tuple[str, ...]]]:
+    """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
-        return np.nan, ("one level: nothing to hold out",)
-    try:
-        return root_mean_square(held_out_errors(law, data)), ()
-    except AnalysisError:
-        return np.nan, ("with a level left out it cannot carry the other forces",)
+        return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
+    return [
+        (np.nan, ("with a level left out it cannot carry the other forces",))
+        if errors is None
+        else (root_mean_square(errors), ())
+        for errors in held_out_errors(laws, data)
+    ]
 
 
 def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:

@@ -8,10 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.forces import CATALOGUE
 from damping.forces.contract import Force
-from damping.infer.best_fit import BestFit, fit_law
+from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.law import SCATTER_MEDIAN, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
@@ -40,14 +39,11 @@ def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
 
 def fit_distinct(laws: Sequence[Law], data: Observations) -> list[BestFit]:
     """The best fits of the laws that predict differently, of each kind the one with the fewest terms; maybe none."""
-    fits = []
-    for law in laws:
-        try:
-            fit = fit_law(law, data)
-        except AnalysisError:
-            continue
-        if np.isfinite(fit.squares) and law.has_resonance:
-            fits.append(fit)
+    fits = [
+        fit
+        for fit in fit_laws([law for law in laws if law.has_resonance], data)
+        if isinstance(fit, BestFit) and np.isfinite(fit.squares)
+    ]
     return [group[0] for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
 
 
@@ -106,21 +102,24 @@ def percent_errors(force: Force, data: Observations) -> FloatArray:
     return 100.0 * (amplitude / data.tested_amplitude - 1.0)
 
 
-def held_out_errors(law: Law, data: Observations) -> FloatArray:
-    """Percent errors of each sweep predicted by the law fitted to all other sweeps, (sweeps,).
+def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray | None]:
+    """Percent errors of each sweep predicted by each law fitted to all other sweeps, (sweeps,).
 
-    More than ``MOST_FOLDS`` sweeps are left out in as many groups, neighbours in the record in different ones.
-
-    Raises:
-        AnalysisError: the law cannot carry the forces of the other sweeps.
+    None of a law that cannot carry the forces of the other sweeps. More than ``MOST_FOLDS`` sweeps are left out in as
+    many groups, neighbours in the record in different ones.
     """
-    errors = np.full(len(data.sweeps), np.nan)
+    errors = [np.full(len(data.sweeps), np.nan) for _ in laws]
+    carried = np.full(len(laws), True)
     folds = min(len(data.sweeps), MOST_FOLDS)
     for fold in range(folds):
         keep = np.arange(len(data.sweeps)) % folds != fold
-        others = data.keep_sweeps(keep)
-        errors[~keep] = percent_errors(fit_law(law, others).force, data.keep_sweeps(~keep))
-    return errors
+        left_out = data.keep_sweeps(~keep)
+        for i, fit in enumerate(fit_laws(laws, data.keep_sweeps(keep))):
+            if isinstance(fit, BestFit):
+                errors[i][~keep] = percent_errors(fit.force, left_out)
+            else:
+                carried[i] = False
+    return [error if fitted else None for error, fitted in zip(errors, carried, strict=True)]
 
 
 def root_mean_square(errors: FloatArray) -> float:

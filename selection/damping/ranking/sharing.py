@@ -145,7 +145,8 @@ def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0
     means = [float(logsumexp(line) - np.log(len(FINE))) for line in (together, *lines)]
     shape, tested = law.free_shapes[name], Coordinates.of(law, data[0]).tested
     pooled, *each = (
-        tuple(float(shape.prior_value(ndtri(p), tested)) for p in _find_quantiles(line)) for line in (together, *lines)
+        tuple(float(shape.prior_value(np.asarray(ndtri(p)), tested)) for p in _find_quantiles(line))
+        for line in (together, *lines)
     )
     return SharedShape(name, _order(pooled), tuple(map(_order, each)), means[0] - sum(means[1:]))
 

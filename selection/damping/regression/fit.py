@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.errors import InputError
@@ -202,7 +202,7 @@ def fit(design: Design, basis: Basis | None = None) -> Fit:
     with np.errstate(all="ignore"):  # no deviations: no errors, and T-ratios that are infinite or NaN
         t_ratios = coefficients / std_errors
         covariance = covariance * np.outer(unit / basis.scale, unit / basis.scale)
-    p_values = 2.0 * stats.t.sf(np.abs(t_ratios), max(design.n - design.k, 1))
+    p_values = 2.0 * stdtr(max(design.n - design.k, 1), -np.abs(t_ratios))
     return Fit(
         names=design.names,
         coefficients=coefficients,

@@ -25,7 +25,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -216,6 +215,8 @@ def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
 
 def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
     """Coefficients (b, k) of non-negative least squares on the terms inside, and the response's rest (b, k)."""
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
+
     coefficients = np.zeros(nodes.inside.shape)
     for row, inside in zip(coefficients, nodes.inside, strict=True):
         if inside.any():

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError, InputError
@@ -29,6 +28,8 @@ def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
     Raises:
         AnalysisError: the design is numerically rank-deficient (the columns are named), or no solution is found.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
+
     basis = decompose(design) if basis is None else basis
     size = np.abs(design.observed).max() or 1.0
     try:

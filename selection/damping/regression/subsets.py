@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -81,7 +81,7 @@ class Subsets:
     def p_values(self) -> FloatArray:
         """Two-sided p-values of the T-ratios (m, k)."""
         freedom = np.maximum(len(self.observed) - self.sizes, 1)
-        return np.asarray(2.0 * stats.t.sf(np.abs(self.t_ratios), freedom[:, None]))
+        return np.asarray(2.0 * stdtr(freedom[:, None], -np.abs(self.t_ratios)))
 
     @cached_property
     def criteria(self) -> Criteria:

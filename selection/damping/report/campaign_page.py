@@ -18,6 +18,7 @@ def describe_campaign_page(
     """The page as HTML."""
     sections = [
         _build_overview(campaign),
+        *_build_outcomes(campaign),
         *(_build_mode(mode, campaign) for mode in campaign.modes),
         _build_understood(campaign),
     ]
@@ -40,6 +41,22 @@ def _build_overview(campaign: Campaign) -> Section:
         )
     said = f"{len(campaign.modes)} modes at {len(campaign.levels)} levels."
     return Section("modes", "Modes", [Text(said, lead=True), Table(pd.DataFrame(rows), "Modes of the campaign.")])
+
+
+def _build_outcomes(campaign: Campaign) -> list[Section]:
+    """What was predicted before the last runs, beside what they gave."""
+    if not campaign.outcomes:
+        return []
+    rows = [
+        {"mode": one.mode, "sensor": one.sensor, f"input, {campaign.unit}": one.level, "measured": one.measured}
+        | dict(zip(("predicted", "low", "high"), one.predicted, strict=True))
+        | {"unit": one.unit, "above, dB": f"{one.above_db:+.1f}", "in the band": "yes" if one.held else "no"}
+        for one in campaign.outcomes
+    ]
+    held = sum(one.held for one in campaign.outcomes)
+    said = f"{held} of {len(rows)} peaks lie in the 90 % band that was predicted before the run."
+    table = Table(pd.DataFrame(rows), "Peaks measured beside those predicted before the run.")
+    return [Section("outcomes", "Predicted and measured", [Text(said, lead=True), table])]
 
 
 def _describe_percent(band: tuple[float, float, float] | None) -> str:

@@ -90,7 +90,8 @@ def _list_steps(study: StudyResult) -> list[str]:
         "not exist where there are too few points.",
         "Held-out error: each level's resonant amplitude is predicted by the law fitted to the other levels only, "
         "because points within a sweep share its error.",
-        f"Sampling: {run.ensembles} independent emcee ensembles of {run.walkers} walkers run until every reported "
+        f"Sampling: {run.ensembles * run.walkers} independent walkers of emcee, each choosing at every step among "
+        f"{run.tries} draws of the proposal that the marginal likelihood was found with, run until every reported "
         f"quantity has R-hat at most {run.r_hat:g}, an effective size of at least {run.effective_size:g} and a "
         f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
         f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",

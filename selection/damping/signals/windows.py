@@ -6,9 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
-from scipy.signal import oaconvolve
-from scipy.signal.windows import blackmanharris, hann
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
@@ -41,6 +38,8 @@ class Window:
 
     def analytic(self, x: FloatArray) -> Signal:
         """z where the window lies inside x."""
+        from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
+
         kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
         found: Signal = oaconvolve(x, kernel[::-1], mode="valid")
         return found
@@ -66,6 +65,8 @@ def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[
 
 def flat_window(frequency: float, periods: float, dt: float) -> Window:
     """Hann window times a + b tau^2 of area 2 and no second moment, ``periods`` of ``frequency`` (Hz) long."""
+    from scipy.signal.windows import hann  # noqa: PLC0415 - as above
+
     half = round(0.5 * periods / (frequency * dt))
     offsets = dt * np.arange(-half, half + 1)
     weights = np.asarray(hann(2 * half + 3)[1:-1], dtype=np.float64)
@@ -80,6 +81,8 @@ def noise_beside(window: Window, x: FloatArray, z: Signal) -> float:
 
     Taken beside the pass band, where there is noise alone, and at most what is in the band, motion or noise.
     """
+    from scipy.signal.windows import blackmanharris  # noqa: PLC0415 - as above
+
     tail = np.abs(z[-(len(z) // 10 + 1) :])
     weights = np.asarray(blackmanharris(len(window.offsets)), dtype=np.float64)
     weights *= np.sqrt(np.sum(window.weights**2) / np.sum(weights**2))  # lets as much noise pass
@@ -95,6 +98,8 @@ def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArr
     shrink along the record by more than their scatter explains are no jitter but a stretch, which would pass for a
     change of frequency: those times stay as they are.
     """
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as above
+
     step = np.diff(t)
     dt = float((t[-1] - t[0]) / max(len(t) - 1, 1))
     even = t[0] + dt * np.arange(len(t))
