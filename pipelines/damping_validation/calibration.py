@@ -8,6 +8,7 @@ uniform.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -79,11 +80,11 @@ class Coverage:
     true: bool
 
 
-def coverage_trial(name: str, way: str, seed: int) -> Coverage:
+def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = None) -> Coverage:
     """Test a structure drawn at random (``truths``), predict, and make the next tests.
 
     Args:
-        way: ``fast`` (few importance draws), ``importance`` or ``chains``.
+        way: ``fast`` (few importance draws), ``importance`` or ``chains``. laws: candidates, by default the program's.
     """
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)
@@ -98,7 +99,7 @@ def coverage_trial(name: str, way: str, seed: int) -> Coverage:
         brief_evidence if way == "fast" else evidence,
         sample_chains if way == "chains" else draw_evidence,
     )
-    predicted = extrapolate_loads(data, force, LEVEL, seed, estimate=estimate, sampler=sampler)
+    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=laws, estimate=estimate, sampler=sampler)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))

@@ -1,5 +1,7 @@
 """A small calibration, held against binomial bounds; the full one is ``damping calibrate``."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -33,7 +35,7 @@ AT = RATIOS.index(1.5)
 @pytest.fixture(scope="module")
 def trials():
     """Each kind of structure twice, by the fast way."""
-    return [coverage_trial(name, "fast", 100 * i + n) for i, name in enumerate(TRUTHS) for n in (1, 2)]
+    return [coverage_trial(name, "fast", 100 * i + n, CANDIDATES) for i, name in enumerate(TRUTHS) for n in (1, 2)]
 
 
 def test_bands_hold_the_next_test(trials):
@@ -52,7 +54,7 @@ def test_a_band_of_linear_damping_misses():
     hits = []
     for i, structure in enumerate(3 * structures()[1:]):
         data = simulated_levels(structure, 5, SPAN, 0.02, np.random.default_rng(i))
-        c = Coordinates.of(Law(("viscous",)), data)
+        c = replace(Coordinates.of(Law(("viscous",)), data), with_doubt=False)
         force = data.tested_force[data.top] * np.array([2.0])
         band = predict([Member("viscous", 1.0, c, evidence(c, data).draws)], force, data, LEVEL, 1).average
         hits.append(band.low[0] < structure.amplitude(force)[0] < band.high[0])

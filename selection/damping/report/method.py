@@ -99,8 +99,8 @@ def _list_steps(study: StudyResult) -> list[str]:
         "tested level (credible band). The predictive band adds, draw by draw and in ln A, the noise of a level and of "
         "a reading, and how far the slope d ln A/d ln F strays from the law's: an Ornstein-Uhlenbeck process in ln F "
         f"that forgets itself over {LENGTH:g}, its standard deviation in proportion to |d ln A/d ln F − 1|, log-normal "
-        f"about {DOUBT_MEDIAN:g} of it with standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from the "
-        "levels with the law's parameters; "
+        f"about {DOUBT_MEDIAN:g} of it with standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from levels "
+        "with the law's parameters; "
         f"slopes stay within {SLOPES[0]:.2g} and {SLOPES[1]:g}. Models are averaged "
         f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
         "cent.",
