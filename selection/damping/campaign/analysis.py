@@ -16,8 +16,8 @@ from damping.campaign.answer import (
     Campaign,
     DesignLevel,
     ModeAnswer,
-    Prediction,
     Response,
+    SensorPrediction,
     compare_predictions,
 )
 from damping.campaign.decays import DecayMode, decay_modes
@@ -41,7 +41,7 @@ def analyse(
     max_size: int = 200_000_000,
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
-    before: Sequence[Prediction] = (),
+    before: Sequence[SensorPrediction] = (),
 ) -> Campaign:
     """Everything from some files.
 
