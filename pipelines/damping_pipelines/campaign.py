@@ -72,11 +72,11 @@ def _read_design(word: str) -> DesignLevel:
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
-    found = read_columns(read_bytes(path), path, {}, named).numbers
-    missing = [name for name in named if name not in found]
+    numbers = read_columns(read_bytes(path), path, {}, named).numbers
+    missing = [name for name in named if name not in numbers]
     if missing:
         raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
-    return DesignLevel(found["frequency"], found["level"])
+    return DesignLevel(numbers["frequency"], numbers["level"])
 
 
 class _PeakForm(BaseModel):
@@ -130,16 +130,16 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:
     """SENSOR=VALUE words. InputError for what is no limit."""
-    found = {}
+    limits = {}
     for word in words:
         name, _, text = word.rpartition("=")
         try:
-            found[name] = float(text)
+            limits[name] = float(text)
         except ValueError:
-            found[name] = math.nan
-        if not (name and math.isfinite(found[name]) and found[name] > 0.0):
+            limits[name] = math.nan
+        if not (name and math.isfinite(limits[name]) and limits[name] > 0.0):
             raise InputError(f"--limit {word!r} is not understood", expected="SENSOR=VALUE, in the sensor's unit")
-    return found
+    return limits
 
 
 def _frequencies(text: str | None) -> list[float]:
@@ -147,12 +147,16 @@ def _frequencies(text: str | None) -> list[float]:
     if text is None:
         return []
     try:
-        found = sorted(float(part) for part in text.split(","))
+        frequencies = sorted(float(part) for part in text.split(","))
     except ValueError:
-        found = []
-    if not found or not all(math.isfinite(f) and f > 0.0 for f in found) or len(set(found)) < len(found):
+        frequencies = []
+    if (
+        not frequencies
+        or not all(math.isfinite(f) and f > 0.0 for f in frequencies)
+        or len(set(frequencies)) < len(frequencies)
+    ):
         raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
-    return found
+    return frequencies
 
 
 def _describe_study(title: str, found: Campaign, seed: int) -> str:

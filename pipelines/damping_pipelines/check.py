@@ -34,11 +34,11 @@ def report_findings(record: Record, mode: Mode | None, despite: Collection[str] 
     Raises:
         Refused: a finding refuses that is not among the checks named in ``despite``.
     """
-    found = audit(record, mode)
-    found.require(despite)
-    for finding in found.findings:
+    findings = audit(record, mode)
+    findings.require(despite)
+    for finding in findings.findings:
         print(f"damping: {record.source}: {finding}", file=sys.stderr)
-    return found
+    return findings
 
 
 def _print(found: Audit, mode: Mode | None) -> None:

@@ -153,7 +153,7 @@ def _study(folder: Folder, name: str) -> StudySummary:
 
 def _record(record: _Record, folder: Folder) -> RecordSummary:
     ranking = [model.model_dump() | {"law": model.name} for model in record.rank.models]
-    loads = [one.model_dump() for one in record.loads.predictions] if record.loads else []
+    loads = [prediction.model_dump() for prediction in record.loads.predictions] if record.loads else []
     return RecordSummary(
         title=record.title,
         units=(record.units.force, record.units.length),

@@ -224,14 +224,14 @@ def _describe_interval(interval: tuple[float, float, float]) -> str:
 
 def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:
     """Which law leads where."""
-    said = []
+    lines = []
     for name in shared:
         best = {study.name: _describe_best(study.records[name].ranking) for study in studies}
         if len(set(best.values())) == 1:
-            said.append(f"{name}: {best[studies[0].name]} leads in every study.")
+            lines.append(f"{name}: {best[studies[0].name]} leads in every study.")
         else:
-            said.append(f"{name}: " + format_joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
-    return said
+            lines.append(f"{name}: " + format_joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
+    return lines
 
 
 def _describe_best(ranking: pd.DataFrame) -> str:
@@ -241,7 +241,7 @@ def _describe_best(ranking: pd.DataFrame) -> str:
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     """What else than the data differs, by name."""
-    said = []
+    differences = []
     for what, tables in (
         ("input", [study.inputs for study in studies]),
         ("version", [study.versions for study in studies]),
@@ -249,11 +249,11 @@ def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
         names = dict.fromkeys(name for table in tables for name in table)
         other = [name for name in names if len({table.get(name) for table in tables}) > 1]
         if other:
-            said.append(f"Not the same {what} in every study: {format_joined(other)}.")
+            differences.append(f"Not the same {what} in every study: {format_joined(other)}.")
     for what, values in (("seed", {study.seed for study in studies}), ("level", {study.level for study in studies})):
         if len(values) > 1:
-            said.append(f"Not the same {what} in every study.")
-    return said
+            differences.append(f"Not the same {what} in every study.")
+    return differences
 
 
 def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> list[Block]:

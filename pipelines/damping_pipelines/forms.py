@@ -108,10 +108,13 @@ def tabulate_ranking_rows(form: RankForm) -> pd.DataFrame:
 def tabulate_loads_rows(form: LoadsForm) -> pd.DataFrame:
     """A row for each design force and law, the average over laws first (``model`` empty)."""
     rows: list[dict[str, Any]] = []
-    for one in form.predictions:
-        average = one.model_dump(exclude={"by_model", "cautions"})
-        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(one.cautions)})
-        rows += [{"model": law.name, "force": one.force, **law.model_dump(exclude={"name"})} for law in one.by_model]
+    for prediction in form.predictions:
+        average = prediction.model_dump(exclude={"by_model", "cautions"})
+        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
+        rows += [
+            {"model": law.name, "force": prediction.force, **law.model_dump(exclude={"name"})}
+            for law in prediction.by_model
+        ]
     return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
 
 

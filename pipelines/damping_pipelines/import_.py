@@ -137,7 +137,7 @@ def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, s
     _same_system(mode, stated, decay.mode, summary)
     histories = time_histories(series, stated, file, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
-    tables = [_levels(one, mode, decay, summary).table(one.label) for one in histories]
+    tables = [_levels(history, mode, decay, summary).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
     labels = [one.label for one in histories]
     if len(set(labels)) < len(labels):
@@ -146,7 +146,7 @@ def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, s
 
 
 def _levels(history: TimeHistory, mode: Mode, decay: RingDown, summary: Summary) -> Decay:
-    found = ring_down(
+    levels = ring_down(
         history.t,
         history.signal,
         order=history.order,
@@ -159,14 +159,14 @@ def _levels(history: TimeHistory, mode: Mode, decay: RingDown, summary: Summary)
     )
     summary.add(
         f"decay {history.label!r}",
-        f"{len(found.time)} levels, amplitude {found.amplitude[0]:.4g} to {found.amplitude[-1]:.4g}, "
-        f"{found.frequency[0]:.5g} to {found.frequency[-1]:.5g} Hz, "
-        f"damping ratio {found.damping_ratio[0]:.3g} to {found.damping_ratio[-1]:.3g}",
+        f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "
+        f"{levels.frequency[0]:.5g} to {levels.frequency[-1]:.5g} Hz, "
+        f"damping ratio {levels.damping_ratio[0]:.3g} to {levels.damping_ratio[-1]:.3g}",
         "follows",
     )
-    for note in found.notes:
+    for note in levels.notes:
         summary.note(f"{history.label!r}: {note}")
-    return found
+    return levels
 
 
 def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> None:

@@ -90,7 +90,7 @@ def run_study(
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
     inputs = read_inputs(settings, path.parent, despite)
-    read = [path, *(path.parent / name for one in settings.records for name in (one.record, one.mode))]
+    read = [path, *(path.parent / name for record in settings.records for name in (record.record, record.mode))]
     with sole_writer(out, ("report.html", "summary.json")):
         result = compute(settings, inputs, hashes(path, settings))
         write_study(result, out, read, png=png, pdf=pdf)
@@ -112,7 +112,7 @@ def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] 
 
 def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
     """SHA-256 of the settings and of every input file, by name relative to the settings."""
-    names = [path.name, *(name for one in settings.records for name in (one.record, one.mode))]
+    names = [path.name, *(name for record in settings.records for name in (record.record, record.mode))]
     return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
 
 

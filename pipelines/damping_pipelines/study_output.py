@@ -162,7 +162,8 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     figures: dict[str, Figure] = {}
     for result in study.records:
         figures |= {
-            describe_file_stem(result, name): one.figure for name, one in record_figures(result, study.level).items()
+            describe_file_stem(result, name): figure.figure
+            for name, figure in record_figures(result, study.level).items()
         }
     for exhibit in study.exhibits:
         figures |= {name: draw() for name, draw in exhibit.drawings.items()}

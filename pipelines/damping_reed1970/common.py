@@ -70,16 +70,16 @@ def draw_block(file: str, drawn: Drawn, caption: str = "") -> DrawnBlock:
     return DrawnBlock(svg, caption or f"{drawn.title}. {drawn.description}", file, lambda: drawn.figure)
 
 
-def draw_figure(one: ChapterFigure, chapter: int) -> DrawnBlock:
+def draw_figure(figure: ChapterFigure, chapter: int) -> DrawnBlock:
     """Draw a figure; its caption starts with its number in the source report, where it has one."""
-    file = f"chapter-{chapter}-{one.name}"
-    numbers = one.counterpart.split(", ")
-    head = one.title
-    if one.counterpart:
-        what = "counterpart" if one.counterpart in NOT_PRINTED else "redrawn"
-        head = f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {_describe_lowered(one.title)}"
-    svg = to_svg(one.draw(), file, one.title, one.description)
-    return DrawnBlock(svg, f"{head}. {one.description}", file, one.draw)
+    file = f"chapter-{chapter}-{figure.name}"
+    numbers = figure.counterpart.split(", ")
+    head = figure.title
+    if figure.counterpart:
+        what = "counterpart" if figure.counterpart in NOT_PRINTED else "redrawn"
+        head = f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {_describe_lowered(figure.title)}"
+    svg = to_svg(figure.draw(), file, figure.title, figure.description)
+    return DrawnBlock(svg, f"{head}. {figure.description}", file, figure.draw)
 
 
 @dataclass(frozen=True)
@@ -246,8 +246,8 @@ def _build_blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
             if kind == "fold":
                 yield Fold(rest, list(_build_blocks(chapter, parts)))
             elif kind == "figure":
-                one = next(one for one in chapter.figures if one.name == name)
-                yield draw_figure(one, chapter.number)
+                figure = next(one for one in chapter.figures if one.name == name)
+                yield draw_figure(figure, chapter.number)
             elif kind == "known":
                 yield from build_known_table(name, chapter.named[name])
             else:

@@ -76,9 +76,9 @@ def exhibit(results: ReportResults) -> Exhibit:
     pages = build_pages(parts)
     # in the list of files the picture of all printed numbers stands before those of the chapters
     figures = {
-        name: one
+        name: figure
         for p in sorted(parts, key=lambda p: p.section.id != "reproduction")
-        for name, one in p.figures.items()
+        for name, figure in p.figures.items()
     }
     return Exhibit(
         sections=[link_pages(pages, results.tables["reproduction"])],
@@ -189,7 +189,9 @@ def summarise(results: ReportResults) -> dict[str, Any]:
     shown |= {name: tables[name] for name in TABLES}
     chapters = {
         "agreement": _agreement(tables["reproduction"]),
-        "picked": [{"mode": mode, "kept": kept, "case": one.picked} for (mode, kept), one in studies.levels.items()],
+        "picked": [
+            {"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in studies.levels.items()
+        ],
         **{name: _list_rows(table) for name, table in shown.items()},
     }
     return {

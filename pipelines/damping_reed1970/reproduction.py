@@ -248,13 +248,13 @@ def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
 def evidence(rows: pd.DataFrame) -> dict[str, str]:
     """By erratum: the numbers it changes, printed, computed and computed after correction."""
     changes: dict[str, list[str]] = {}
-    for one in rows[rows["erratum"] != ""].to_dict("records"):
+    for row in rows[rows["erratum"] != ""].to_dict("records"):
         steps = [
-            one["printed"],
-            *(number(one[name], 4) for name in ("computed", "computed_after_correction") if pd.notna(one[name])),
+            row["printed"],
+            *(number(row[name], 4) for name in ("computed", "computed_after_correction") if pd.notna(row[name])),
         ]
-        for identity in str(one["erratum"]).split(", "):
-            changes.setdefault(identity, []).append(f"{one['id']}: {' → '.join(steps)}")
+        for identity in str(row["erratum"]).split(", "):
+            changes.setdefault(identity, []).append(f"{row['id']}: {' → '.join(steps)}")
     return {identity: "; ".join(_some(texts)) for identity, texts in changes.items()}
 
 

@@ -246,23 +246,23 @@ _TRUST = (
 _BLIND = "Blind check of the gap diagnosis"
 
 
-def tabulate_hypotheses(one: Diagnosis) -> pd.DataFrame:
+def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
     """Every hypothesis that was fitted, most probable first: ``explanation, probability, log_evidence``."""
     return pd.DataFrame(
         {
-            "explanation": [" + ".join(each.effects) or "no effect" for each in one.hypotheses],
-            "probability": [each.probability for each in one.hypotheses],
-            "log_evidence": [each.hypothesis.log_evidence for each in one.hypotheses],
+            "explanation": [" + ".join(hypothesis.effects) or "no effect" for hypothesis in diagnosis.hypotheses],
+            "probability": [each.probability for each in diagnosis.hypotheses],
+            "log_evidence": [each.hypothesis.log_evidence for each in diagnosis.hypotheses],
         }
     )
 
 
-def _list_planes(one: Diagnosis) -> list[str]:
+def _list_planes(diagnosis: Diagnosis) -> list[str]:
     """The second plane in rad/s, if that is the explanation."""
-    values = effect_values(one.leading.best).get("planar-coupling")
+    values = effect_values(diagnosis.leading.best).get("planar-coupling")
     if values is None:
         return []
-    first = one.mode.omega_n * (1.0 + refitted_values(one.leading.best)["frequency"])
+    first = diagnosis.mode.omega_n * (1.0 + refitted_values(diagnosis.leading.best)["frequency"])
     return [
         f"The second plane lies at {number(first * values['frequency_ratio'], 4)} rad/s, the first at "
         f"{number(first, 4)}, and the drive {number(degrees(values['angle']), 2)} degrees from the first. (The fit of "
@@ -270,10 +270,10 @@ def _list_planes(one: Diagnosis) -> list[str]:
     ]
 
 
-def _list_damping(one: Diagnosis) -> list[str]:
+def _list_damping(diagnosis: Diagnosis) -> list[str]:
     """How probable it is that damping forces, and no other effects, are missing."""
-    kinds = [{CATALOGUE[name].kind for name in each.effects} for each in one.hypotheses]
-    forces = sum(each.probability for each, kind in zip(one.hypotheses, kinds, strict=True) if kind == {"force"})
+    kinds = [{CATALOGUE[name].kind for name in hypothesis.effects} for hypothesis in diagnosis.hypotheses]
+    forces = sum(each.probability for each, kind in zip(diagnosis.hypotheses, kinds, strict=True) if kind == {"force"})
     return [
         "Missing forces that grow with amplitude, whichever they are, have probability "
         f"{format_share(forces)} together."

@@ -125,19 +125,19 @@ def tabulate_loads(loads: Loads) -> pd.DataFrame:
             "linear_over_percent_low": loads.overprediction_low,
             "linear_over_percent_high": loads.overprediction_high,
             **loads.parts,
-            "cautions": ["; ".join(said) for said in loads.cautions],
+            "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
     )
 
 
-def figure(one: BandResult) -> bytes:
+def figure(band: BandResult) -> bytes:
     """The figure of one structure as PNG."""
-    data, units = one.plan.data, one.mode.units
+    data, units = band.plan.data, band.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = real_bands(
-        tabulate_loads(one.grid),
+        tabulate_loads(band.grid),
         tested,
-        one.left_out,
+        band.left_out,
         describe_with_unit("force at resonance", units.force),
         describe_with_unit("resonant amplitude", units.length),
     )
@@ -190,18 +190,18 @@ def _describe_medians(given: pd.DataFrame) -> str:
     return "; ".join(parts)
 
 
-def _list_goals(one: BandResult) -> list[str]:
+def _list_goals(band: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
-    if one.name in WARNED:
-        said = one.at.cautions[-1][0]
-        warned = said in (one.plan.fit.sentence, one.plan.bistable)
-        return [f"| {_title(one)}: a warning stands before the band | {said} | {_describe_yes(warned)} |"]
+    if band.name in WARNED:
+        caution = band.at.cautions[-1][0]
+        warned = caution in (band.plan.fit.sentence, band.plan.bistable)
+        return [f"| {_title(band)}: a warning stands before the band | {caution} | {_describe_yes(warned)} |"]
     rows = []
     for ratio, most in GOALS.items():
         i = RATIOS.index(ratio)
-        width = one.at.average.high[i] / one.at.average.low[i]
-        measured = f"{width:.2f}" if np.isfinite(width) else f"refused: {one.at.cautions[i][0]}"
-        goal = f"{_title(one)}: high/low at {ratio:g} times the tested force at most {most:g}"
+        width = band.at.average.high[i] / band.at.average.low[i]
+        measured = f"{width:.2f}" if np.isfinite(width) else f"refused: {band.at.cautions[i][0]}"
+        goal = f"{_title(band)}: high/low at {ratio:g} times the tested force at most {most:g}"
         rows.append(f"| {goal} | {measured} | {_describe_yes(bool(width <= most))} |")
     return rows
 
@@ -210,23 +210,23 @@ def _describe_yes(met: bool) -> str:
     return "yes" if met else "no"
 
 
-def _describe_section(one: BandResult) -> str:
+def _describe_section(band: BandResult) -> str:
     """One structure: figure, table, what was left out, citation."""
-    units, plan = one.mode.units, one.plan
+    units, plan = band.mode.units, band.plan
     force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
     exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
     laws = ", ".join(f"{law.name} {law.weight:.2f}" for law in plan.laws)
-    said = dict.fromkeys(c for cautions in one.at.cautions for c in cautions)
+    said = dict.fromkeys(c for cautions in band.at.cautions for c in cautions)
     lines = [
-        f"\n## {_title(one)}\n",
-        f"![Bands of {one.name}]({one.name}.png)\n",
+        f"\n## {_title(band)}\n",
+        f"![Bands of {band.name}]({band.name}.png)\n",
         f"| force{force} | times tested | median{length} | 90 % band | high/low | linear over by % |"
         + "".join(f" {name.replace('_', ' ')} % |" for name in PARTS),
         "|" + "---|" * (6 + len(PARTS)),
-        *(_describe_row(one.at, i) for i in range(len(RATIOS))),
+        *(_describe_row(band.at, i) for i in range(len(RATIOS))),
         f"\nLaws by weight: {laws}. Local exponent p from level to level: {exponents}.\n",
         *(f"- {caution}" for caution in said),
-        f"\nDerived from: {CITATIONS[one.name][1]}." if one.name in CITATIONS else "",
+        f"\nDerived from: {CITATIONS[band.name][1]}." if band.name in CITATIONS else "",
     ]
     return "\n".join(lines) + "\n"
 
@@ -243,5 +243,5 @@ def _describe_row(loads: Loads, i: int) -> str:
     )
 
 
-def _title(one: BandResult) -> str:
-    return CITATIONS[one.name][0] if one.name in CITATIONS else one.mode.name
+def _title(band: BandResult) -> str:
+    return CITATIONS[band.name][0] if band.name in CITATIONS else band.mode.name

@@ -110,8 +110,8 @@ def tabulate_goals(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFra
     """Each goal beside its measured figure: ``goal, measured, met``."""
     rows = []
     for way in predictions["way"].unique():
-        mine = predictions[predictions["way"] == way]
-        every, by_truth = tabulate_coverage(mine, ("way",)), tabulate_coverage(mine)
+        prediction = predictions[predictions["way"] == way]
+        every, by_truth = tabulate_coverage(prediction, ("way",)), tabulate_coverage(prediction)
         columns = [every.sort_values("ratio")[name].tolist() for name in ("ratio", "given", "held", "share_above")]
         for ratio, given, held, above in zip(*columns, strict=True):
             interval = binomtest(int(held), int(given)).proportion_ci(SURE, "wilson")

@@ -229,7 +229,7 @@ class LoadsResult(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Cautions, each once."""
-        return tuple(dict.fromkeys([*self.cautions, *(c for said in self.loads.cautions for c in said)]))
+        return tuple(dict.fromkeys([*self.cautions, *(c for caution in self.loads.cautions for c in caution)]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -283,5 +283,5 @@ class CurveResult(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Cautions, each once; which rows are beyond the test their column says."""
-        of_rows = (c for said in self.curve.cautions for c in said if not c.startswith("beyond the test"))
+        of_rows = (c for caution in self.curve.cautions for c in caution if not c.startswith("beyond the test"))
         return tuple(dict.fromkeys([*self.cautions, *of_rows]))

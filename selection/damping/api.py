@@ -234,15 +234,15 @@ def diagnose(
         _check_kind(state, Mode, "mode of a state")
         _admit(own, state, despite)
     forced, said = as_driven_by_force(record, mode)
-    found = diagnose_gap(record, forced, states=states, simulate=simulate)
-    against = () if states or simulate or not compare else compare_with_ranking(record, found, seed)
-    found = replace(found, cautions=(*map(str, findings.findings), *said, *found.cautions))
+    gap = diagnose_gap(record, forced, states=states, simulate=simulate)
+    against = () if states or simulate or not compare else compare_with_ranking(record, gap, seed)
+    gap = replace(gap, cautions=(*map(str, findings.findings), *said, *gap.cautions))
     if not posterior:
-        return DiagnosisResult(found, None, findings, against)
+        return DiagnosisResult(gap, None, findings, against)
     with progress("posterior", 1) as done:
-        sampled = sample_effects(found.leading.best, seed)
+        sampled = sample_effects(gap.leading.best, seed)
         done("done")
-    return DiagnosisResult(found, sampled, findings, against)
+    return DiagnosisResult(gap, sampled, findings, against)
 
 
 @single_threaded

@@ -194,11 +194,11 @@ def _build_loads(table: pd.DataFrame, asked: str) -> list[Block]:
 
 
 def _build_outliers(table: pd.DataFrame) -> list[Block]:
-    found = tabulate_outliers(table)
-    if found.empty:
+    outliers = tabulate_outliers(table)
+    if outliers.empty:
         return [Text("No record stands apart from the others.")]
-    frame = pd.DataFrame({"record": _list_links(found), "law": found["law"], "why": found["why"]})
-    what = f"{count(len(found), 'record')} apart from the fleet by {OUTLYING:g} robust standard deviations"
+    frame = pd.DataFrame({"record": _list_links(outliers), "law": outliers["law"], "why": outliers["why"]})
+    what = f"{count(len(outliers), 'record')} apart from the fleet by {OUTLYING:g} robust standard deviations"
     return [_build_table(frame, what)]
 
 

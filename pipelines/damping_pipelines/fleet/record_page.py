@@ -72,19 +72,19 @@ class FleetRecord:
     inputs: Mapping[str, str]
 
 
-def record_page(one: FleetRecord) -> str:
+def record_page(record: FleetRecord) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    sections = [Section("answer", "The answer first", _answer(one))]
-    if one.ranking:
-        sections.append(Section("law", "Which law", _build_law(one.ranking)))
-    if one.design:
-        sections.append(Section("loads", "Design loads", _build_loads(one, one.design)))
-    if one.diagnosis:
-        sections.append(Section("gap", "The gap to the simulation", _build_gap(one.diagnosis, one.gap_report)))
-    sections.append(Section("basis", "What this rests on", _build_basis(one)))
-    if one.findings:
-        sections.insert(0, Section("audit", "Is the record what it seems?", [List(one.findings)]))
-    return describe_page(one.name, sections, Footer(one.seed, one.versions, one.inputs))
+    sections = [Section("answer", "The answer first", _answer(record))]
+    if record.ranking:
+        sections.append(Section("law", "Which law", _build_law(record.ranking)))
+    if record.design:
+        sections.append(Section("loads", "Design loads", _build_loads(record, record.design)))
+    if record.diagnosis:
+        sections.append(Section("gap", "The gap to the simulation", _build_gap(record.diagnosis, record.gap_report)))
+    sections.append(Section("basis", "What this rests on", _build_basis(record)))
+    if record.findings:
+        sections.insert(0, Section("audit", "Is the record what it seems?", [List(record.findings)]))
+    return describe_page(record.name, sections, Footer(record.seed, record.versions, record.inputs))
 
 
 def describe_failed_page(
@@ -99,29 +99,29 @@ def _build_back() -> Section:
     return Section("fleet", "The fleet", [Links([Link("Summary of all records", "../fleet.html")])])
 
 
-def _answer(one: FleetRecord) -> list[Block]:
+def _answer(record: FleetRecord) -> list[Block]:
     blocks: list[Block] = []
     facts = []
-    if one.ranking:
-        best = max(one.ranking.candidates, key=lambda candidate: candidate.weight)
+    if record.ranking:
+        best = max(record.ranking.candidates, key=lambda candidate: candidate.weight)
         facts.append((best.name, f"law of largest weight ({format_share(best.weight)})"))
-    if one.design:
-        i, unit = int(one.design.force.argmax()), one.mode.units
-        average = one.design.average
+    if record.design:
+        i, unit = int(record.design.force.argmax()), record.mode.units
+        average = record.design.average
         facts.append(
             (
                 format_quantity(average.median[i], unit.length),
-                f"resonant amplitude at {format_force_text(one.design.force[i], unit.force)}, "
+                f"resonant amplitude at {format_force_text(record.design.force[i], unit.force)}, "
                 f"{format_between(average.low[i], average.high[i])}",
             )
         )
-        facts.append((format_signed(one.design.overprediction[i]), "linear damping over that"))
+        facts.append((format_signed(record.design.overprediction[i]), "linear damping over that"))
     if facts:
         blocks.append(Facts(facts))
-    if one.diagnosis:
-        blocks.append(Text(describe_verdict(one.diagnosis), lead=True))
-    if one.reasons:
-        blocks.append(Callout("What could not be done", one.reasons))
+    if record.diagnosis:
+        blocks.append(Text(describe_verdict(record.diagnosis), lead=True))
+    if record.reasons:
+        blocks.append(Callout("What could not be done", record.reasons))
     return blocks
 
 
@@ -161,14 +161,14 @@ def _describe_one_decimal(value: float) -> str:
     return f"{value:.1f}".replace("-", "−") if np.isfinite(value) else "–"
 
 
-def _build_loads(one: FleetRecord, design: Loads) -> list[Block]:
+def _build_loads(record: FleetRecord, design: Loads) -> list[Block]:
     blocks: list[Block] = []
-    if one.own_forces:
+    if record.own_forces:
         blocks.append(
             Text("No design force was asked for: these are multiples of the largest tested force of this record.")
         )
-    if one.bands is not None and np.isfinite(design.average.median).any():
-        blocks.append(_figure(one, design, one.bands))
+    if record.bands is not None and np.isfinite(design.average.median).any():
+        blocks.append(_figure(record, design, record.bands))
     average = design.average
     frame = pd.DataFrame(
         {
@@ -178,14 +178,14 @@ def _build_loads(one: FleetRecord, design: Loads) -> list[Block]:
             "predictive": [format_between(a, b) for a, b in zip(average.low, average.high, strict=True)],
             "linear": design.linear,
             "over": design.overprediction,
-            "cautions": ["; ".join(said) for said in design.cautions],
+            "cautions": ["; ".join(caution) for caution in design.cautions],
         }
     )
     headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
     blocks.append(
         Table(
             frame,
-            f"Resonant amplitude at the design forces, averaged over models by weight; {one.mode.units}.",
+            f"Resonant amplitude at the design forces, averaged over models by weight; {record.mode.units}.",
             {"force": lambda force: f"{force:.6g}", "over": format_signed},
             headings,
         )
@@ -193,7 +193,7 @@ def _build_loads(one: FleetRecord, design: Loads) -> list[Block]:
     weights = pd.DataFrame(
         {"law": [b.name for b in design.by_model], "weight": [b.weight for b in design.by_model]}
         | {
-            f"at {format_force_text(force, one.mode.units.force)}": [
+            f"at {format_force_text(force, record.mode.units.force)}": [
                 f"{number(b.median[i])} ({format_between(b.low[i], b.high[i])})" for b in design.by_model
             ]
             for i, force in enumerate(design.force)
@@ -205,8 +205,8 @@ def _build_loads(one: FleetRecord, design: Loads) -> list[Block]:
     return blocks
 
 
-def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
-    data, units = one.data, one.mode.units
+def _figure(record: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
+    data, units = record.data, record.mode.units
     tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
     drawn = design_loads(
         forms.tabulate_loads(bands),
@@ -218,7 +218,7 @@ def _figure(one: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
         bands.limit,
     )
     said = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
-    return FigureBlock(to_svg(drawn, identifier(one.name), f"{one.name}: design loads", said), said)
+    return FigureBlock(to_svg(drawn, identifier(record.name), f"{record.name}: design loads", said), said)
 
 
 def _build_gap(diagnosis: Diagnosis, gap_report: str) -> list[Block]:
@@ -232,11 +232,11 @@ def _build_gap(diagnosis: Diagnosis, gap_report: str) -> list[Block]:
     ]
 
 
-def _build_basis(one: FleetRecord) -> list[Block]:
-    data = one.data
+def _build_basis(record: FleetRecord) -> list[Block]:
+    data = record.data
     spoken = [
-        f"{count(len(one.record), 'row')} in {count(len(data.sweeps), 'sweep')}; {one.mode.units}.",
+        f"{count(len(record.record), 'row')} in {count(len(data.sweeps), 'sweep')}; {record.mode.units}.",
         f"Tested from {number(data.tested_force.min())} to {number(data.tested_force.max())}.",
-        f"Posteriors by {one.method}" + (", without errors of levels held out." if one.bands is None else "."),
+        f"Posteriors by {record.method}" + (", without errors of levels held out." if record.bands is None else "."),
     ]
     return [List(spoken), Links([Link("Summary of all records", "../fleet.html")])]

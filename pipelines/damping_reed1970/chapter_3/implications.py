@@ -187,13 +187,13 @@ def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]
     return rows
 
 
-def _chi_square(held: PlanarFit, free: PlanarFit, one: str, two: str) -> Row:
+def _chi_square(held: PlanarFit, free: PlanarFit, text: str, two: str) -> Row:
     compared = comparison(held, free)
     says = (
         f"p = {compared['p_value']:.2g} if the residuals were independent; "
         f"p = {compared['p_value_correlated']:.2g} with the correlation of neighbours, {free.correlation:.2f}"
     )
-    return _row(f"chi-square of {one} over {two}", compared["chi_square"], says)
+    return _row(f"chi-square of {text} over {two}", compared["chi_square"], says)
 
 
 def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:

@@ -140,9 +140,9 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     """One row per sampled posterior, each parameter as median and interval."""
     rows = []
     for data, fit in SAMPLED:
-        mine = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
+        posterior = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
         spoken = {"data": data, "fit": fit}
-        for one in mine.to_dict("records"):
+        for one in posterior.to_dict("records"):
             label, digits = SHOWN.get(POSTERIOR.get(one["parameter"], one["parameter"]), ("", 0))
             if label:
                 spoken[label] = (

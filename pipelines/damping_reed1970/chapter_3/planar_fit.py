@@ -189,7 +189,7 @@ def _list_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]
 def _best(data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], starts: list[PlanarModel]) -> PlanarModel:
     """The lowest minimum with the planes inside the swept frequencies."""
     fits = [_minimise(data, fixed, free, start) for start in starts]
-    inside = [one for one in fits if _swept(one[1], data, free)]
+    inside = [fit for fit in fits if _swept(fit[1], data, free)]
     if not inside:
         raise AnalysisError("no fit of two planes has both inside the swept frequencies")
     return min(inside, key=lambda one: one[0])[1]

@@ -188,7 +188,7 @@ def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
         return float(values[0]), (values[1 : 1 + x.size] - values[1 + x.size :]) / (2.0 * _STEP)
 
     descents = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
-    return min(descents, key=lambda one: float(one.fun))
+    return min(descents, key=lambda descent: float(descent.fun))
 
 
 def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:

@@ -91,7 +91,7 @@ def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[
 
 def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
     """What the levels say, and what a reader should know of it."""
-    cautions = dict.fromkeys(caution for one in studies.levels.values() for caution in one.cautions)
+    cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
     return {
         "least": _list_least(variations),
         "variations": [f"level-variation-mode-{mode}-{held}" for mode, held in studies.levels],
@@ -126,7 +126,7 @@ def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
     rows = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
     laws = {"refitted": "the refitted power law", "whole": "all laws by weight"}
     printed = rows["own"]["printed"]
-    inside = [said for name, said in laws.items() if rows[name]["low"] <= printed <= rows[name]["high"]]
+    inside = [law for name, law in laws.items() if rows[name]["low"] <= printed <= rows[name]["high"]]
     return {**rows, "example_force": F_EXAMPLE, "inside": inside}
 
 
@@ -141,18 +141,18 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
 
 def _list_least(variations: pd.DataFrame) -> list[str]:
     """Which case varies least, among those of the report and among all."""
-    said = []
+    lines = []
     for mode in (1, 2):
         for held, words in HELD.items():
             rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
             plain = rows[~rows["free"] & (rows["case"] != "V, second term")]
             of_report, of_all = (min(r.to_dict("records"), key=_spread) for r in (plain, rows))
-            said.append(
+            lines.append(
                 f"Mode {mode}, {words}: of the report's cases {_describe_case(of_report['case'])} "
                 f"({number(of_report['spread_percent'], 2)} per cent), of all {_describe_case(of_all['case'])} "
                 f"({number(of_all['spread_percent'], 2)} per cent)."
             )
-    return said
+    return lines
 
 
 def _spread(one: dict[Hashable, Any]) -> float:
@@ -196,9 +196,9 @@ def list_chapter_4_figures(
             f"level-variation-mode-{mode}-{held}", "", f"Mode {mode}: variation of the {said} from level to level",
             f"For each damping case the largest variation of the {said} with each sweep as base (Table 4.V) and its "
             "standard deviation over the sweeps; least is best.",
-            lambda one=one, said=said: figures.draw_level_variation(one.variations, f"the {said}"),  # type: ignore[misc]  # bound now
+            lambda level=level, said=said: figures.draw_level_variation(level.variations, f"the {said}"),  # type: ignore[misc]  # bound now
         )
-        for (mode, held), one in levels.items()
+        for (mode, held), level in levels.items()
         for said in ({"xi": "damping factor", "coefficient": "coefficient"}[held],)
     ]  # fmt: skip
     return [

@@ -237,6 +237,6 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
         case "4.3.23" | "4.3.24":
             line = fit_mode(law.mode, "displacement-velocity-power", "corrected")
             return np.array([line.alpha, line.p])
-    one = fits[law.equation]
-    refitted = one.fit(*one.data("corrected"))
-    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(one.printed, refitted.coefficients, strict=True)])
+    fit = fits[law.equation]
+    refitted = fit.fit(*fit.data("corrected"))
+    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(fit.printed, refitted.coefficients, strict=True)])

@@ -62,9 +62,9 @@ def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
         "inside": int(laws["printed_in_interval"].sum()),
         "numbers": len(laws),
         "worst": format_joined(
-            f"{one['equation']} (configuration {one['configuration']}, mode {one['mode']}: "
-            f"{format_percent(one['printed_percent_resonance'])} per cent{_describe_known(one['erratum'])})"
-            for one in worst.to_dict("records")
+            f"{row['equation']} (configuration {row['configuration']}, mode {row['mode']}: "
+            f"{format_percent(row['printed_percent_resonance'])} per cent{_describe_known(row['erratum'])})"
+            for row in worst.to_dict("records")
         ),
         "viscous": len(viscous),
         "viscous_failing": int((~viscous["printed_reproduces"]).sum()),

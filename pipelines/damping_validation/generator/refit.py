@@ -274,12 +274,12 @@ def _integrate(bench: Bench, effects: tuple[TrueEffect, ...], noise: Noise) -> D
     except NoSteadyStateError:
         return None
     cells = _cells(recorded(first, rows), noise)
-    each: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
     if len(effects) > 1:
-        each = tuple(gap(cells, bench, (*effects[:n], *effects[n + 1 :]), reshape=True) for n in range(len(effects)))
-        if min(each) < LEAST_OF_EACH:
+        values = tuple(gap(cells, bench, (*effects[:n], *effects[n + 1 :]), reshape=True) for n in range(len(effects)))
+        if min(values) < LEAST_OF_EACH:
             return None
     size = gap(cells, bench)
     if effects and size < SINGLE_GAPS[0]:
         return None
-    return DrawnCase(bench, effects, noise, cells, size, each, third, across)
+    return DrawnCase(bench, effects, noise, cells, size, values, third, across)

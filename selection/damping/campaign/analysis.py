@@ -66,8 +66,8 @@ def analyse(
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
     modes = tuple(answer_driven(names, levels, mode, inputs, seed, limits or {}) for mode in tie_modes(names, levels))
-    found = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
-    return replace(found, outcomes=compare_predictions(before, found))
+    campaign = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
+    return replace(campaign, outcomes=compare_predictions(before, campaign))
 
 
 def _of_decays(
@@ -91,7 +91,7 @@ def _decaying(
     names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int
 ) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
-    of = {one.name: one for one in run.channels}[names[mode.reference]]
+    of = {channel.name: channel for channel in run.channels}[names[mode.reference]]
     table = mode.record.table.sort_values("amplitude")
     A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
     to_reading = (2.0 * pi * mode.frequency) ** ORDERS[of.quantity] / (unit(of.unit).factor if of.unit else 1.0)
@@ -140,8 +140,8 @@ def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
 
 def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
     """Amplitude of every sensor kept, by the shape."""
-    by_name = {one.name: one for one in run.channels}
-    found = []
+    by_name = {channel.name: channel for channel in run.channels}
+    responses = []
     for s, name in enumerate(names):
         if not np.isfinite(mode.shape[s]):
             continue
@@ -149,5 +149,5 @@ def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level:
         size = abs(mode.shape[s]) * level * factor
         spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
         of = by_name[name]
-        found.append(Response(name, of.quantity, of.unit, (size, size * exp(-spread), size * exp(spread))))
-    return tuple(found)
+        responses.append(Response(name, of.quantity, of.unit, (size, size * exp(-spread), size * exp(spread))))
+    return tuple(responses)

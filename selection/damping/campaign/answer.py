@@ -144,7 +144,7 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
         before: predicted and tested peaks of the campaign before the run. Between levels a peak is straight on
             logarithmic axes; outside nothing was predicted.
     """
-    found = []
+    predictions = []
     for mode in campaign.modes:
         near = [one for one in before if abs(one.frequency / mode.frequency - 1.0) < SAME_MODE]
         for at in (at for at in mode.places if at.tested):
@@ -163,8 +163,10 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
                     continue
                 band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
                 predicted = (band[0], band[1], band[2])
-                found.append(Outcome(mode.name, response.sensor, response.unit, at.driven, response.band[0], predicted))
-    return tuple(found)
+                predictions.append(
+                    Outcome(mode.name, response.sensor, response.unit, at.driven, response.band[0], predicted)
+                )
+    return tuple(predictions)
 
 
 @dataclass(frozen=True)
@@ -219,7 +221,9 @@ class Campaign:
                 for mode in self.modes
                 for finding in mode.findings
             ],
-            "outcomes": [asdict(one) | {"above_db": one.above_db, "held": one.held} for one in self.outcomes],
+            "outcomes": [
+                asdict(outcome) | {"above_db": outcome.above_db, "held": outcome.held} for outcome in self.outcomes
+            ],
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }

@@ -68,7 +68,7 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
         InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
     names = list_common_sensors(runs)
-    kinds = {one.quantity for run in runs for one in run.channels if one.name in names}
+    kinds = {channel.quantity for run in runs for channel in run.channels if channel.name in names}
     if len(kinds) > 1:
         raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
     order = ORDERS[kinds.pop()]
@@ -124,7 +124,7 @@ def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> b
 
 def _motions(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and motions (sensors, n) in SI, each about its mean."""
-    by_name = {one.name: one for one in run.channels}
+    by_name = {channel.name: channel for channel in run.channels}
     factor = np.array([unit(by_name[name].unit).factor if by_name[name].unit else 1.0 for name in names])
     x = np.asarray(values_of(run, names), dtype=float) * factor[:, None]
     return run.x, x - np.mean(x, axis=1, keepdims=True)

@@ -129,19 +129,19 @@ def _list_responses(
     drive: float,
 ) -> tuple[Response, ...]:
     """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
-    by_name = {one.name: one for one in level.run.channels}
+    by_name = {channel.name: channel for channel in level.run.channels}
     peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
-    found = []
+    responses = []
     for s, name in enumerate(names):
         if not np.isfinite(mode.residues[s]):
             continue
         of = by_name[name]
         size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[of.quantity]) / unit(of.unit).factor
         spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
-        found.append(
+        responses.append(
             Response(name, of.quantity, of.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread))
         )
-    return tuple(found)
+    return tuple(responses)
 
 
 def _peaks(level: Level, mode: ModeFound, frequency: float, ratio: float) -> FloatArray:
@@ -194,7 +194,7 @@ def find_notches(
         places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
         limits: by sensor, in its unit.
     """
-    found = []
+    notches = []
     for sensor, limit in limits.items():
         rows = sorted(
             (at.level, one.band[2], at.ratio[2], at.frequency, one.unit)
@@ -211,8 +211,8 @@ def find_notches(
         low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)
         unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
-        found.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
-    return tuple(found)
+        notches.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
+    return tuple(notches)
 
 
 def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:

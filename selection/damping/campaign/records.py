@@ -89,7 +89,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     ratios: Sequence[float] = ()
     for run in runs:
         f, H, drive = _accelerations(run, names)
-        third = None if any(one.third is None for one in run.channels) else _accelerations(run, names, 3)[1]
+        third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, names, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
         if not len(starts):
             starts = find_peaks_of(f, H)
@@ -107,7 +107,7 @@ def _accelerations(run: CampaignRun, names: Sequence[str], harmonic: int = 1) ->
     ``harmonic``: 3 for the third harmonics of the sensors.
     """
     assert run.drive is not None
-    by_name = {one.name: one for one in run.channels}
+    by_name = {channel.name: channel for channel in run.channels}
     drive_unit = unit(run.drive_unit)
     if run.is_base_driven and drive_unit.powers != (0, 1, -2):
         raise InputError(f"a drive in {run.drive_unit}", expected="a force, or an acceleration of the base")
@@ -129,14 +129,14 @@ def tie_modes(names: Sequence[str], levels: Sequence[Level]) -> list[ModeFound]:
         AnalysisError: none is left.
     """
     out = _bad_sensors(names, levels)
-    found: list[ModeFound] = []
+    modes: list[ModeFound] = []
     for k in range(len(levels[0].fit.frequency)):
-        mode = _tie(names, levels, k, dict(out), len(found) + 1)
+        mode = _tie(names, levels, k, dict(out), len(modes) + 1)
         if mode is not None:
-            found.append(mode)
-    if not found:
+            modes.append(mode)
+    if not modes:
         raise AnalysisError("no mode is seen by any sensor at every level")
-    return found
+    return modes
 
 
 def _bad_sensors(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
@@ -159,7 +159,7 @@ def _bad_sensors(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str
 
 def _reversed_at_drive(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
     """The sensor where the force acts, where it moves against the force in every mode."""
-    at_drive = {one.name for one in levels[0].run.channels if one.at_drive}
+    at_drive = {channel.name for channel in levels[0].run.channels if channel.at_drive}
     residues = np.median([level.fit.residues for level in levels], axis=0)
     against = [name for name, row in zip(names, residues, strict=True) if name in at_drive and np.all(row < 0.0)]
     return dict.fromkeys(against, "reversed: it moves against the force where the force acts")
@@ -202,12 +202,12 @@ def _tie(
 
 def _list_shape_cautions(r: FloatArray, levels: Sequence[Level]) -> tuple[str, ...]:
     """Levels whose shape is not that of the lowest."""
-    said = []
+    shape_cautions = []
     for level, row in zip(levels[1:], r[1:], strict=True):
         mac = float((row @ r[0]) ** 2 / ((row @ row) * (r[0] @ r[0])))
         if mac < ALIKE:
-            said.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
-    return tuple(said)
+            shape_cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
+    return tuple(shape_cautions)
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:

@@ -160,13 +160,13 @@ class CampaignRun:
 def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
     channels = []
-    for one in run.channels:
-        of = stated.of(one.name)
+    for channel in run.channels:
+        of = stated.of(channel.name)
         if of.role == "out":
             continue
-        text = of.unit or one.unit
-        quantity = describe_quantity(text, one.name) if of.unit else one.quantity
-        channels.append(replace(one.scaled(of.scale), unit=text, quantity=quantity))
+        text = of.unit or channel.unit
+        quantity = describe_quantity(text, channel.name) if of.unit else channel.quantity
+        channels.append(replace(channel.scaled(of.scale), unit=text, quantity=quantity))
     return replace(run, level=stated.levels.get(run.label, run.level), channels=tuple(channels))
 
 
@@ -180,7 +180,7 @@ def describe_quantity(text: str, name: str) -> str:
 
 def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
     """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
-    names = [one.name for one in runs[0].channels]
+    names = [channel.name for channel in runs[0].channels]
     kept = [name for name in names if all(name in {one.name for one in run.channels} for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
@@ -189,7 +189,7 @@ def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
 
 def values_of(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> Samples:
     """Values (sensors, n) of a run, or its third harmonics."""
-    by_name: Mapping[str, Channel] = {one.name: one for one in run.channels}
+    by_name: Mapping[str, Channel] = {channel.name: channel for channel in run.channels}
     return np.array([by_name[name].values if harmonic == 1 else by_name[name].third for name in names])
 
 
@@ -201,8 +201,8 @@ def is_drive(name: str, stated: Corrections) -> bool:
 
 def find_level(text: str) -> tuple[float, str] | None:
     """A level and its unit in a label; None where there is none."""
-    found = LEVEL.search(text)
-    return (float(found[1]), found[2].replace("m/s2", "m/s^2")) if found else None
+    match = LEVEL.search(text)
+    return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
 
 
 def set_level(run: CampaignRun, stated: tuple[float, str] | None, file: Path, summary: Summary) -> CampaignRun:
@@ -222,7 +222,9 @@ def set_level(run: CampaignRun, stated: tuple[float, str] | None, file: Path, su
         summary.note(
             f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
         )
-        channels = tuple(one.scaled(1.0 / STANDARD_GRAVITY_M_S2) if one.unit == "g" else one for one in run.channels)
+        channels = tuple(
+            channel.scaled(1.0 / STANDARD_GRAVITY_M_S2) if channel.unit == "g" else channel for channel in run.channels
+        )
         return replace(run, level=level, drive=run.drive / STANDARD_GRAVITY_M_S2, channels=channels)
     summary.note(f"{file.name}: the control of {run.label!r} reads {measured:.3g} {run.drive_unit}, taken as its level")
     return replace(run, level=measured)

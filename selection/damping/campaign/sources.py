@@ -109,9 +109,9 @@ def _list_functions(
 ) -> list[CampaignRun]:
     """Runs of a universal file: functions of one level in their ID lines belong together."""
     groups: dict[str, list[Function]] = {}
-    for one in functions:
-        level = find_level(one.title)
-        groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(one)
+    for function in functions:
+        level = find_level(function.title)
+        groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(function)
     return [_function_run(label, group, file, summary, stated) for label, group in groups.items()]
 
 
@@ -131,7 +131,7 @@ def _function_run(
         raise InputError(f"{label}: channels at different frequencies", file=file, expected="one list of frequencies")
     drive_unit = sensors[0].units[1] if ratio else drives[0].units[0]
     level = find_level(label)
-    channels = [_channel(one) for one in sensors]
+    channels = [_channel(sensor) for sensor in sensors]
     if ratio:
         if level is None:
             raise InputError(
@@ -144,16 +144,16 @@ def _function_run(
     return set_level(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
 
 
-def _channel(one: Function) -> Channel:
-    name = name_function(one)
-    quantity = one.quantity or describe_quantity(one.units[0], name)
+def _channel(function: Function) -> Channel:
+    name = name_function(function)
+    quantity = function.quantity or describe_quantity(function.units[0], name)
     return Channel(
         name,
         quantity,
-        one.units[0],
-        np.asarray(one.y),
-        bool(one.per),
-        one.per == "force" and one.response == one.reference,
+        function.units[0],
+        np.asarray(function.y),
+        bool(function.per),
+        function.per == "force" and function.response == function.reference,
     )
 
 
@@ -191,15 +191,15 @@ def _group_run(
     stated: Corrections,
 ) -> CampaignRun:
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
-    found = read_arrays(file, "hdf5", list(path.values()), max_size)
-    f = found.arrays[path[x]][0].real.reshape(-1)
-    units = {leaf: found.units.get(path[leaf], "") for leaf in leaves}
+    arrays = read_arrays(file, "hdf5", list(path.values()), max_size)
+    f = arrays.arrays[path[x]][0].real.reshape(-1)
+    units = {leaf: arrays.units.get(path[leaf], "") for leaf in leaves}
     level = find_level(group.replace("_", " "))
     channels: list[Channel] = []
     for leaf in leaves:
-        if leaf in (x, drive) or path[leaf] not in found.arrays:
+        if leaf in (x, drive) or path[leaf] not in arrays.arrays:
             continue
-        values = found.arrays[path[leaf]][0]
+        values = arrays.arrays[path[leaf]][0]
         rows = values if values.ndim == 2 and values.shape[1] == len(f) else values.T
         rows = np.atleast_2d(rows)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
@@ -210,7 +210,7 @@ def _group_run(
             name = leaf if len(rows) == 1 else f"{leaf}[{k}]"
             channels.append(Channel(name, describe_quantity(of, leaf), of, row))
     drive_unit = units[drive] or (level[1] if level else channels[0].unit if channels else "")
-    values = found.arrays[path[drive]][0] * stated.of(drive).scale
+    values = arrays.arrays[path[drive]][0] * stated.of(drive).scale
     rows = values if values.shape[-1] == len(f) else values.T
     values = _join_controls(list(np.atleast_2d(rows)), stated.control)
     drive_unit = stated.of(drive).unit or drive_unit
@@ -229,12 +229,12 @@ def _read_decay(data: bytes, file: Path, summary: Summary) -> CampaignRun:
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
         raise InputError(f"columns {describe_shortened(first, 80)}", file=file, expected=expected)
     mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
-    found = read_columns(data, file, mapped, {})
+    columns = read_columns(data, file, mapped, {})
     channels = []
     for k, header in enumerate(sensors):
         of = header.unit.replace("m/s2", "m/s^2")
-        channels.append(Channel(header.name, describe_quantity(of, header.name), of, found.numbers[f"sensor {k}"]))
-    return CampaignRun(file.stem, None, "", found.numbers["time"], None, tuple(channels), is_time=True)
+        channels.append(Channel(header.name, describe_quantity(of, header.name), of, columns.numbers[f"sensor {k}"]))
+    return CampaignRun(file.stem, None, "", columns.numbers["time"], None, tuple(channels), is_time=True)
 
 
 def _described(runs: Sequence[CampaignRun], summary: Summary) -> None:

@@ -95,8 +95,8 @@ def track_arrays(
     def samples() -> Iterator[FloatArray]:
         first = 0
         while True:
-            found = read_arrays(file, kind, asked, most, rows=(first, first + SAMPLES)).arrays
-            block = np.array([found[path][0].real.reshape(-1) for path in paths])
+            arrays = read_arrays(file, kind, asked, most, rows=(first, first + SAMPLES)).arrays
+            block = np.array([arrays[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
                 yield block
             if block.shape[1] < SAMPLES:
@@ -109,8 +109,8 @@ def track_arrays(
 
 def find_channels(file: Path, kind: str, most: int) -> Arrays | None:
     """The first samples of every channel of a file that says their time step; None for a file of mere arrays."""
-    found = read_arrays(file, kind, [], most, rows=(0, 1))
-    return found if found.steps else None
+    arrays = read_arrays(file, kind, [], most, rows=(0, 1))
+    return arrays if arrays.steps else None
 
 
 def track_samples(
@@ -175,11 +175,11 @@ def _require_even(t: FloatArray, step: float, file: Path) -> None:
         raise InputError("the times are not evenly spaced", file=file, expected="one step throughout, rising")
 
 
-def name_function(one: Function) -> str:
+def name_function(function: Function) -> str:
     """Name of a channel: the ID line without its level."""
-    found = LEVEL.search(one.title)
-    name = one.title[: found.start()] + one.title[found.end() :] if found else one.title
-    return " ".join(name.split()) or f"node {one.response[0]}"
+    match = LEVEL.search(function.title)
+    name = function.title[: match.start()] + function.title[match.end() :] if match else function.title
+    return " ".join(name.split()) or f"node {function.response[0]}"
 
 
 def read_histories(

@@ -21,16 +21,16 @@ _MOST_WARMING = 2.0
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
     """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
-    found = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
+    forms = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
     for sign in (1.0, -1.0):
-        found += [
+        forms += [
             _drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT),
             _drift_form("damping", sign, 0.2, _MOST_WARMING),
             _drift_form("settling", sign, scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
         ]
         sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
-        found += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
-    return tuple(found)
+        forms += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
+    return tuple(forms)
 
 
 #: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.

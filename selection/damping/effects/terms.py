@@ -53,20 +53,20 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     v, per_u = _unread(terms, u - gain)
     A = np.exp(v)
     terms = tuned(terms, drive)
-    found = _receptance(terms, drive, (A, A))
+    receptance = _receptance(terms, drive, (A, A))
     if not terms.linear and (terms.plane is not None or terms.compliance):
         for _ in range(_REFINEMENTS):
-            found = _receptance(terms, drive, _shares(terms, found, A))
+            receptance = _receptance(terms, drive, _shares(terms, receptance, A))
     F = drive.F
     if terms.received:
         F = F * np.exp(_total(terms.received, drive))
-    H = found.H
+    H = receptance.H
     P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
-    by_u, by_frequency = -found.by_u / H, -found.by_frequency / H
+    by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
     if np.any(drive.resonant):
         P, by_u, by_frequency = (
             np.where(drive.resonant, at, beside)
-            for at, beside in zip(_at_resonance(found, F), (P, by_u, by_frequency), strict=True)
+            for at, beside in zip(_at_resonance(receptance, F), (P, by_u, by_frequency), strict=True)
         )
     real, slope = _read(terms, P.real)
     if terms.readings:
@@ -229,7 +229,7 @@ def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
     """Phasor of the motion across the drive, F sin(theta) cos(theta) (H_1 - H_2) (3.1.24-3.1.27); 0 in one plane."""
     if terms.plane is None:
         return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
-    found = _receptance(tuned(terms, drive), drive, (A, A))
+    receptance = _receptance(tuned(terms, drive), drive, (A, A))
     t = np.asarray(terms.plane.weight)
-    first, second = found.paths[0] * (1.0 + t), found.paths[1] * (1.0 + t) / t
+    first, second = receptance.paths[0] * (1.0 + t), receptance.paths[1] * (1.0 + t) / t
     return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))

@@ -147,16 +147,16 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
     Raises:
         InputError: the structure is shaken at its base and no sweep shows the participation.
     """
-    found = tabulate_resonances(record)
-    mass, sd = record.masses(mode.mass)[found["row"].to_numpy()], mode.tolerance.mass
+    resonances = tabulate_resonances(record)
+    mass, sd = record.masses(mode.mass)[resonances["row"].to_numpy()], mode.tolerance.mass
     if getattr(mode, "drive", "force") == "base":
         known = np.array([]) if implied is None else implied["mass"].dropna().to_numpy(float)
         if len(known) == 0:
             raise InputError("no sweep shows the participation", file=record.source, expected="sweeps with phases")
-        mass, sd = np.full(len(found), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
+        mass, sd = np.full(len(resonances), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
     return Backbone(
-        amplitude=found["amplitude"].to_numpy(float),
-        omega=RAD_S_PER_HZ * found["frequency"].to_numpy(float),
+        amplitude=resonances["amplitude"].to_numpy(float),
+        omega=RAD_S_PER_HZ * resonances["frequency"].to_numpy(float),
         mass=mass,
         mass_sd=sd,
         scatter=mode.repeatability.frequency or 0.0,

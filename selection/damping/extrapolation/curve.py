@@ -227,5 +227,5 @@ def join_curves(curves: Sequence[Curve]) -> Curve:
         frequency=join("frequency"),
         damping_ratio=join("damping_ratio"),
         tested=np.concatenate([curve.tested for curve in curves]),
-        cautions=tuple(said for curve in curves for said in curve.cautions),
+        cautions=tuple(caution for curve in curves for caution in curve.cautions),
     )

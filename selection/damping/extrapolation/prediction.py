@@ -64,24 +64,24 @@ def _list_of_trend(force: float, plan: Plan) -> list[str]:
 
 def _list_of_test(force: float, data: Observations) -> list[str]:
     """What the tested levels cannot say."""
-    said = []
+    lines = []
     levels = int(number_levels(data.tested_force).max()) + 1
     if levels == 1:
-        said.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
+        lines.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
     elif levels < 5:
-        said.append(f"{_WORDS[levels]} force levels say little about how damping grows with amplitude")
+        lines.append(f"{_WORDS[levels]} force levels say little about how damping grows with amplitude")
     span = data.tested_force.max() / data.tested_force.min()
     if levels > 1 and force / data.tested_force.max() > span:
-        said.append(f"farther beyond the test than the test is wide (largest over smallest tested force {span:.2f})")
-    return said
+        lines.append(f"farther beyond the test than the test is wide (largest over smallest tested force {span:.2f})")
+    return lines
 
 
 def _list_of_weights(weights: Sequence[float]) -> list[str]:
     """How well the laws are told apart."""
-    said = []
+    lines = []
     if weights and max(weights) < 0.5 * sum(weights):
-        said.append("no law has more than half of the weight")
-    return said
+        lines.append("no law has more than half of the weight")
+    return lines
 
 
 #: Share of draws without a resonance above which no prediction is given.

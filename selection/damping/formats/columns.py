@@ -105,10 +105,10 @@ def _layout(data: bytes, file: str | Path, delimiter: str, skip: int, decimal: s
     start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
     pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
     lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
-    found = find_layout(lines, delimiter, decimal)
-    if found is None:
+    layout = find_layout(lines, delimiter, decimal)
+    if layout is None:
         raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
-    return found
+    return layout
 
 
 class _Rows:
@@ -229,8 +229,8 @@ def _stated_place(name: str, headers: Sequence[ColumnHeader], file: str | Path, 
     if len(exact or matches) == 1:
         return (exact or matches)[0]
     names = [header.text for header in headers]
-    alike = describe_nearest(name, names, likeness=0.5)
-    meant = f" (is {describe_shortened(alike)!r} meant?)" if alike else ""
+    nearest = describe_nearest(name, names, likeness=0.5)
+    meant = f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
     hint = "" if matches else _describe_other_delimiter(names) or meant
     message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
     raise InputError(message, file=file, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")

@@ -243,10 +243,10 @@ def _spread(values: Samples, n: int, k: int, role: str, file: str | Path) -> Sam
         return np.full((n, 1), values.reshape(-1)[0])
     if values.size == k and k != n:
         return np.broadcast_to(values.reshape(1, k), (n, k))
-    found = _matrix(values, n, role, file)
-    if found.shape[1] not in (1, k):
-        raise InputError(f"{found.shape[1]} columns of {role}", file=file, expected=f"1 or {k} as of the response")
-    return found
+    matrix = _matrix(values, n, role, file)
+    if matrix.shape[1] not in (1, k):
+        raise InputError(f"{matrix.shape[1]} columns of {role}", file=file, expected=f"1 or {k} as of the response")
+    return matrix
 
 
 def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
@@ -259,9 +259,9 @@ def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
     if squeezed.ndim == 1 and len(squeezed) == n:
         return squeezed.reshape(n, 1)
     if squeezed.ndim == 2 and n in squeezed.shape:
-        found = squeezed if squeezed.shape[0] == n else squeezed.T
-        if found.shape[1] <= _MOST_SWEEPS:
-            return found
+        matrix = squeezed if squeezed.shape[0] == n else squeezed.T
+        if matrix.shape[1] <= _MOST_SWEEPS:
+            return matrix
     raise InputError(
         f"array of {role} has the shape {tuple(values.shape)}",
         file=file,
@@ -270,10 +270,10 @@ def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
 
 
 def _same(values: Samples, n: int, like: Samples, role: str, file: str | Path) -> Samples:
-    found = _matrix(values, n, role, file)
-    if found.shape != like.shape:
-        raise InputError(f"array of {role} has the shape {found.shape}", file=file, expected=f"{like.shape}")
-    return found
+    matrix = _matrix(values, n, role, file)
+    if matrix.shape != like.shape:
+        raise InputError(f"array of {role} has the shape {matrix.shape}", file=file, expected=f"{like.shape}")
+    return matrix
 
 
 def _real(values: Samples, role: str, file: str | Path) -> FloatArray:

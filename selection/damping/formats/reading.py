@@ -56,27 +56,27 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     if kind == "uff":
         return read_uff(data, path, summary, stated.datasets, stated.labels), summary
     known = LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
-    found = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    columns = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
-        by = "no header, columns by number" if found.layout.numbered else "columns by name"
-        layout = f"{found.layout.delimiter} between cells, decimal {found.layout.decimal}, {by}"
+        by = "no header, columns by number" if columns.layout.numbered else "columns by name"
+        layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
         summary.add("table", layout, "found in the file")
-    numbers = found.numbers if stated.columns or kind == "csv" else drop_repeated(found.numbers)
-    for role, header in found.headers.items():
+    numbers = columns.numbers if stated.columns or kind == "csv" else drop_repeated(columns.numbers)
+    for role, header in columns.headers.items():
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
-    headers = {role: header for role, header in found.headers.items() if role in numbers}
+    headers = {role: header for role, header in columns.headers.items() if role in numbers}
     if kind == "csv":
-        require_response({role: header.text for role, header in headers.items()}, found.layout.names, stated, path)
+        require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated, path)
     said = Said(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
-        response=found.response,
+        response=columns.response,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
-    return to_series(numbers, found.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
+    return to_series(numbers, columns.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
 
 
 def check(stated: Stated) -> None:
@@ -117,8 +117,8 @@ def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
 
 def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
     if value is not None and value not in known:
-        alike = describe_nearest(value, known, likeness=0.5)
-        hint = f" (is {alike!r} meant?)" if alike else ""
+        nearest = describe_nearest(value, known, likeness=0.5)
+        hint = f" (is {nearest!r} meant?)" if nearest else ""
         raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
 
 
@@ -128,31 +128,31 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
     if start.startswith(b"MATLAB 5.0"):
-        found = "mat5"
+        text = "mat5"
     elif hdf:
-        found = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
+        text = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
     elif first == b"-1":
-        found = "uff"
+        text = "uff"
     elif start.startswith(b"TDSm"):
-        found = "tdms"
+        text = "tdms"
     elif first.startswith(b"LabVIEW Measurement"):
-        found = "lvm"
+        text = "lvm"
     else:
-        found = "csv"
+        text = "csv"
     if stated.format == "auto":
-        if found == "csv" and _is_binary(start):
+        if text == "csv" and _is_binary(start):
             raise InputError(
                 "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
                 file=path,
                 expected="a file of one of these (save a MAT file of version 4 again with -v7)",
             )
-        summary.add("format", _TITLES[found], "found in the file")
-        return found
-    if stated.format == "mat" and found not in ("mat5", "mat73"):
+        summary.add("format", _TITLES[text], "found in the file")
+        return text
+    if stated.format == "mat" and text not in ("mat5", "mat73"):
         raise InputError("not a MAT file", file=path, expected="a MAT file of version 5 to 7.3")
     if stated.format == "hdf5":
-        found = "hdf5"
-    kind = found if stated.format == "mat" else stated.format
+        text = "hdf5"
+    kind = text if stated.format == "mat" else stated.format
     summary.add("format", _TITLES[kind], "stated")
     return kind
 

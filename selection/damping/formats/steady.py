@@ -91,37 +91,37 @@ def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -
 
 
 def _tabulate_table(
-    one: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary
+    row: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary
 ) -> pd.DataFrame:
     """Rows of one sweep."""
-    ask(one.found, stated, file, force=level is not None or one.force is not None)
-    to = conversion(one.found, stated, file, summary)
-    frequency = np.asarray(one.abscissa, dtype=np.float64)
-    keep = _usable(one, stated, label, file, summary)
+    ask(row.found, stated, file, force=level is not None or row.force is not None)
+    to = conversion(row.found, stated, file, summary)
+    frequency = np.asarray(row.abscissa, dtype=np.float64)
+    keep = _usable(row, stated, label, file, summary)
     omega = RAD_S_PER_HZ * frequency[keep]
-    F = _force(one, keep, level, to, stated, file, summary)
-    X = one.response[keep] * (to.response * (-1.0 if stated.reverse else 1.0)) / (1j * omega) ** to.order
-    if one.found.turn:
-        X = _turned(one.response[keep], X, frequency[keep], to.order, label, file, summary)
-    X = X * (np.abs(F) if to.per_force else scaling(one.found, stated, file, summary))
+    F = _force(row, keep, level, to, stated, file, summary)
+    X = row.response[keep] * (to.response * (-1.0 if stated.reverse else 1.0)) / (1j * omega) ** to.order
+    if row.found.turn:
+        X = _turned(row.response[keep], X, frequency[keep], to.order, label, file, summary)
+    X = X * (np.abs(F) if to.per_force else scaling(row.found, stated, file, summary))
     columns: dict[str, FloatArray | list[str]] = {
         "sweep": [label] * len(omega),
         "force": np.abs(F),
         "frequency": frequency[keep],
         "amplitude": np.abs(X),
     }
-    if one.has_phase:
+    if row.has_phase:
         drive = np.ones_like(F) if to.per_force else F
         columns["phase"] = _wrapped(np.angle(drive) - np.angle(X))
-    for name, values in one.extra.items():
-        columns[name] = _extra(name, values[keep], one, columns, keep, stated, file, summary)
+    for name, values in row.extra.items():
+        columns[name] = _extra(name, values[keep], row, columns, keep, stated, file, summary)
     return pd.DataFrame(columns)
 
 
-def _usable(one: Series, stated: Stated, label: str, file: str, summary: Summary) -> BoolArray:
+def _usable(row: Series, stated: Stated, label: str, file: str, summary: Summary) -> BoolArray:
     """Rows that are steady states within the band."""
-    f = one.abscissa
-    reasons = _left_out(one)
+    f = row.abscissa
+    reasons = _left_out(row)
     keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
     lost = int(np.count_nonzero(~keep))
     counts = _describe_counted(reasons)
@@ -138,17 +138,17 @@ def _usable(one: Series, stated: Stated, label: str, file: str, summary: Summary
     return keep
 
 
-def _left_out(one: Series) -> dict[str, BoolArray]:
+def _left_out(row: Series) -> dict[str, BoolArray]:
     """Rows that are no steady states, by the first reason that holds of each."""
-    columns = {"response": one.response, **({} if one.force is None else {"force": one.force}), **one.extra}
-    f = one.abscissa
+    columns = {"response": row.response, **({} if row.force is None else {"force": row.force}), **row.extra}
+    f = row.abscissa
     reasons: dict[str, BoolArray] = {"at 0 Hz": f == 0.0, "without a frequency > 0": ~(np.isfinite(f) & (f > 0.0))}
     for name, values in columns.items():
         reasons[f"with no finite {name}"] = ~np.isfinite(values)
     for name in ("response", "force"):
         if name in columns:
             reasons[f"with a {name} of 0"] = columns[name] == 0.0
-    seen = np.zeros(len(one.abscissa), dtype=np.bool_)
+    seen = np.zeros(len(row.abscissa), dtype=np.bool_)
     for reason, rows in reasons.items():
         reasons[reason] = rows & ~seen
         seen |= rows
@@ -161,10 +161,10 @@ def _describe_counted(reasons: Mapping[str, BoolArray]) -> str:
 
 
 def _force(
-    one: Series, keep: BoolArray, level: float | None, to: Conversion, stated: Stated, file: str, summary: Summary
+    row: Series, keep: BoolArray, level: float | None, to: Conversion, stated: Stated, file: str, summary: Summary
 ) -> FloatArray:
     """Force amplitude of each row (complex where the file has its phase)."""
-    if level is None and one.force is None:
+    if level is None and row.force is None:
         raise InputError(
             "no force in the file: how hard the structure was driven decides what its damping is",
             file=file,
@@ -178,15 +178,15 @@ def _force(
         summary.add("force", f"{level:g} at every row", "stated")
         return np.full(int(np.count_nonzero(keep)), level * to.force)
     summary.add("force", "measured at every row", "found in the file")
-    assert one.force is not None  # checked above
-    values: FloatArray = one.force[keep] * to.force * scaling(one.found, stated, file, summary, of_force=True)
+    assert row.force is not None  # checked above
+    values: FloatArray = row.force[keep] * to.force * scaling(row.found, stated, file, summary, of_force=True)
     return values
 
 
 def _extra(
     name: str,
     values: FloatArray,
-    one: Series,
+    row: Series,
     columns: dict[str, FloatArray | list[str]],
     keep: BoolArray,
     stated: Stated,
@@ -195,13 +195,13 @@ def _extra(
 ) -> FloatArray:
     """A further column in units of the record: standard uncertainties go with what they belong to."""
     if name == "amplitude_sd":
-        return values / np.abs(one.response[keep]) * np.asarray(columns["amplitude"])
+        return values / np.abs(row.response[keep]) * np.asarray(columns["amplitude"])
     if name == "force_sd":
-        if one.force is None:
+        if row.force is None:
             raise InputError("force_sd without a force", file=file, expected="a column of the force")
-        return values / np.abs(one.force[keep]) * np.asarray(columns["force"])
+        return values / np.abs(row.force[keep]) * np.asarray(columns["force"])
     if name in _POWERS:
-        return values * other_factor(name, _POWERS[name], one.found, stated, file, summary)
+        return values * other_factor(name, _POWERS[name], row.found, stated, file, summary)
     return values
 
 

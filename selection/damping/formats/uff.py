@@ -99,7 +99,7 @@ def read_uff(
     chosen = _list_chosen(sets, datasets, file)
     forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
     _one_point(responses, datasets, file)
-    series = [_series(one, data, file, summary) for one in responses]
+    series = [_series(response, data, file, summary) for response in responses]
     if not labels:
         series = _list_labelled(series, responses)
     return _list_with_forces(series, forces, data, file, summary)
@@ -222,7 +222,7 @@ def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Pat
     if len(responses) > _MOST_SWEEPS:
         expected = f"--dataset numbers of at most {_MOST_SWEEPS}"
         raise InputError(f"{len(responses)} responses", file=file, expected=expected)
-    points = list(dict.fromkeys(one.point for one in responses))
+    points = list(dict.fromkeys(response.point for response in responses))
     if len(points) > 1 and not datasets:
         expected = "--dataset numbers of the sweeps of one point, or damping campaign for all"
         message = f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)"
@@ -277,24 +277,24 @@ def _list_with_forces(
 def _forces(
     forces: list[_Set], data: bytes, file: str | Path, summary: Summary
 ) -> Iterator[tuple[FloatArray, Samples, dict[str, str]]]:
-    for one in forces:
-        x, y = values(data, one.block, one.header, file)
-        head = one.header
+    for force in forces:
+        x, y = values(data, force.block, force.header, file)
+        head = force.header
         yield (
-            abscissa(x, head.abscissa, one.is_time, file, summary),
+            abscissa(x, head.abscissa, force.is_time, file, summary),
             y,
-            units(head, one.quantity, one.per, one.units_code, summary),
+            units(head, force.quantity, force.per, force.units_code, summary),
         )
 
 
-def _joined(one: Series, force: tuple[FloatArray, Samples, dict[str, str]], found: _Set, file: str | Path) -> Series:
+def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], found: _Set, file: str | Path) -> Series:
     x, y, named = force
-    if len(x) != len(one.abscissa) or not np.allclose(x, one.abscissa, rtol=1e-4, atol=0.0):
+    if len(x) != len(row.abscissa) or not np.allclose(x, row.abscissa, rtol=1e-4, atol=0.0):
         raise InputError(
-            f"the force of data set {found.number} is at other abscissas than response {one.label!r}",
+            f"the force of data set {found.number} is at other abscissas than response {row.label!r}",
             file=file,
             line=found.block.line,
             expected="the same frequencies",
         )
-    known = dict(one.found.units) | ({"force": named["force"]} if "force" in named else {})
-    return replace(one, force=y, found=replace(one.found, units=known))
+    known = dict(row.found.units) | ({"force": named["force"]} if "force" in named else {})
+    return replace(row, force=y, found=replace(row.found, units=known))

@@ -26,21 +26,21 @@ from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
 
-def refitted_values(one: ModelFit) -> dict[str, float]:
+def refitted_values(fit: ModelFit) -> dict[str, float]:
     """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
-    simulation = one.model.problem.simulation
-    replaced = {part.form.replaces for part in one.model.parts}
-    x = one.y[: len(simulation.names)]
+    simulation = fit.model.problem.simulation
+    replaced = {part.form.replaces for part in fit.model.parts}
+    x = fit.y[: len(simulation.names)]
     values = np.exp(within_tolerance(x) * simulation.tolerance) - 1.0
     return {name: float(v) for name, v in zip(simulation.names, values, strict=True) if name not in replaced}
 
 
-def effect_values(one: ModelFit) -> dict[str, dict[str, float]]:
+def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
     """Parameters of every effect of a fit, as a model file holds them."""
-    start = len(one.model.problem.simulation.names)
+    start = len(fit.model.problem.simulation.names)
     found = {}
-    for part in one.model.parts:
-        found[part.form.effect] = reported(part, one.y[start : start + part.size])
+    for part in fit.model.parts:
+        found[part.form.effect] = reported(part, fit.y[start : start + part.size])
         start += part.size
     return found
 
@@ -50,15 +50,15 @@ _DRAWS = 400
 CONTENT = 0.9
 
 
-def effect_intervals(one: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
+def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
     """Intervals of the parameters of every effect of a fit, of `CONTENT`, from its Gaussian posterior.
 
     Parameters that are not free (which sweep it is) have none.
     """
-    draws = np.random.default_rng(0).multivariate_normal(one.y, one.covariance, size=_DRAWS, method="cholesky")
-    start = len(one.model.problem.simulation.names)
+    draws = np.random.default_rng(0).multivariate_normal(fit.y, fit.covariance, size=_DRAWS, method="cholesky")
+    start = len(fit.model.problem.simulation.names)
     found = {}
-    for part in one.model.parts:
+    for part in fit.model.parts:
         values = [value[:, 0] for value in part.values(draws[:, start : start + part.size])]
         start += part.size
         tail = 0.5 - 0.5 * CONTENT
@@ -76,16 +76,16 @@ _FAR = 2.5
 _FULL = 0.9
 
 
-def list_ends(one: ModelFit) -> list[str]:
+def list_ends(fit: ModelFit) -> list[str]:
     """Effects of a fit whose best values lie at the end of what was thought possible, in words."""
-    start, found = len(one.model.problem.simulation.names), []
-    for part in one.model.parts:
-        x = one.y[start : start + part.size]
+    start, ends = len(fit.model.problem.simulation.names), []
+    for part in fit.model.parts:
+        x = fit.y[start : start + part.size]
         start += part.size
         strength = float(part.values(x[np.newaxis])[0][0, 0])
         if strength > _FULL * part.form.largest or np.any(np.abs(x[1:]) > _FAR):
-            found.append(f"the best fit of {part.form.effect} ends at the end of its range: no estimate, but a finding")
-    return found
+            ends.append(f"the best fit of {part.form.effect} ends at the end of its range: no estimate, but a finding")
+    return ends
 
 
 def reported(part: Part, x: np.ndarray) -> dict[str, float]:
@@ -94,17 +94,17 @@ def reported(part: Part, x: np.ndarray) -> dict[str, float]:
     return {name: float(value) for name, value in part.form.report(*values).items()}
 
 
-def corrected_mode(one: ModelFit, effects: Mapping[str, Effect]) -> Mode:
+def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
     Damping forces go to ``damping`` (beside one of the same name, its coefficients add), corrected parameters take the
     place of the nominal ones, everything else goes to ``effects``.
     """
-    mode = one.model.problem.simulation.mode
-    relative = refitted_values(one)
+    mode = fit.model.problem.simulation.mode
+    relative = refitted_values(fit)
     added: dict[str, Mapping[str, float]] = {}
     others: dict[str, Mapping[str, Any]] = dict(mode.effects)
-    for name, values in effect_values(one).items():
+    for name, values in effect_values(fit).items():
         effect = effects[name]
         if effect.corrects:
             relative[effect.corrects] = values["relative"]
@@ -183,12 +183,12 @@ def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
 def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     model, W = leading.model, leading.weights
     z = np.tile(leading.y[model.size :], (len(x), 1))
-    found = model.residuals(np.hstack([x, z]))
+    residuals = model.residuals(np.hstack([x, z]))
     rows = model.problem.rows
     one_hot = (np.tile(rows.sweep, len(W) // len(rows))[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
-    gain, frequency = found.by_gain * model.scatter.amplitude, found.by_frequency * model.scatter.frequency
+    gain, frequency = residuals.by_gain * model.scatter.amplitude, residuals.by_frequency * model.scatter.frequency
     sweep = np.tile(rows.sweep, len(W) // len(rows))
-    t = found.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
+    t = residuals.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
     # per sweep: the 2 x 2 matrix 1 + C^T W C and the vector C^T W t
     gg, ff = 1.0 + (W * gain**2) @ one_hot, 1.0 + (W * frequency**2) @ one_hot
     gf, gt, ft = (W * gain * frequency) @ one_hot, (W * gain * t) @ one_hot, (W * frequency * t) @ one_hot

@@ -170,7 +170,7 @@ def diagnose(
         setting=known,
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([one.hypothesis for one in hypotheses], library),
+        groups=group_equivalent_effects([hypothesis.hypothesis for hypothesis in hypotheses], library),
         tests=tests,
         unexplained=more,
         in_library=in_library,
@@ -201,7 +201,7 @@ def refuse_rows(states: Sequence[State]) -> None:
 
 def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
     """The explanations beside the leading one that are alive."""
-    alive = [one for one in hypotheses[1 : 1 + MOST_RIVALS] if one.probability > ALIVE]
+    alive = [hypothesis for hypothesis in hypotheses[1 : 1 + MOST_RIVALS] if hypothesis.probability > ALIVE]
     return [Rival(one.hypothesis.best, one.probability) for one in alive]
 
 

@@ -54,15 +54,15 @@ class Test:
     p_value: float
 
 
-def directed_tests(one: ModelFit) -> list[Test]:
+def directed_tests(fit: ModelFit) -> list[Test]:
     """All tests of what a fit leaves, in no order."""
-    rho = one.model.scatter.correlation
+    rho = fit.model.scatter.correlation
 
     def white(columns: FloatArray) -> FloatArray:
-        return decorrelate(columns, one.model, rho)[0]
+        return decorrelate(columns, fit.model, rho)[0]
 
-    own = replace(one, r=white(one.r), J=white(one.J))
-    found = [_linear(own, name, white(columns(one).T).T) for name, columns in FAMILIES.items()]
+    own = replace(fit, r=white(fit.r), J=white(fit.J))
+    found = [_linear(own, name, white(columns(fit).T).T) for name, columns in FAMILIES.items()]
     return [*found, _windows(own), _neighbours(own)]
 
 
@@ -86,49 +86,49 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
-def _stiffness(one: ModelFit) -> FloatArray:
-    _, found = _at(one)
-    return found.answer.columns(basis(motion(one), SPLINES) * found.found.by_frequency)
+def _stiffness(fit: ModelFit) -> FloatArray:
+    _, found = _at(fit)
+    return found.answer.columns(basis(motion(fit), SPLINES) * found.found.by_frequency)
 
 
-def _damping(one: ModelFit) -> FloatArray:
-    _, found = _at(one)
-    return found.answer.columns(1j * basis(motion(one), SPLINES) * found.found.by_frequency)
+def _damping(fit: ModelFit) -> FloatArray:
+    _, found = _at(fit)
+    return found.answer.columns(1j * basis(motion(fit), SPLINES) * found.found.by_frequency)
 
 
-def stiffness_and_damping(one: ModelFit) -> FloatArray:
+def stiffness_and_damping(fit: ModelFit) -> FloatArray:
     """Columns of a natural frequency (relative change) and a damping ratio that change with amplitude in free form."""
-    return np.concatenate([_stiffness(one), _damping(one)])
+    return np.concatenate([_stiffness(fit), _damping(fit)])
 
 
-def _path(one: ModelFit) -> FloatArray:
+def _path(fit: ModelFit) -> FloatArray:
     """A compliance that is a smooth complex function of frequency beside the model's."""
-    rows, found = _at(one)
+    rows, found = _at(fit)
     relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - found.found.P)
     return found.answer.columns(_complex(relative))
 
 
-def _gain(one: ModelFit) -> FloatArray:
+def _gain(fit: ModelFit) -> FloatArray:
     """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
-    _, found = _at(one)
-    return found.answer.columns(basis(motion(one), 4).astype(complex))
+    _, found = _at(fit)
+    return found.answer.columns(basis(motion(fit), 4).astype(complex))
 
 
-def _instrument(one: ModelFit) -> FloatArray:
+def _instrument(fit: ModelFit) -> FloatArray:
     """Gain and phase that depend on amplitude."""
-    _, found = _at(one)
-    return found.answer.columns(_complex(basis(motion(one), 4)))
+    _, found = _at(fit)
+    return found.answer.columns(_complex(basis(motion(fit), 4)))
 
 
-def _transfer(one: ModelFit) -> FloatArray:
+def _transfer(fit: ModelFit) -> FloatArray:
     """Gain and phase that depend on frequency."""
-    rows, found = _at(one)
+    rows, found = _at(fit)
     return found.answer.columns(_complex(basis(rows.omega, 6)))
 
 
-def _drift(one: ModelFit) -> FloatArray:
+def _drift(fit: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
-    rows, found = _at(one)
+    rows, found = _at(fit)
     within = np.zeros(len(rows))
     for number in range(len(rows.sweeps)):
         own = rows.sweep == number
@@ -137,13 +137,13 @@ def _drift(one: ModelFit) -> FloatArray:
     return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
 
 
-def _at(one: ModelFit) -> tuple[Rows, Residuals]:
-    return one.model.problem.rows, one.model.residuals(one.y[np.newaxis])
+def _at(fit: ModelFit) -> tuple[Rows, Residuals]:
+    return fit.model.problem.rows, fit.model.residuals(fit.y[np.newaxis])
 
 
-def motion(one: ModelFit) -> FloatArray:
+def motion(fit: ModelFit) -> FloatArray:
     """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
-    return one.model.problem.rows.u if one.model.at is None else one.model.at
+    return fit.model.problem.rows.u if fit.model.at is None else fit.model.at
 
 
 def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
@@ -164,20 +164,20 @@ FAMILIES: dict[str, Callable[[ModelFit], FloatArray]] = {
 }
 
 
-def information(one: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+def information(fit: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
     """M and g of columns D (coefficients, m): what the residuals say of them beside the fitted variables."""
-    W = one.weights
-    weighted = one.J * W[:, np.newaxis]
+    W = fit.weights
+    weighted = fit.J * W[:, np.newaxis]
     along = D @ weighted
-    M = (D * W) @ D.T - along @ one.covariance @ along.T
-    g = (D * W) @ one.r - along @ one.covariance @ (weighted.T @ one.r + one.y)
+    M = (D * W) @ D.T - along @ fit.covariance @ along.T
+    g = (D * W) @ fit.r - along @ fit.covariance @ (weighted.T @ fit.r + fit.y)
     return np.asarray(M), np.asarray(g)
 
 
-def _linear(one: ModelFit, name: str, D: FloatArray) -> Test:
-    norms = np.sqrt(np.sum(D**2 * one.weights, axis=1))
+def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
+    norms = np.sqrt(np.sum(D**2 * fit.weights, axis=1))
     seen = norms > 1e-9 * norms.max()
-    M, g = information(one, D[seen] / norms[seen, np.newaxis])
+    M, g = information(fit, D[seen] / norms[seen, np.newaxis])
     values, vectors = np.linalg.eigh(M)
     seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
     gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))
@@ -185,19 +185,19 @@ def _linear(one: ModelFit, name: str, D: FloatArray) -> Test:
     return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
-def _clipped(one: ModelFit) -> tuple[FloatArray, float, float]:
+def _clipped(fit: ModelFit) -> tuple[FloatArray, float, float]:
     """Squares of clipped residuals with their mean and standard deviation under noise."""
     x = np.linspace(-8.0, 8.0, 4001)
     p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
     square = np.minimum(x * x, CLIP**2)
     mean = float(p @ square)
-    return np.minimum(one.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
+    return np.minimum(fit.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
 
 
-def _windows(one: ModelFit) -> Test:
+def _windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
-    rows = one.model.problem.rows
-    squares, mean, sd = _clipped(one)
+    rows = fit.model.problem.rows
+    squares, mean, sd = _clipped(fit)
     quantities = 1 + rows.has_phase
     excess = ((squares - mean) / sd)[: quantities * len(rows)].reshape(-1, len(rows)).sum(axis=0)
     excess = excess[np.argsort(rows.omega)]
@@ -212,25 +212,25 @@ def _windows(one: ModelFit) -> Test:
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 
-def _neighbours(one: ModelFit) -> Test:
+def _neighbours(fit: ModelFit) -> Test:
     """Whether neighbours along a sweep deviate alike."""
-    rows = one.model.problem.rows
-    r = np.clip(one.r, -CLIP, CLIP).reshape(-1, len(rows))
+    rows = fit.model.problem.rows
+    r = np.clip(fit.r, -CLIP, CLIP).reshape(-1, len(rows))
     same = rows.sweep[1:] == rows.sweep[:-1]
     product = (r[:, 1:] * r[:, :-1])[:, same]
     z = float(product.sum() / np.sqrt(max(product.size, 1)))
     return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(ndtr(-z)))
 
 
-def unexplained(one: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
+def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
     """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
 
     It does where some test is below ``ALARM``, all of them taken together, or too many points are wild. It is where it
     needs more than ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not
     have.
     """
-    forces = sum(effects[name].kind == "force" for name in one.effects)
-    return smallest_p(tests) < ALARM or forces > MOST_FORCES or one.many_wild
+    forces = sum(effects[name].kind == "force" for name in fit.effects)
+    return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.many_wild
 
 
 #: Splines that the record determines to less than this share of the best determined one are left out.
@@ -248,15 +248,15 @@ class FreeForm:
     damping_sd: FloatArray
 
 
-def free_form(one: ModelFit, points: int = 80) -> FreeForm:
+def free_form(fit: ModelFit, points: int = 80) -> FreeForm:
     """The curves of free form that a fit lacks, at ``points`` amplitudes of the record."""
-    D = stiffness_and_damping(one)
-    M, g = information(one, D)
+    D = stiffness_and_damping(fit)
+    M, g = information(fit, D)
     values, vectors = np.linalg.eigh(M)
     seen = values > _SEEN * values.max()
     covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
     a = -covariance @ g
-    u = motion(one)
+    u = motion(fit)
     at = np.linspace(u.min(), u.max(), points)
     B = basis(u, SPLINES, at)
     half = len(B)

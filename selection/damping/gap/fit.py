@@ -117,10 +117,10 @@ def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
     return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - _BEHIND]
 
 
-def _differ(one: ModelFit, other: ModelFit) -> bool:
-    if one.model.parts != other.model.parts:
+def _differ(fit: ModelFit, other: ModelFit) -> bool:
+    if fit.model.parts != other.model.parts:
         return True
-    return bool(np.max(np.abs(one.y - other.y) / _sd(other)) > 0.5)
+    return bool(np.max(np.abs(fit.y - other.y) / _sd(other)) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:
@@ -137,8 +137,8 @@ def robust_weights(r: FloatArray) -> FloatArray:
     return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
 
 
-def _sd(one: ModelFit) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(one.covariance)))
+def _sd(fit: ModelFit) -> FloatArray:
+    return np.asarray(np.sqrt(np.diag(fit.covariance)))
 
 
 def _climb(

@@ -242,6 +242,6 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)
 
 
-def _terms(one: ModelFit) -> Terms:
+def _terms(fit: ModelFit) -> Terms:
     """The terms of a fit without any sweep's own deviation, values (1, 1)."""
-    return one.model.terms(one.y[np.newaxis, : one.model.size])
+    return fit.model.terms(fit.y[np.newaxis, : fit.model.size])

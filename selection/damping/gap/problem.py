@@ -200,29 +200,31 @@ def rescaled(rows: Rows, guess: UnitGuess) -> Rows:
 
 def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     """What this record cannot say."""
-    found = []
+    cautions = []
     if rows.at_resonance:
-        found.append(
+        cautions.append(
             "each sweep is one row without a phase: it is taken to be at phase resonance, where the force balances the "
             "damping; effects that only move the resonance cannot be asked for"
         )
     elif not rows.has_phase:
-        found.append(
+        cautions.append(
             "no phase: phase lag, and conservative against dissipative, are told from the shape of amplitudes only"
         )
     if rows.levels < 2:
-        found.append("one force level: dependence on amplitude is seen only along the sweep; nothing can be held out")
+        cautions.append(
+            "one force level: dependence on amplitude is seen only along the sweep; nothing can be held out"
+        )
     few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
     if few and not rows.at_resonance:
-        found.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
-    found += _list_resonance_cautions(rows)
+        cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
+    cautions += _list_resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
-        found.append("repeatability is not stated and cannot be seen in so few sweeps")
+        cautions.append("repeatability is not stated and cannot be seen in so few sweeps")
     if "amplitude_sd" not in record.table.columns:
-        found.append("noise is not stated: it was estimated from the roughness along each sweep")
+        cautions.append("noise is not stated: it was estimated from the roughness along each sweep")
     if not mode.damping:
-        found.append("the simulation has no damping")
-    return found
+        cautions.append("the simulation has no damping")
+    return cautions
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
@@ -237,9 +239,11 @@ def _list_resonance_cautions(rows: Rows) -> list[str]:
         passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
         if peak in (0, int(own.sum()) - 1) and not passed:
             beside.append(sweep)
-    found = []
+    resonance_cautions = []
     if constant:
-        found.append(f"constant amplitude in sweep {', '.join(constant)}: its peak is in the force, not the amplitude")
+        resonance_cautions.append(
+            f"constant amplitude in sweep {', '.join(constant)}: its peak is in the force, not the amplitude"
+        )
     if beside:
-        found.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
-    return found
+        resonance_cautions.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
+    return resonance_cautions

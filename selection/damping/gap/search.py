@@ -210,25 +210,25 @@ class Search:
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = _choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
-        found: list[ModelFit] = []
+        fits: list[ModelFit] = []
         for tried, one in product(promising, near):
-            found += self._fits(one, tried, rough, base, max((own.log_posterior for own in found), default=-np.inf))
-        if found:
-            top = max(one.log_evidence for one in found)
-            worth = [one for one in found if one.log_evidence > top - _CLOSE_MODES]
+            fits += self._fits(one, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
+        if fits:
+            top = max(one.log_evidence for one in fits)
+            worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(one.log_evidence for one in self.found.values())
             self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
-    def _fits(self, one: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
+    def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
         own = [start.x for start in tried[:_STARTS]]
         if rough > _ROUGH:
             own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
             own += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
-        head = one.y[: one.model.size] if base.effects else np.zeros(one.model.size)
+        head = fit.y[: fit.model.size] if base.effects else np.zeros(fit.model.size)
         x = np.array([np.concatenate([head, start]) for start in own])
-        parts = (*one.model.parts, tried[0].part)
-        models = [replace(one.model, parts=parts, at=None)]
+        parts = (*fit.model.parts, tried[0].part)
+        models = [replace(fit.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
         return list(chain.from_iterable(fit_roughly(model, x, rival=rival) for model in models))
@@ -236,7 +236,7 @@ class Search:
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
-        plain = [one for one in fits if one.log_evidence > top - _CLOSE_MODES]
+        plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
         least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
         near = [marginalise_scatter(one, self.unknown, least) for one in plain]
         first = int(np.argmax([one.log_evidence for one in near]))
@@ -249,9 +249,11 @@ class Search:
         return hypothesis
 
 
-def _leaves_noise(one: Hypothesis) -> bool:
+def _leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return not one.plain.many_wild and spread(one.plain.r) < 1.0 + _FITTING / np.sqrt(one.plain.r.size)
+    return not hypothesis.plain.many_wild and spread(hypothesis.plain.r) < 1.0 + _FITTING / np.sqrt(
+        hypothesis.plain.r.size
+    )
 
 
 def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:

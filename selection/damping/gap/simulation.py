@@ -123,11 +123,13 @@ class Simulator:
         """
         parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
         values, tolerances = {}, {}
-        for one in parameters:
-            pair = one.default
+        for parameter in parameters:
+            pair = parameter.default
             if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
-                raise InputError(f"parameter {one.name} of the simulator", expected="a default (value, tolerance)")
-            values[one.name], tolerances[one.name] = map(float, pair)
+                raise InputError(
+                    f"parameter {parameter.name} of the simulator", expected="a default (value, tolerance)"
+                )
+            values[parameter.name], tolerances[parameter.name] = map(float, pair)
         return Simulator(function, values, tolerances, mode)
 
     def beside(self, deviation: FloatArray) -> OfDrive:
@@ -158,8 +160,8 @@ class Simulator:
         Raises:
             InputError: it does not return an amplitude and a phase for every row.
         """
-        found = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
-        pair = [np.asarray(part, dtype=float) for part in found] if isinstance(found, tuple) else []
+        function = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        pair = [np.asarray(part, dtype=float) for part in function] if isinstance(function, tuple) else []
         if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
             raise InputError("the simulator's answer", expected="(amplitude, phase), a number each for every row")
         A, phase = pair

@@ -42,10 +42,10 @@ def measure_gap(leading: ModelFit) -> Gap:
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 
-def regular_values(one: ModelFit) -> BoolArray:
+def regular_values(fit: ModelFit) -> BoolArray:
     """Values (m,) that are measured and that a fit does not take for wild points; all, where these are many."""
-    seen = one.model.problem.rows.seen
-    return seen if one.many_wild else seen & (one.weights > WILD_WEIGHT)
+    seen = fit.model.problem.rows.seen
+    return seen if fit.many_wild else seen & (fit.weights > WILD_WEIGHT)
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:
@@ -55,10 +55,10 @@ def shrinkage(before: float, after: float, values: int) -> float | None:
     return float(1.0 - max(after**2 - 1.0, 0.0) / (before**2 - 1.0))
 
 
-def root_mean_square(one: ModelFit, regular: BoolArray) -> float:
+def root_mean_square(fit: ModelFit, regular: BoolArray) -> float:
     """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
-    z = one.y[one.model.size :]
-    r = one.r[regular] * one.model.scatter.dispersion
+    z = fit.y[fit.model.size :]
+    r = fit.r[regular] * fit.model.scatter.dispersion
     return float(np.sqrt((r @ r + z @ z) / regular.sum()))
 
 
@@ -69,19 +69,19 @@ def refitted(leading: ModelFit) -> ModelFit:
     return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
 
 
-def fitted_terms(one: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
+def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
     """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
-    model = one.model if effects else Model(one.model.problem, (), one.model.scatter)
-    k = len(one.model.problem.simulation.names)
-    x = one.y[: one.model.size] if effects else np.where(_replaced(one, k), 0.0, one.y[:k])
-    z = one.y[one.model.size :] * float(deviations)
-    return deviated(model.terms(x[np.newaxis]), one.model.problem.rows, z[np.newaxis], one.model.scatter)
+    model = fit.model if effects else Model(fit.model.problem, (), fit.model.scatter)
+    k = len(fit.model.problem.simulation.names)
+    x = fit.y[: fit.model.size] if effects else np.where(_replaced(fit, k), 0.0, fit.y[:k])
+    z = fit.y[fit.model.size :] * float(deviations)
+    return deviated(model.terms(x[np.newaxis]), fit.model.problem.rows, z[np.newaxis], fit.model.scatter)
 
 
-def _replaced(one: ModelFit, k: int) -> FloatArray:
+def _replaced(fit: ModelFit, k: int) -> FloatArray:
     """Variables of the simulation that an effect took the place of."""
-    names = one.model.problem.simulation.names[:k]
-    return np.array([any(part.form.replaces == name for part in one.model.parts) for name in names])
+    names = fit.model.problem.simulation.names[:k]
+    return np.array([any(part.form.replaces == name for part in fit.model.parts) for name in names])
 
 
 def nominal_residuals(leading: ModelFit) -> FloatArray:
@@ -121,10 +121,10 @@ class LevelDeviation:
 OUTLYING = 3.3
 
 
-def list_levels(one: ModelFit) -> tuple[LevelDeviation, ...]:
+def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
     """The deviations of every sweep at a fit."""
-    model, sweeps = one.model, one.model.sweeps
-    gain, frequency = one.y[model.size :].reshape(2, sweeps)
+    model, sweeps = fit.model, fit.model.sweeps
+    gain, frequency = fit.y[model.size :].reshape(2, sweeps)
     scatter = model.scatter
     return tuple(
         LevelDeviation(
@@ -138,28 +138,28 @@ def list_levels(one: ModelFit) -> tuple[LevelDeviation, ...]:
     )
 
 
-def describe_repeatability(setting: Setting, one: ModelFit) -> list[str]:
+def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     """What the deviations of the sweeps say: levels that are outlying, estimates that end at the edge of their grid."""
-    found = []
-    for level in list_levels(one):
+    repeatability = []
+    for level in list_levels(fit):
         for what, size, sigma in (
             ("readings", level.gain, level.gain_sigma),
             ("frequency", level.frequency, level.frequency_sigma),
         ):
             if abs(sigma) > OUTLYING:
-                found.append(
+                repeatability.append(
                     f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
                 )
     unknown = setting.unknowns
     if len(unknown.scatters) > 1:
         largest = np.max(unknown.scatters, axis=0)
-        for what, own, most in zip(("amplitude", "frequency"), vars(one.model.scatter).values(), largest, strict=False):
+        for what, own, most in zip(("amplitude", "frequency"), vars(fit.model.scatter).values(), largest, strict=False):
             if own >= most:
-                found.append(
+                repeatability.append(
                     f"the repeatability of the {what} was estimated at the edge of what is usual ({own:.2g}): "
                     "something else may hide in it"
                 )
-    return found
+    return repeatability
 
 
 #: Most levels held out, the highest first; content of the interval.

@@ -195,26 +195,26 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
     )
 
 
-def list_evidences(one: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
+def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
     Without ``wild`` points every value counts in full: what is wild at one noise is none at another. Errors e of
     neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
     """
-    k, sweeps = one.model.size, one.model.sweeps
-    own = _scales(one.model.scatter, k, sweeps)
-    weights = one.weights if wild else np.ones(len(one.r))
+    k, sweeps = fit.model.size, fit.model.sweeps
+    own = _scales(fit.model.scatter, k, sweeps)
+    weights = fit.weights if wild else np.ones(len(fit.r))
     root = np.sqrt(weights)
-    J = one.J / own * root[:, np.newaxis]
-    start = one.r * root - J @ (one.y * own)  # residuals at x = 0, b = 0
+    J = fit.J / own * root[:, np.newaxis]
+    start = fit.r * root - J @ (fit.y * own)  # residuals at x = 0, b = 0
     scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
-    precision = (one.model.scatter.noise / np.array(unknown.noises)) ** 2
+    precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
     regular = float(np.sum(weights > WILD_WEIGHT))
-    robust = float(log_likelihood(one.r)) + 0.5 * float(weights @ one.r**2) if wild else 0.0
-    base = robust + 0.5 * regular * np.log(precision) - regular * np.log(one.model.scatter.noise)
+    robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
+    base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
     found = []
     for rho in unknown.correlations:
-        white, log_det = decorrelate(np.column_stack([start, J]), one.model, rho)
+        white, log_det = decorrelate(np.column_stack([start, J]), fit.model, rho)
         h, N = white[:, 1:].T @ white[:, 0], white[:, 1:].T @ white[:, 1:]
         values, vectors = np.linalg.eigh(N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
         g = np.einsum("skj,sk->sj", vectors, h * scale)[:, np.newaxis, :]
@@ -224,37 +224,37 @@ def list_evidences(one: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     return np.stack(found, axis=1)
 
 
-def marginalise_scatter(one: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
+def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
     """The fit at the most probable scatter and noise, its evidence averaged over all of them.
 
     It is made again at these where its evidence comes up to ``least``: others do not matter. Where the noise is not
     stated every point may be regular at one that is larger: the answer must not hang on the noise that came first.
     """
     if unknown.known:
-        return one
+        return fit
     for _ in range(_MOST_ROUNDS):
-        found = list_evidences(one, unknown) + unknown.log_prior
+        found = list_evidences(fit, unknown) + unknown.log_prior
         likely = found
         if len(unknown.noises) > 1:
-            likely = max(found, list_evidences(one, unknown, wild=False) + unknown.log_prior, key=np.max)
+            likely = max(found, list_evidences(fit, unknown, wild=False) + unknown.log_prior, key=np.max)
         best = unknown.scatter(int(np.argmax(likely)))
-        if best == one.model.scatter or float(logsumexp(likely)) < least:
+        if best == fit.model.scatter or float(logsumexp(likely)) < least:
             break
-        one = _refitted(one, best)
+        fit = _refitted(fit, best)
     else:
-        found = list_evidences(one, unknown) + unknown.log_prior
-    return replace(one, log_evidence=float(logsumexp(found)))
+        found = list_evidences(fit, unknown) + unknown.log_prior
+    return replace(fit, log_evidence=float(logsumexp(found)))
 
 
 #: Fits at a scatter and noise that is the most probable one of the fit before.
 _MOST_ROUNDS = 3
 
 
-def _refitted(one: ModelFit, scatter: Scatter) -> ModelFit:
-    k, sweeps = one.model.size, one.model.sweeps
-    z = one.y[k:] * _scales(one.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
-    model = replace(one.model, scatter=scatter)
-    return fit_roughly(model, one.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+def _refitted(fit: ModelFit, scatter: Scatter) -> ModelFit:
+    k, sweeps = fit.model.size, fit.model.sweeps
+    z = fit.y[k:] * _scales(fit.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
+    model = replace(fit.model, scatter=scatter)
+    return fit_roughly(model, fit.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
 
 
 def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:

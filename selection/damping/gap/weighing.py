@@ -40,8 +40,10 @@ def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
     logarithms = np.array([one.log_posterior for one in hypotheses])
     weights = np.exp(logarithms - logarithms.max())
     weights /= weights.sum()
-    found = [Explanation(one.effects, float(p), one) for one, p in zip(hypotheses, weights, strict=True)]
-    return tuple(sorted(found, key=lambda one: -one.probability))
+    explanations = [
+        Explanation(hypothesis.effects, float(p), hypothesis) for hypothesis, p in zip(hypotheses, weights, strict=True)
+    ]
+    return tuple(sorted(explanations, key=lambda explanation: -explanation.probability))
 
 
 #: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
@@ -56,7 +58,7 @@ def blend_probabilities(
     hypotheses: tuple[Explanation, ...], in_library: float, noise_known: bool
 ) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
-    logarithms = np.array([one.hypothesis.log_posterior for one in hypotheses])
+    logarithms = np.array([hypothesis.hypothesis.log_posterior for hypothesis in hypotheses])
 
     def tempered(temperature: float) -> FloatArray:
         weights = np.exp((logarithms - logarithms.max()) / temperature)
@@ -126,7 +128,7 @@ def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: flo
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
     """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
-    reached = np.cumsum([one.probability for one in hypotheses])
+    reached = np.cumsum([hypothesis.probability for hypothesis in hypotheses])
     return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
 
 
@@ -148,10 +150,10 @@ class Group:
     distance: float
 
 
-def distance(one: ModelFit, other: ModelFit) -> float:
+def distance(fit: ModelFit, other: ModelFit) -> float:
     """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
-    weights = np.sqrt(one.weights * other.weights)
-    return float(np.sqrt(np.sum(weights * (one.r - other.r) ** 2)))
+    weights = np.sqrt(fit.weights * other.weights)
+    return float(np.sqrt(np.sum(weights * (fit.r - other.r) ** 2)))
 
 
 def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
@@ -161,7 +163,7 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
     a wrong gain is a second mode.
     """
     leading = hypotheses[0]
-    found = []
+    groups = []
     for effect in leading.effects:
         rest = leading.key - {effect}
         members, farthest = [effect], 0.0
@@ -175,5 +177,5 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
                     farthest = max(farthest, apart)
         if len(members) > 1:
             members.sort(key=lambda name: library[name].kind != "instrument")
-            found.append(Group(tuple(members), farthest))
-    return tuple(found)
+            groups.append(Group(tuple(members), farthest))
+    return tuple(groups)

@@ -176,7 +176,7 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     cos, sin = np.cos(rows.phase), np.sin(rows.phase)
     sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
     sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)
-    found = []
+    estimates = []
     for number, sweep in enumerate(rows.sweeps):
         own = np.flatnonzero(rows.sweep == number)
         for band in np.array_split(own[np.argsort(rows.u[own])], min(BANDS, max(1, len(own) // 4))):
@@ -187,8 +187,8 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
             omega = float(np.sqrt(max(omega2, 0.0)))
             frequency_sd = omega2_sd / max(2.0 * omega, 1e-300) / RAD_S_PER_HZ
             amplitude = float(weights @ rows.A[band] / weights.sum())  # where the mean damping is that of a law
-            found.append(LocalEstimate(sweep, amplitude, omega / RAD_S_PER_HZ, frequency_sd, damping, damping_sd))
-    return tuple(found)
+            estimates.append(LocalEstimate(sweep, amplitude, omega / RAD_S_PER_HZ, frequency_sd, damping, damping_sd))
+    return tuple(estimates)
 
 
 def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTrend | None:

@@ -42,18 +42,18 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become steady states by
     :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
     """
-    said: list[str] = []
+    lines: list[str] = []
     if mode is not None:
-        mode, said = as_driven_by_force(record, mode)
+        mode, lines = as_driven_by_force(record, mode)
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
     if mode is None and "sweep_rate" not in record.table.columns:
         return Measured(record, None)
     mass, frequency = (mode.mass, mode.frequency) if mode else _find_mass(record)
     if not mass > 0.0:
-        return Measured(record, mode, tuple(said))
+        return Measured(record, mode, tuple(lines))
     steady, swept = as_steady(record, mass, frequency)
-    return Measured(steady, mode, (*said, *swept))
+    return Measured(steady, mode, (*lines, *swept))
 
 
 def _find_mass(record: Record) -> tuple[float, float]:

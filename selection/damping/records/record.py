@@ -161,11 +161,11 @@ def require_columns(required: Iterable[str], names: Sequence[str], file: str | N
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    alike = describe_nearest(missing[0], names, likeness=0.6)
+    nearest = describe_nearest(missing[0], names, likeness=0.6)
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         hint = " (the header is separated by semicolons or tabs)"
     else:
-        hint = f" (is {describe_shortened(alike)!r} meant?)" if alike else ""
+        hint = f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 

@@ -79,13 +79,13 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
     for name in names:
-        found = list_sources(name, list(table.columns))
-        if len(found) == 1:
-            factor = 1.0 if found[0] == name or name not in _ALIASES else _ALIASES[name][1]
-            values[name] = factor * table[found[0]].to_numpy(dtype=np.float64)
+        sources = list_sources(name, list(table.columns))
+        if len(sources) == 1:
+            factor = 1.0 if sources[0] == name or name not in _ALIASES else _ALIASES[name][1]
+            values[name] = factor * table[sources[0]].to_numpy(dtype=np.float64)
         else:
             values[name] = energy_per_cycle(Record.trusted(table.reset_index(drop=True), source))
-            notes.append("energy = pi * force * amplitude" + (" * sin(phase)" if found[2] == "phase" else ""))
+            notes.append("energy = pi * force * amplitude" + (" * sin(phase)" if sources[2] == "phase" else ""))
     keep = np.all([np.isfinite(column) for column in values.values()], axis=0)
     if not keep.any():
         raise AnalysisError(f"{source}: no row has a value for every column")

@@ -54,13 +54,13 @@ def _list_terms(fit: Fit) -> list[Form]:
     return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
 
 
-def _one_term(one: Fit) -> Form:
+def _one_term(fit: Fit) -> Form:
     return {
-        "name": one.names[0],
-        "coefficient": one.coefficients[0],
-        "t_ratio": one.t_ratios[0],
-        "rms_error": one.rms_error,
-        "r_squared": one.r_squared,
+        "name": fit.names[0],
+        "coefficient": fit.coefficients[0],
+        "t_ratio": fit.t_ratios[0],
+        "rms_error": fit.rms_error,
+        "r_squared": fit.r_squared,
     }
 
 

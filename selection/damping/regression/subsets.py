@@ -156,12 +156,12 @@ def best_subsets(
     check_criterion(criterion)
     basis = decompose(design) if basis is None else basis
     members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number, per_size=per_size)
-    found = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
+    subsets = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
     if per_size is not None:
-        earlier = np.tril(found.sizes[:, None] == found.sizes, -1).sum(axis=1)  # better ones of the same size
-        found = found.take(earlier < per_size)
-    bound = _lower_bound(found, criterion, rounding_of(basis, criterion))
-    return replace(found.take(np.arange(len(found))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
+        earlier = np.tril(subsets.sizes[:, None] == subsets.sizes, -1).sum(axis=1)  # better ones of the same size
+        subsets = subsets.take(earlier < per_size)
+    bound = _lower_bound(subsets, criterion, rounding_of(basis, criterion))
+    return replace(subsets.take(np.arange(len(subsets))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 
 
 def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) -> Subsets:

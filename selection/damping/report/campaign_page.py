@@ -48,10 +48,19 @@ def _build_outcomes(campaign: Campaign) -> list[Section]:
     if not campaign.outcomes:
         return []
     rows = [
-        {"mode": one.mode, "sensor": one.sensor, f"input, {campaign.unit}": one.level, "measured": one.measured}
-        | dict(zip(("predicted", "low", "high"), one.predicted, strict=True))
-        | {"unit": one.unit, "above, dB": f"{one.above_db:+.1f}", "in the band": "yes" if one.held else "no"}
-        for one in campaign.outcomes
+        {
+            "mode": outcome.mode,
+            "sensor": outcome.sensor,
+            f"input, {campaign.unit}": outcome.level,
+            "measured": outcome.measured,
+        }
+        | dict(zip(("predicted", "low", "high"), outcome.predicted, strict=True))
+        | {
+            "unit": outcome.unit,
+            "above, dB": f"{outcome.above_db:+.1f}",
+            "in the band": "yes" if outcome.held else "no",
+        }
+        for outcome in campaign.outcomes
     ]
     held = sum(one.held for one in campaign.outcomes)
     said = f"{held} of {len(rows)} peaks lie in the 90 % band that was predicted before the run."

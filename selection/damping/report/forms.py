@@ -123,7 +123,7 @@ def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
             "linear_overprediction_high": loads.overprediction_high,
             **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
             **({name: curve.table[name] for name in _CURVE_COLUMNS} if curve else {}),
-            "cautions": ["; ".join(said) for said in loads.cautions],
+            "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
     )
 

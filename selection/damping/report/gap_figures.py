@@ -179,13 +179,13 @@ def tabulate_probability(diagnosis: Diagnosis) -> pd.DataFrame:
 
 def tabulate_local(estimates: tuple[LocalEstimate, ...]) -> pd.DataFrame:
     """Local estimates as a table."""
-    return pd.DataFrame([vars(one) for one in estimates])
+    return pd.DataFrame([vars(estimate) for estimate in estimates])
 
 
-def _on(one: ModelFit, rows: Rows) -> Terms:
+def _on(fit: ModelFit, rows: Rows) -> Terms:
     """Terms of a fit on other rows of the same sweeps, with each sweep's own deviation."""
-    k = one.model.size
-    return deviated(one.model.terms(one.y[np.newaxis, :k]), rows, one.y[np.newaxis, k:], one.model.scatter)
+    k = fit.model.size
+    return deviated(fit.model.terms(fit.y[np.newaxis, :k]), rows, fit.y[np.newaxis, k:], fit.model.scatter)
 
 
 def _dense(rows: Rows) -> Rows:

@@ -67,7 +67,7 @@ def place(diagnosis: Diagnosis) -> str:
 
 def list_doubts(diagnosis: Diagnosis) -> list[str]:
     """What cannot be told apart."""
-    found = []
+    doubts = []
     for group in diagnosis.groups:
         said = (
             f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
@@ -76,8 +76,8 @@ def list_doubts(diagnosis: Diagnosis) -> list[str]:
         rig = [name for name in group.effects if CATALOGUE[name].kind == "instrument"]
         if rig and len(rig) < len(group.effects):
             said += f" Look at the rig first: {format_joined(rig)} needs no change of the structure."
-        found.append(said)
-    return found
+        doubts.append(said)
+    return doubts
 
 
 def reach(diagnosis: Diagnosis) -> str:
@@ -117,17 +117,17 @@ def describe_following(diagnosis: Diagnosis) -> str:
 
 def list_trends(diagnosis: Diagnosis) -> list[str]:
     """How local damping and frequency go with amplitude."""
-    found = []
+    trends = []
     for what, one in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
         if one is not None and one.gain > TREND_SEEN:
             kind = "grows" if one.change > 0.0 else "falls"
-            found.append(
+            trends.append(
                 f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant "
                 f"(chi-square {number(one.gain)} over none)."
             )
         elif one is not None:
-            found.append(f"{what} does not depend on amplitude beyond noise.")
-    return found
+            trends.append(f"{what} does not depend on amplitude beyond noise.")
+    return trends
 
 
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
@@ -150,8 +150,10 @@ def describe_gap_page(
 ) -> str:
     """The page as HTML. Equal arguments give equal text."""
     figures = {
-        name: FigureBlock(to_svg(one.figure, f"gap-{name}", one.title, one.description), _describe_caption(one))
-        for name, one in gap_figures(diagnosis).items()
+        name: FigureBlock(
+            to_svg(figure.figure, f"gap-{name}", figure.title, figure.description), _describe_caption(figure)
+        )
+        for name, figure in gap_figures(diagnosis).items()
     }
     sections = [
         Section("verdict", "What is found", _build_verdict(diagnosis)),
@@ -165,8 +167,8 @@ def describe_gap_page(
     return describe_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
 
 
-def _describe_caption(one: GapFigure) -> str:
-    return f"{one.title}. {one.description}"
+def _describe_caption(figure: GapFigure) -> str:
+    return f"{figure.title}. {figure.description}"
 
 
 def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
@@ -201,9 +203,9 @@ def _build_which(
 ) -> list[Block]:
     blocks: list[Block] = [figures["probabilities"]] if "probabilities" in figures else []
     rows = [
-        {"explanation": " + ".join(one.effects) or "no effect", "probability": one.probability}
-        | {"log_evidence": one.hypothesis.log_evidence}
-        for one in diagnosis.hypotheses
+        {"explanation": " + ".join(hypothesis.effects) or "no effect", "probability": hypothesis.probability}
+        | {"log_evidence": hypothesis.hypothesis.log_evidence}
+        for hypothesis in diagnosis.hypotheses
     ]
     blocks.append(
         Fold(

@@ -76,7 +76,7 @@ def _list_refusals(design: Loads) -> list[Block]:
     """Why no prediction is given, where none is."""
     if np.isfinite(design.average.median).any():
         return []
-    why = format_joined(dict.fromkeys(said[0] for said in design.cautions if said))
+    why = format_joined(dict.fromkeys(caution[0] for caution in design.cautions if caution))
     return [Text(f"No amplitude is predicted: {why}.")]
 
 

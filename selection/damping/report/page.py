@@ -90,8 +90,8 @@ class FigureBlock(Block):
     @property
     def share(self) -> float:
         """Width over that of a full figure, at most 1: a narrow one stays narrow, its letters as large as others'."""
-        found = _WIDTH_POINTS.search(self.svg)
-        return min(1.0, round(float(found[1]) / (72.0 * TEXT_WIDTH), 3)) if found else 1.0
+        match = _WIDTH_POINTS.search(self.svg)
+        return min(1.0, round(float(match[1]) / (72.0 * TEXT_WIDTH), 3)) if match else 1.0
 
     @property
     def markup(self) -> Markup:

@@ -64,7 +64,9 @@ def render(study: StudyResult) -> Rendered:
 def _figures(study: StudyResult) -> dict[str, str]:
     drawn: dict[str, Drawn] = {}
     for result in study.records:
-        drawn |= {describe_file_stem(result, name): one for name, one in record_figures(result, study.level).items()}
+        drawn |= {
+            describe_file_stem(result, name): figure for name, figure in record_figures(result, study.level).items()
+        }
     return {name: to_svg(one.figure, name, one.title, one.description) for name, one in drawn.items()}
 
 
@@ -82,8 +84,8 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
         for result in study.records
     ]
     folds += [Fold("Every caution", build_cautions(study)), Fold("Method", build_method(study))]
-    said = Text("Data, every law with its coefficients, posteriors and their convergence, all cautions and the method.")
-    return Section("details", "What this rests on", [said, *folds])
+    text = Text("Data, every law with its coefficients, posteriors and their convergence, all cautions and the method.")
+    return Section("details", "What this rests on", [text, *folds])
 
 
 def _list_parts(result: RecordResult, svgs: Svgs) -> list[Block]:

@@ -185,10 +185,10 @@ class _Windows:
 
 def _smooth_rate(time: FloatArray, frequency: FloatArray, rate: FloatArray) -> FloatArray:
     """Slope of the frequency over some rows before and after, where these are of one sweep; else the row's own rate."""
-    found = rate.copy()
+    values = rate.copy()
     for k in range(len(time)):
         part = slice(max(k - ROWS_A_SIDE, 0), k + ROWS_A_SIDE + 1)
         t, f = time[part] - time[k], frequency[part]
         if len(t) > 2 and abs(np.sum(np.sign(np.diff(f)))) == len(t) - 1:
-            found[k] = np.polyfit(t, f, 1)[0]
-    return found
+            values[k] = np.polyfit(t, f, 1)[0]
+    return values

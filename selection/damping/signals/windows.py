@@ -41,8 +41,8 @@ class Window:
         from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
         kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
-        found: Signal = oaconvolve(x, kernel[::-1], mode="valid")
-        return found
+        signal: Signal = oaconvolve(x, kernel[::-1], mode="valid")
+        return signal
 
     def gain(self, s: complex) -> complex:
         """What the window makes of exp(s t); its image at the conjugate of s averages out over a level."""
