@@ -174,9 +174,9 @@ records are not part of the project; what stands here is derived from them.
 
 Within the records, every level with two or more below it was predicted from those below alone, with nothing of the
 higher ones in the choice of laws, weights or discrepancy: the 90 % band holds {hits} of {given} resonances, and
-{refused} predictions were refused (two levels are no test beyond 1.5 times). The median errs by {medians}; the goal is 10 %. Linear damping
-from the same levels overpredicts by up to {worst:.0f} %. The predictions share levels, so they are fewer checks than
-they seem.
+{refused} predictions were refused (two levels are no test beyond 1.5 times). The median errs by {medians}; the goal
+is 10 %. Linear damping from the same levels overpredicts by up to {worst:.0f} %. The predictions share
+levels, so they are fewer checks than they seem.
 """
 
 
