@@ -193,9 +193,9 @@ def _describe_medians(given: pd.DataFrame) -> str:
 def _list_goals(band: BandResult) -> list[str]:
     """Widths beside the goals; a warning where one is wanted."""
     if band.name in WARNED:
-        caution = band.at.cautions[-1][0]
-        warned = caution in (band.plan.fit.sentence, band.plan.bistable)
-        return [f"| {_title(band)}: a warning stands before the band | {caution} | {_describe_yes(warned)} |"]
+        caution, refused = band.at.cautions[-1][0], bool(np.isnan(band.at.average.median).all())
+        measured = caution if refused else f"a band, and before it: {caution}"
+        return [f"| {_title(band)}: a warning rather than a confident band | {measured} | {_describe_yes(refused)} |"]
     rows = []
     for ratio, most in GOALS.items():
         i = RATIOS.index(ratio)
