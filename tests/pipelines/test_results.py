@@ -172,12 +172,12 @@ def test_reproduction_covers_every_printed_result(summary):
 
 @pytest.mark.sampling
 @pytest.mark.parametrize("name", ["config-2-mode-1", "config-1-mode-2-pitch"])
-def test_posterior_of_the_leading_law(name, summary, settings, inputs, rankings, tmp_path):
+def test_posterior_of_the_leading_law(name, summary, settings, inputs, rankings):
     record = next(r for r in summary["records"] if r["name"] == name)
     number, one = next((i, one) for i, one in enumerate(inputs) if one.settings.name == name)
     leader = rankings[name].candidates[0]
     forces = np.array(one.settings.design_forces)
-    task = Task(number, leader, one.data, forces, settings.level, settings.seed + 1, False, tmp_path)
+    task = Task(number, leader, one.data, forces, settings.level, settings.seed + 1, of_source=False)
     again = sample_law(task)
     assert again.posterior.converged, again.posterior.failure
     old = next(p for p in record["posteriors"] if p["law"] == leader.name)

@@ -54,7 +54,7 @@ class Settings:
     walkers: int = 8
     tries: int = 32
     first: int = 80
-    budget: int = 2_000
+    budget: int = 4_000
     effective_size: float = 1000.0
     lengths: float = 50.0
     r_hat: float = 1.01

@@ -24,6 +24,11 @@ from damping.errors import AnalysisError
 DEGREES_OF_FREEDOM = 5.0
 #: Share of the part as wide as the prior.
 WIDE_SHARE = 0.3
+#: Share of the first proposal beside the wide part that reaches around the mode, and its covariance over that there: a
+#: second mode of the posterior (small scatter, large doubt) lies a few standard deviations off. Of a viscous law on
+#: three resonances the ln of the evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
+FAR_SHARE = 0.4
+FAR = 9.0
 #: Shares a posterior is cut into, across its longest axis each time: enough to follow a funnel or two modes.
 PARTS = 8
 #: Share of the whole covariance added to each part's, so that few different draws still reach around themselves.
@@ -44,8 +49,9 @@ class Proposal:
 
     @classmethod
     def around(cls, mean: FloatArray, covariance: FloatArray) -> Proposal:
-        """One part with this mean and covariance, and the wide one."""
-        return cls._with_wide(np.ones(1), mean[None, :], covariance[None, :, :])
+        """A part with this mean and covariance, one that reaches farther, and the wide one."""
+        shares = np.array([1.0 - FAR_SHARE, FAR_SHARE])
+        return cls._with_wide(shares, np.array([mean, mean]), np.array([covariance, FAR * covariance]))
 
     @classmethod
     def through(cls, draws: FloatArray) -> Proposal:

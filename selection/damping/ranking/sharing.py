@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 from scipy.special import logsumexp, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
@@ -133,14 +133,14 @@ def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0
     """
     held = [_hold_shape(law, name, one, seed) for one in data]
     nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])
-    lines = np.array([CubicSpline(nodes, own)(FINE) for own in values])
+    lines = np.array([_interpolate(nodes, own) for own in values])
     low, _, high = _find_quantiles(lines.sum(axis=0))
     margin = max(high - low, 0.5 / len(NODES))
     closer = np.linspace(max(low - margin, FINE[0]), min(high + margin, FINE[-1]), CLOSER_NODES)
     closer = closer[np.abs(closer[:, None] - nodes).min(axis=1) > APART]
     order = np.argsort(np.append(nodes, closer))
     values = np.hstack([values, [[log_z(p) for p in closer] for log_z in held]])
-    lines = np.array([CubicSpline(np.append(nodes, closer)[order], own[order])(FINE) for own in values])
+    lines = np.array([_interpolate(np.append(nodes, closer)[order], own[order]) for own in values])
     together = lines.sum(axis=0)
     means = [float(logsumexp(line) - np.log(len(FINE))) for line in (together, *lines)]
     shape, tested = law.free_shapes[name], Coordinates.of(law, data[0]).tested
@@ -155,6 +155,11 @@ def _order(interval: tuple[float, ...]) -> tuple[float, float, float]:
     """Low end, median and high end as median, low and high."""
     low, median, high = interval
     return median, low, high
+
+
+def _interpolate(nodes: FloatArray, values: FloatArray) -> FloatArray:
+    """Values over ``FINE``, without overshoot between the nodes and level beyond them."""
+    return np.asarray(PchipInterpolator(nodes, values)(np.clip(FINE, nodes[0], nodes[-1])))
 
 
 def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:

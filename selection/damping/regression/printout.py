@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -10,6 +11,8 @@ from damping.errors import escape_control
 from damping.regression.fit import NAMES, Fit
 from damping.regression.program import Regression
 
+#: Columns of a terminal that a line keeps to.
+WIDTH = 80
 _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 
 
@@ -39,7 +42,7 @@ def printout(result: Regression) -> str:
         _describe_deviations(result),
     ]
     if result.notes:
-        parts.append(_describe_section("NOTES", [f"- {note}" for note in result.notes]))
+        parts.append(_describe_section("NOTES", [line for note in result.notes for line in _wrap(f"- {note}")]))
     return _describe_shown("\n".join(parts))
 
 
@@ -77,23 +80,39 @@ def _describe_section(title: str, lines: Iterable[str]) -> str:
 
 
 def _list_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
-    """Aligned columns, the first ``left`` to the left."""
+    """Aligned columns, the first ``left`` to the left; those that do not fit beside them follow below."""
     widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if i < left else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (header, *rows)
-    ]
+    lines: list[str] = []
+    for columns in _split_columns(widths, left):
+        lines += [""] * bool(lines)
+        lines += [
+            "  ".join(row[i].ljust(widths[i]) if i < left else row[i].rjust(widths[i]) for i in columns).rstrip()
+            for row in (header, *rows)
+        ]
+    return lines
+
+
+def _split_columns(widths: Sequence[int], left: int) -> list[list[int]]:
+    """Indices of the columns of each block as wide as a terminal at most; the first ``left`` stand in every block."""
+    first = list(range(left))
+    blocks = [list(first)]
+    for i in range(left, len(widths)):
+        if len(blocks[-1]) > left and sum(widths[j] + 2 for j in [*blocks[-1], i]) - 2 > WIDTH:
+            blocks.append(list(first))
+        blocks[-1].append(i)
+    return blocks
 
 
 def _describe_heading(result: Regression) -> str:
-    lines = [
-        f"{result.data or 'table'}, number of observations {result.design.n}",
-        f"{result.design.response} = " + " + ".join(f"a{i + 1} {name}" for i, name in enumerate(result.design.names)),
-    ]
+    terms = " + ".join(f"a{i + 1} {name}" for i, name in enumerate(result.design.names))
+    size = f"{result.data or 'table'}, number of observations {result.design.n}"
+    lines = [size, *_wrap(f"{result.design.response} = {terms}")]
     return _describe_section("MULTIVARIATE REGRESSION PROGRAM I", lines)
+
+
+def _wrap(text: str) -> list[str]:
+    """Lines of prose or of a formula, no name broken."""
+    return textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 def _describe_variables(result: Regression) -> str:
