@@ -47,9 +47,7 @@ def test_bands_from_whole_sweeps_with_faults(swept):
     band = extrapolate_loads(data, design, sampler=draw_evidence).loads.average
     true = iwan.amplitude(design)
     assert np.all((band.low < true) & (true < band.high))
-    np.testing.assert_allclose(band.median[0], true[0], rtol=0.1)
-    if abs(band.median[1] / true[1] - 1.0) > 0.1:
-        pytest.xfail("known: at 4 times the median of a structure outside the candidates is 12 % low, 10 % is wanted")
+    np.testing.assert_allclose(band.median, true, rtol=0.1)  # what is asked of a structure that no candidate is
 
 
 def run(words, capsys) -> tuple[int, str]:
