@@ -40,12 +40,12 @@ from damping.ranking import prior_masses
 #: Laws of a record that predict the same, the one that was listed first, and their weight.
 Groups = Sequence[tuple[tuple[str, ...], float]]
 #: Prior probabilities at which a shape is held: the range in equal parts, and nodes about what was found there.
-NODES: FloatArray = (np.arange(16) + 0.5) / 16.0
+NODES = np.linspace(0.5, 15.5, 16) / 16.0
 #: Further nodes, about where the records together put the shape, this far apart from others at least.
 CLOSER_NODES = 8
 APART = 1e-3
 #: Prior probabilities between nodes, of the integrals.
-FINE: FloatArray = (np.arange(4000) + 0.5) / 4000.0
+FINE = np.linspace(0.5, 3999.5, 4000) / 4000.0
 #: Probability left out on either side of the intervals of a shape.
 TAIL = 0.05
 
