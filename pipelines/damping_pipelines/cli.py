@@ -65,6 +65,7 @@ def _add_common(command: Callable[..., Any]) -> Callable[..., Any]:
     common = (("version", Version), ("quiet", Quiet))
     further = [Parameter(name, Parameter.KEYWORD_ONLY, default=False, annotation=kind) for name, kind in common]
     own = signature(command, eval_str=True)
+    # typer reads the options from here; mypy knows no such attribute of a function
     run.__signature__ = own.replace(parameters=[*own.parameters.values(), *further])  # type: ignore[attr-defined]
     return run
 

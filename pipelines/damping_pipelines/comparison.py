@@ -207,7 +207,7 @@ def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
 
 
 def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) -> Table:
-    """A row a shared shape: its value where it is one, in each record alone, and the odds that it is one."""
+    """One row for each shared shape: its value if all records share it, its value in each, and the odds of sharing."""
     rows = [
         {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
         | {"one value": _describe_interval(shape.pooled)}

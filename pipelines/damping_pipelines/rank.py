@@ -30,7 +30,7 @@ from damping_pipelines.terminal import Notes, console, number, plain_table, prog
 MOST_LAWS = 3
 #: Laws named with their weights.
 MOST_NAMED = 5
-#: Errors below so many per cent are rounding: a law with as many parameters as points passes through all.
+#: Per cent; errors below it are rounding: a law with as many parameters as points passes through all.
 SMALL = 0.01
 
 

@@ -199,7 +199,7 @@ def plain_table(title: str, right: Iterable[str], left: Iterable[str] = ()) -> P
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number to so many digits; a dash for one that does not exist."""
+    """A number to the given digits; a dash for one that does not exist."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 

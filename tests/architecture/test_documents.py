@@ -76,6 +76,7 @@ def test_new_names_of_coming_over_exist():
         assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), module
 
 
+# the words themselves, so that they are found in every other file
 @pytest.mark.parametrize("word", ["pypi", "pythonhosted", "npmjs", "/root/", "/work/"])
 def test_no_host_names_or_machine_paths(word):
     files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False).stdout.split(b"\0")

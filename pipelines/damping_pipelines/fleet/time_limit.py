@@ -14,7 +14,7 @@ class OutOfTimeError(BaseException):
 
 @contextmanager
 def limit_time(seconds: float) -> Iterator[None]:
-    """Raise :class:`OutOfTimeError` in the calling thread when the block is not over after so many seconds.
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
 
     It is raised between two instructions of Python: a single call into native code is waited for.
     """

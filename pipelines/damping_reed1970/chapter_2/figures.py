@@ -21,7 +21,7 @@ from damping_reed1970.chapter_2 import (
 )
 from damping_reed1970.common import ChapterFigure
 
-#: Of the 1441 points of a small loop, every so many are drawn: all corners at multiples of 30 degrees stay.
+#: Of the 1441 points of a small loop, only every nth is drawn: all corners at multiples of 30 degrees stay.
 EVERY = 12
 _STYLE_OF = {"case V": "viscous + quadratic-displacement"}
 _TITLES = {

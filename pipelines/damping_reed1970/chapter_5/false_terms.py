@@ -72,7 +72,7 @@ def subset_fits(columns: FloatArray, observed: FloatArray) -> ManyFits:
     """Fit every subset of the terms to every response.
 
     The columns are decomposed once, columns = Q R; a subset that gains a term gains the direction of that term's column
-    of R across its directions so far (Gram-Schmidt, twice).
+    of R orthogonal to the directions it already has (Gram-Schmidt, twice).
 
     Args:
         columns: (n, k), or (r, n, k) where each response has its own. observed: responses (r, n), n > k.
