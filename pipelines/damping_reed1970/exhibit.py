@@ -27,8 +27,7 @@ from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linea
 from damping_reed1970.chapter_4.page import write_chapter_4
 from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
-from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
-from damping_reed1970.chapter_6.page import write_chapter_6
+from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part

@@ -16,11 +16,10 @@ from damping.infer.observations import observe
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.figures import Drawn
+from damping.report import format_share, number
 from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import describe_following, describe_verdict, list_doubts, list_trends, place, reach
 from damping.report.page import Block, Heading, List, Section, Table, Text
-from damping.report.words import format_share, number
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
@@ -201,7 +200,7 @@ def configuration_2_gap() -> Diagnosis:
 
 
 #: Figures shown of each gap.
-SHOWN = ("overlay", "local", "probabilities")
+SHOWN = ("overlay", "probabilities", "local")
 #: Hypotheses listed of each: more have a probability of a per cent or less.
 _MOST = 8
 
@@ -221,9 +220,10 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         blocks += [Heading(one.mode.name), Text(describe_verdict(one), lead=True)]
         said = [place(one), *list_doubts(one), *list_trends(one), *what(one)]
         blocks.append(List([*said, reach(one), describe_following(one)]))
-        for name, drawn in gap_figures(one).items():
-            if name in SHOWN:
-                blocks.append(draw_block(f"gap-configuration-{number_}-{name}", Drawn(*drawn)))
+        figures = gap_figures(one)
+        for name in SHOWN:
+            file, drawn = f"gap-configuration-{number_}-{name}", figures[name]
+            blocks.append(draw_block(file, drawn.title, drawn.description, lambda drawn=drawn: drawn.figure))
         key = f"gap_configuration_{number_}"
         tables[key] = tabulate_hypotheses(one)
         caption = "The most probable explanations, with the natural logarithm of their evidence"

@@ -12,9 +12,9 @@ from scipy.optimize import least_squares, nnls
 from damping.forces import VelocitySquared
 from damping.predict.steady import steady_state
 from damping.regression.design import design_of_arrays
-from damping.regression.stepwise import stepwise
+from damping.regression.selecting import stepwise
 from damping.regression.subsets import all_subsets, best_subsets
-from damping.signals.modal import damping_roots, plane_motion
+from damping.signals import damping_roots, plane_motion
 from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.circularity import (
     ASSUMED,

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import Design, design_of, design_of_arrays, take_columns
-from damping.regression.terms import list_columns_of, parse_terms
 from damping_reed1970.tables import load_table
 
 #: Eq. 5.3.6.

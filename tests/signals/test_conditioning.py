@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from damping.signals.modal import (
+from damping.signals import (
     NodeMode,
     PrincipalPlanes,
     branch,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
-from damping.signals.modal import (
+from damping.signals import (
     DampingRoots,
     NodeMode,
     PrincipalPlanes,

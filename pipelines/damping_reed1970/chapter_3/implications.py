@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.signals.modal import (
+from damping.signals import (
     DampingRoots,
     PrincipalPlanes,
     branch,

@@ -9,27 +9,26 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.plots.damping_curve import damping_curve, fitted_sweeps
-from damping.plots.design_loads import design_loads
-from damping.plots.fits import ranking
-from damping.plots.posteriors import corner, predictive_check
+from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
+from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
-from damping.report import forms, tables
-from damping.report.results import (
-    LawPosterior,
-    RecordResult,
-    posterior_draws,
-    prior_draws,
-    weighted,
-)
-from damping.report.words import (
+from damping.report import (
     choose_length,
     format_force_text,
     format_joined,
     format_parameter_label,
     format_quantity,
     format_share,
+    forms,
     number,
+    tables,
+)
+from damping.report.results import (
+    LawPosterior,
+    RecordResult,
+    posterior_draws,
+    prior_draws,
+    weighted,
 )
 
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.

@@ -1,7 +1,4 @@
-"""What an engineer would say of a gap: sentences from a diagnosis.
-
-The report of a gap diagnosis: one self-contained page.
-"""
+"""The page of a gap diagnosis: what an engineer would say of it, sentence by sentence."""
 
 from __future__ import annotations
 
@@ -14,7 +11,8 @@ import pandas as pd
 from damping.effects import CATALOGUE
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.plots.style import to_svg
+from damping.plots import to_svg
+from damping.report import NOTHING, format_joined, format_percent, format_share, number
 from damping.report.gap_figures import GapFigure, gap_figures
 from damping.report.page import (
     Block,
@@ -29,7 +27,6 @@ from damping.report.page import (
     Text,
     describe_page,
 )
-from damping.report.words import NOTHING, format_joined, format_percent, format_share, number
 
 
 def describe_verdict(diagnosis: Diagnosis) -> str:

@@ -1,9 +1,4 @@
-"""How the numbers were made, with the constants that made them.
-
-What the rows of a record are, and what the simulation assumes of its mode.
-
-Cautions, all in one place: each said once, with the records it holds for.
-"""
+"""How the numbers were made, what the rows of a record are, and every caution with the records it holds for."""
 
 from __future__ import annotations
 
@@ -18,10 +13,10 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
+from damping.report import count, format_quantity, number
 from damping.report.page import Block, Callout, Heading, List, Table, Text
 from damping.report.results import RecordResult, StudyResult, list_failed_chains, weighted
 from damping.report.screens import find_largest
-from damping.report.words import count, format_quantity, number
 
 
 def build_method(study: StudyResult) -> list[Block]:

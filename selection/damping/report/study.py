@@ -11,8 +11,17 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
-from damping.plots.style import to_svg
-from damping.report import tables
+from damping.plots import to_svg
+from damping.report import (
+    count,
+    format_between,
+    format_force_text,
+    format_joined,
+    format_percent,
+    format_share,
+    number,
+    tables,
+)
 from damping.report.figures import Drawn, leading, record_figures
 from damping.report.method import build_cautions, build_method, describe_record
 from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
@@ -26,15 +35,6 @@ from damping.report.results import (
 )
 from damping.report.screens import build_screens
 from damping.report.tables import INTERVAL, record_tables
-from damping.report.words import (
-    count,
-    format_between,
-    format_force_text,
-    format_joined,
-    format_percent,
-    format_share,
-    number,
-)
 
 
 @dataclass(frozen=True)
