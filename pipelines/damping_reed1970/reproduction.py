@@ -16,9 +16,8 @@ from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
 from damping.report import count, format_joined, number
 from damping.report.page import Block, Fold, Heading, Section, Table, Text
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
+from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
-from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 

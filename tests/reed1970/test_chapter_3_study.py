@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from damping.signals import energy_loss
+from damping_reed1970 import load_errata
 from damping_reed1970.chapter_3 import PLANES, yaw_response
 from damping_reed1970.chapter_3.implications import tabulate_branch, tabulate_mean
 from damping_reed1970.chapter_3.page import collect_figures
 from damping_reed1970.chapter_3.planar_fits import fit_table, phasors, planar_fits, tabulate_energy_split, tabulate_yaw
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.tables import load_errata
 
 pytestmark = pytest.mark.xdist_group("chapters")
 

@@ -15,6 +15,7 @@ from damping.report import number
 from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
+from damping_reed1970 import load_errata
 from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
@@ -23,7 +24,6 @@ from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_t
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
 from damping_reed1970.studies import ReportResults, Studies, diagnose_gaps
-from damping_reed1970.tables import load_errata
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 

@@ -17,7 +17,7 @@ from damping.signals import PrincipalPlanes, plane_motion, uncertainty
 from damping.signals.chain import condition
 from damping.signals.description import Description
 from damping.signals.uncertainty import with_uncertainties
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
 OTHERS: dict[str, Any] = {

@@ -29,7 +29,7 @@ from damping.signals import (
     plane_motion,
     yaw_displacement,
 )
-from damping_reed1970.tables import by_point, columns, load_table
+from damping_reed1970 import by_point, columns, load_table
 
 ComplexArray = npt.NDArray[np.complex128]
 

@@ -14,11 +14,12 @@ import re
 import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
+from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 from xml.etree import ElementTree
 from zlib import crc32
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rc_params_from_file
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -38,28 +39,25 @@ def describe_scales(figure: Figure) -> str:
     corner as in SVG; a scale is ``{"name", "low", "high", "log"}`` from left to right or from bottom to top, or null
     where an axis has no name (rows of labels, densities).
     """
-    found = [_axes(axes, figure) for axes in figure.axes if axes.get_visible() and axes.axison]
-    readable = [one for one in found if one["x"] or one["y"]]
+    described = [_describe_axes(axes, figure) for axes in figure.axes if axes.get_visible() and axes.axison]
+    readable = [axes for axes in described if axes["x"] or axes["y"]]
     return json.dumps(readable, ensure_ascii=False, separators=(",", ":")) if readable else ""
 
 
-def _axes(axes: Axes, figure: Figure) -> dict[str, Any]:
+def _describe_axes(axes: Axes, figure: Figure) -> dict[str, Any]:
     width, height = (_POINTS * inches for inches in figure.get_size_inches())
     place = axes.get_position()
     box = (place.x0 * width, (1.0 - place.y1) * height, place.width * width, place.height * height)
-    scale = {which: None if axes.get_label() == "<colorbar>" else _scale(axes, figure, which) for which in "xy"}
-    return {"box": [round(edge, 2) for edge in box], **scale}
+    named = axes.get_label() != "<colorbar>"
+    scales = {which: _describe_scale(axes, figure, which) if named else None for which in "xy"}
+    return {"box": [round(edge, 2) for edge in box], **scales}
 
 
-def _scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
+def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
     """What an axis measures; None without a name of its own, of a panel that shares it, or of the whole figure."""
-    shared = axes.get_shared_x_axes() if which == "x" else axes.get_shared_y_axes()
-    axis, limits, kind = (
-        (axes.xaxis, axes.get_xlim(), axes.get_xscale())
-        if which == "x"
-        else (axes.yaxis, axes.get_ylim(), axes.get_yscale())
-    )
-    labels = [getattr(one, f"{which}axis").get_label_text() for one in (axes, *shared.get_siblings(axes))]
+    panels = (axes, *getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes))
+    axis, limits, kind = (getattr(axes, f"get_{which}{what}")() for what in ("axis", "lim", "scale"))
+    labels = [getattr(panel, f"{which}axis").get_label_text() for panel in panels]
     if isinstance(axis.get_major_formatter(), ScalarFormatter):
         labels.append(figure.get_supxlabel() if which == "x" else figure.get_supylabel())
     name = next((" ".join(label.split()) for label in labels if label), "")
@@ -105,41 +103,8 @@ _OTHER_COLOURS = (
 )
 _OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 
-_STYLE: Any = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-    "font.size": 8.5,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 8.5,
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "lines.linewidth": 1.4,
-    "lines.markersize": 5,
-    "figure.facecolor": "white",
-    "figure.constrained_layout.use": True,
-    "svg.fonttype": "none",
-    # a dollar sign in a label is a dollar sign
-    "text.parse_math": False,
-}
+#: The look of every figure, its colours those above.
+_STYLE: Any = rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
 
 Parameters = ParamSpec("Parameters")
 
@@ -151,7 +116,24 @@ class LawStyle(NamedTuple):
     line: Any
 
 
-Drawn = TypeVar("Drawn")
+Result = TypeVar("Result")
+
+
+class Drawn(NamedTuple):
+    """A figure with its text alternative."""
+
+    figure: Figure
+    title: str
+    description: str
+
+    @property
+    def caption(self) -> str:
+        """Title and description."""
+        return f"{self.title}. {self.description}"
+
+    def to_svg(self, name: str) -> str:
+        """The figure as an SVG element (:func:`to_svg`)."""
+        return to_svg(self.figure, name, self.title, self.description)
 
 
 class Drawing(Figure):
@@ -163,11 +145,11 @@ class Drawing(Figure):
         return buffer.getvalue()
 
 
-def styled(draw: Callable[Parameters, Drawn]) -> Callable[Parameters, Drawn]:
+def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
 
     @wraps(draw)
-    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Drawn:
+    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         with rc_context(_STYLE):
             return draw(*args, **kwargs)
 
@@ -253,13 +235,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
         # print_svg lays the figure out and draws it once, where savefig does so twice
         FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
     svg = _replace_invalid(buffer.getvalue().decode("utf-8"))
-    return _describe_standing_alone(
-        svg,
-        prefix,
-        _replace_invalid(title),
-        _replace_invalid(description),
-        _replace_invalid(describe_scales(figure)),
-    )
+    return _describe_standing_alone(svg, prefix, *map(_replace_invalid, (title, description, describe_scales(figure))))
 
 
 def _replace_invalid(text: str) -> str:
@@ -268,8 +244,6 @@ def _replace_invalid(text: str) -> str:
 
 
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
-
-
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 
@@ -305,7 +279,7 @@ def _shorten(root: ElementTree.Element, prefix: str) -> None:
     href = f"{{{_XLINK}}}href"
     elements = list(root.iter())
     used = {e.get(href, "").removeprefix("#") for e in elements}
-    used |= {found for e in elements for value in e.attrib.values() for found in _REFERENCE.findall(value)}
+    used |= {name for e in elements for value in e.attrib.values() for name in _REFERENCE.findall(value)}
     for element in elements:
         attributes = element.attrib
         own = attributes.pop("id", None)

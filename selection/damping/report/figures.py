@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from damping.arrays import RAD_S_PER_HZ
+from damping.plots import Drawn
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
@@ -39,14 +37,6 @@ MOST_BARS = 12
 POINTS = 120
 
 
-class Drawn(NamedTuple):
-    """A figure with its text alternative."""
-
-    figure: Figure
-    title: str
-    description: str
-
-
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
     """Figures of a record by name; those its results cannot fill are left out. ``level``: of predictive checks."""
     drawn = {
@@ -57,7 +47,7 @@ def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
         "corner": _draw_corner(result),
         "predictive_check": _draw_predictive_check(result, level),
     }
-    return {name: one for name, one in drawn.items() if one is not None}
+    return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
 def leading(result: RecordResult) -> LawPosterior | None:

@@ -11,9 +11,8 @@ import pandas as pd
 from damping.effects import CATALOGUE
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.plots import to_svg
 from damping.report import NOTHING, format_joined, format_percent, format_share, number
-from damping.report.gap_figures import GapFigure, gap_figures
+from damping.report.gap_figures import gap_figures
 from damping.report.page import (
     Block,
     Callout,
@@ -146,12 +145,8 @@ def describe_gap_page(
     inputs: Mapping[str, str],
 ) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    figures = {
-        name: FigureBlock(
-            to_svg(figure.figure, f"gap-{name}", figure.title, figure.description), _describe_caption(figure)
-        )
-        for name, figure in gap_figures(diagnosis).items()
-    }
+    drawn = gap_figures(diagnosis)
+    figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn.items()}
     sections = [
         Section("verdict", "What is found", _build_verdict(diagnosis)),
         Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
@@ -162,10 +157,6 @@ def describe_gap_page(
         Section("basis", "What this rests on", _build_basis(diagnosis)),
     ]
     return describe_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
-
-
-def _describe_caption(figure: GapFigure) -> str:
-    return f"{figure.title}. {figure.description}"
 
 
 def _build_verdict(diagnosis: Diagnosis) -> list[Block]:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
-from damping.plots import to_svg
+from damping.plots import Drawn
 from damping.report import (
     count,
     format_between,
@@ -22,7 +22,7 @@ from damping.report import (
     number,
     tables,
 )
-from damping.report.figures import Drawn, leading, record_figures
+from damping.report.figures import leading, record_figures
 from damping.report.method import build_cautions, build_method, describe_record
 from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
 from damping.report.results import (
@@ -67,7 +67,7 @@ def _figures(study: StudyResult) -> dict[str, str]:
         drawn |= {
             describe_file_stem(result, name): figure for name, figure in record_figures(result, study.level).items()
         }
-    return {name: to_svg(one.figure, name, one.title, one.description) for name, one in drawn.items()}
+    return {name: figure.to_svg(name) for name, figure in drawn.items()}
 
 
 def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
