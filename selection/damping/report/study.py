@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from damping.extrapolation.draws import AVERAGE_DRAWS
 from damping.extrapolation.prediction import Loads
+from damping.forces import CATALOGUE, component
+from damping.infer.chains import Settings
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
+from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.plots import Drawn
 from damping.report import (
     NOTHING,
@@ -24,7 +29,6 @@ from damping.report import (
     tables,
 )
 from damping.report.figures import leading, record_figures
-from damping.report.method import build_cautions, build_method, describe_record
 from damping.report.page import (
     Block,
     Callout,
@@ -42,8 +46,10 @@ from damping.report.results import (
     RecordResult,
     StudyResult,
     Svgs,
+    build_cautions,
     build_figure,
     describe_file_stem,
+    describe_record,
     list_failed_chains,
 )
 from damping.report.screens import build_screens
@@ -96,7 +102,7 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
         Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _list_parts(result, svgs))
         for result in study.records
     ]
-    folds += [Fold("Every caution", build_cautions(study)), Fold("Method", build_method(study))]
+    folds += [Fold("Every caution", build_cautions(study)), Fold("Method", _build_method(study))]
     text = Text("Data, every law with its coefficients, posteriors and their convergence, all cautions and the method.")
     return Section("details", "What this rests on", [text, *folds])
 
@@ -226,3 +232,36 @@ def _tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
             f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
         ]
     return pd.DataFrame(columns)
+
+
+def _build_method(study: StudyResult) -> list[Block]:
+    """The method in words, with the constants that made the numbers."""
+    shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
+    values = {
+        "priors": [(shape.label or shape.name, shape.prior.text) for shape in shapes if shape.prior],
+        "run": Settings(),
+        "total_sd": TOTAL_LOG_SD,
+        "scatter": (SCATTER_MEDIAN, SCATTER_LOG_SD),
+        "doubt": (DOUBT_MEDIAN, DOUBT_LOG_SD, LENGTH),
+        "slopes": SLOPES,
+        "draws": AVERAGE_DRAWS // 1000,
+        "content": 100 * INTERVAL,
+        "level": 100 * study.level,
+    }
+    text = Path(__file__).with_name("method.txt")
+    return write_blocks(text, values, lambda kind, name, caption: [_tabulate_forces(study, join_lines(caption))])
+
+
+def _tabulate_forces(study: StudyResult, caption: str) -> Table:
+    """Every force that takes part in a candidate, with its formula."""
+    names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
+    parts = [component(name) for name in dict.fromkeys(names)]
+    table = pd.DataFrame(
+        {
+            "force": [part.name for part in parts],
+            "what it is": [part.example.label for part in parts],
+            "formula": [part.example.formula for part in parts],
+            "free beside the coefficient": [", ".join(shape.name for shape in part.free_shapes) for part in parts],
+        }
+    )
+    return Table(table, caption)
