@@ -54,7 +54,7 @@ def phasors(name: str, noise: Noise = "constant") -> Phasors:
     else:
         amplitude, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
         amplitude = amplitude / PLANES.phi
-    return Phasors.of(amplitude, phase, PLANES.phi * F, omega, noise)
+    return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)
 
 
 def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:
@@ -97,7 +97,7 @@ def _fit_row(key: tuple[str, str, str], fit: PlanarFit, free: PlanarFit) -> dict
 
 def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
     """Chi-square of a fit against another that contains it or is contained, and what probability it has by chance."""
-    larger = max(fit, free, key=lambda one: len(one.fitted))
+    larger = max(fit, free, key=lambda either: len(either.fitted))
     chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
     left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
     p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
@@ -224,19 +224,25 @@ def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
     """
     rows = []
-    for one in known.values():
-        chains = one.posterior.chains if one.posterior else None
+    for posterior in known.values():
+        chains = posterior.posterior.chains if posterior.posterior else None
         diagnoses = {d.name: d for d in chains.diagnoses} if chains else {}
-        for name, values in one.parameters.items():
+        for name, values in posterior.parameters.items():
             low, median, high = np.quantile(values, _tails())
-            about = {
-                "method": "emcee" if chains else "importance",
-                "r_hat": diagnoses[name].r_hat if chains else np.nan,
-                "effective_size": diagnoses[name].effective_size if chains else one.evidence.effective_draws,
-                "converged": chains.converged if chains else None,
-            }
-            where = {"data": one.data, "fit": one.variant, "parameter": name}
-            rows.append({**where, "median": median, "low": low, "high": high, **about})
+            rows.append(
+                {
+                    "data": posterior.data,
+                    "fit": posterior.variant,
+                    "parameter": name,
+                    "median": median,
+                    "low": low,
+                    "high": high,
+                    "method": "emcee" if chains else "importance",
+                    "r_hat": diagnoses[name].r_hat if chains else np.nan,
+                    "effective_size": diagnoses[name].effective_size if chains else posterior.evidence.effective_draws,
+                    "converged": chains.converged if chains else None,
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -245,13 +251,13 @@ def tabulate_evidence(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     free = known["A2", "free"].evidence
     rows = [
         {
-            "fit": one.variant,
-            "log_z": one.evidence.log_z,
-            "log_z_error": one.evidence.standard_error,
-            "bayes_factor_over_free": float(np.exp(one.evidence.log_z - free.log_z)),
+            "fit": posterior.variant,
+            "log_z": posterior.evidence.log_z,
+            "log_z_error": posterior.evidence.standard_error,
+            "bayes_factor_over_free": float(np.exp(posterior.evidence.log_z - free.log_z)),
         }
-        for one in known.values()
-        if one.data == "A2"
+        for posterior in known.values()
+        if posterior.data == "A2"
     ]
     return pd.DataFrame(rows)
 
