@@ -25,7 +25,7 @@ from damping_pipelines.terminal import console, number, plain_table
 
 
 def campaign(
-    files: Sequence[Path],
+    sources: Sequence[Path],
     out: Path,
     design: Sequence[str],
     modes: str | None,
@@ -35,7 +35,7 @@ def campaign(
     seed: int,
     max_size: int,
 ) -> None:
-    """Analyse the files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
+    """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
     Raises:
         InputError: bad usage, or files that are not understood.
@@ -43,16 +43,16 @@ def campaign(
     """
     from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
-    refuse_inputs("--out", out, *files, *(path for path in (correct, previous) if path))
-    named = [os.path.realpath(file) for file in files]
+    refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
+    named = [os.path.realpath(file) for file in sources]
     if len(set(named)) < len(named):
         raise InputError("a file is given twice", expected="each once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
-    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
-    inputs = {file.name: digest(file.read_bytes()) for file in (*files, *([previous] if previous else []))}
-    title = f"Campaign: {', '.join(file.name for file in files)}"
+    found = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    inputs = {file.name: digest(file.read_bytes()) for file in (*sources, *([previous] if previous else []))}
+    title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
     written["study.toml"] = _describe_study(title, found, seed).encode()

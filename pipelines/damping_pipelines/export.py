@@ -45,6 +45,7 @@ def export(
     mode: Path | None = None,
     mode_out: Path | None = None,
     text: bool = False,
+    to: str | None = None,
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> None:
     """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
@@ -57,12 +58,18 @@ def export(
         mode: mode whose ``[units]`` are those of the record or the loads.
         mode_out: where the converted mode goes.
         text: values of a universal file as text, not as bytes.
+        to: structural code for which damping is written, in its own format; a form is asked for then.
 
     Raises:
         InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things,
             or of a ranking, which is not converted.
         AnalysisError: a record that a universal file cannot hold, or a mode that cannot be converted.
     """
+    if to is not None:
+        if units or given or mode or mode_out or text:
+            raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
+        export_deck(source, out, to)
+        return
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
         raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)

@@ -19,7 +19,7 @@ from damping_pipelines.terminal import progress
 MOST_ROWS = 100_000
 
 
-def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
+def sweep(model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
     """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
 
     Raises:
@@ -28,10 +28,10 @@ def sweep(model: Path, forces: list[float], frequency: str, out: Path, direction
     """
     refuse_inputs("--out", out, model)
     hertz = _frequencies(frequency)
-    if len(hertz) * len(forces) > MOST_ROWS:
-        raise InputError(f"{len(hertz) * len(forces)} rows", expected=f"{MOST_ROWS} rows (points times forces) at most")
+    if len(hertz) * len(force) > MOST_ROWS:
+        raise InputError(f"{len(hertz) * len(force)} rows", expected=f"{MOST_ROWS} rows (points times forces) at most")
     swept = damping.sweep(
-        read_mode(model), force=forces, frequency=hertz, direction=direction, method=method, progress=progress
+        read_mode(model), force=force, frequency=hertz, direction=direction, method=method, progress=progress
     )
     write_text(out, record_to_csv(swept.record))
 

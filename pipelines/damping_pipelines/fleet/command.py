@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,13 +56,13 @@ def fleet(
     scheduler: str | None = None,
     fast: bool = False,
     workers: int | None = None,
-    forces: tuple[float, ...] = (),
+    force: Sequence[float] = (),
     level: float = 0.9,
     seed: int = 0,
-    dashboard: str | None = None,
+    dashboard: str = "off",
     replace: bool = False,
     max_size: int,
-    despite: tuple[str, ...] = (),
+    despite: Sequence[str] = (),
     time_limit: float = TIME_LIMIT,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
@@ -70,8 +70,8 @@ def fleet(
     Args:
         scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
             record after the other).
-        fast: few importance draws. forces: design forces; none: multiples of each record's own.
-        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+        fast: few importance draws. force: design forces; none: multiples of each record's own.
+        dashboard: address on which a local cluster shows its dashboard; ``off``: nowhere.
         replace: drop what ``out`` holds of other records, settings or versions.
         time_limit: seconds that a record may take.
 
@@ -79,7 +79,7 @@ def fleet(
         InputError: bad usage or input, or results in ``out`` that would be lost.
         AnalysisError: every record failed, or the workers are gone.
     """
-    check_loads(forces or MULTIPLES, level)
+    check_loads(force or MULTIPLES, level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
@@ -87,13 +87,14 @@ def fleet(
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     require_checks(despite)
-    check_address(dashboard)
+    address = None if dashboard == "off" else dashboard
+    check_address(address)
     settings = FleetSettings(
-        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, digest_code(), time_limit
+        seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
-        _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
+        _fleet(cases, out, settings, scheduler, workers, address, replace=replace)
 
 
 def _fleet(
