@@ -32,7 +32,7 @@ with atheris.instrument_imports(
     ]
 ):
     from damping.signals.reading import read_description, read_raw
-    from damping_pipelines.export import tabulate_form
+    from damping_pipelines.export import read_answer, tabulate_form
     from damping_pipelines.manifest import MANIFEST, open_folder
     from damping_pipelines.settings import default_study, read_settings
 
@@ -74,7 +74,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "csv": _imported("csv"),
     "lock-in": _imported("lock-in"),
     "mat": _mat,
-    "form": tabulate_form,
+    "form": lambda path: tabulate_form(read_answer(path)),
     "manifest": lambda path: open_folder(path.rename(path.with_name(MANIFEST)).parent),
 }
 

@@ -104,7 +104,7 @@ def study(
 
 
 @app.command()
-@delegate("check")
+@delegate("records")
 def check(
     record: RecordArgument,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="The mode that the record is to be of.")] = None,

@@ -191,7 +191,7 @@ def verify(folders: Folders) -> None:
     """Check that every file of a folder is of one finished run."""
 
 
-@delegate("regress")
+@delegate("tables")
 def regress(
     data: Annotated[list[Path], Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
     response: Annotated[str, Option(metavar="COL", help="The dependent column.")],
@@ -207,7 +207,7 @@ def regress(
     """The SHARE multivariate regression program on any table (report, section 5.2)."""
 
 
-@delegate("sweep")
+@delegate("records")
 def sweep(
     model: Annotated[Path, Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
     force: Annotated[list[float], Option(metavar="F", help="Force level; repeat for several.")],
@@ -219,7 +219,7 @@ def sweep(
     """Steady-state sweeps of a model, as a record."""
 
 
-@delegate("condition")
+@delegate("tables")
 def condition(
     raw: Annotated[Path, Argument(metavar="RAW.csv", help="Accelerometer table.")],
     config: Annotated[Path, Option(metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")],

@@ -22,10 +22,17 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.check import report_findings
-from damping_pipelines.export import check_picture, write_picture
-from damping_pipelines.provenance import versions
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
+from damping_pipelines.manifest import versions
+from damping_pipelines.records import report_findings
+from damping_pipelines.store import (
+    check_picture,
+    refuse_inputs,
+    refuse_twice,
+    write_json,
+    write_picture,
+    write_plain,
+    write_text,
+)
 from damping_pipelines.terminal import console, end_with_parent, progress
 
 FORMAT = "gap/1"

@@ -22,9 +22,8 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.words import choose_length, format_parameter_unit
 from damping.result import Result
-from damping_pipelines.check import report_findings
-from damping_pipelines.export import check_picture, write_picture
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain
+from damping_pipelines.records import report_findings
+from damping_pipelines.store import check_picture, refuse_inputs, refuse_twice, write_picture, write_plain
 from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions, suggest
 
 #: Laws whose coefficients are shown.

@@ -19,9 +19,8 @@ from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render
-from damping_pipelines.export import print_answer, to_png
 from damping_pipelines.manifest import publish
-from damping_pipelines.store import plain, refuse_inputs, to_json
+from damping_pipelines.store import plain, print_answer, refuse_inputs, to_json, to_png
 
 
 def write_study(

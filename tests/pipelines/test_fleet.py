@@ -30,8 +30,7 @@ from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import DataSet, row_of
 from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
 from damping_pipelines.fleet.page import tabulate_outliers
-from damping_pipelines.manifest import sole_writer, verify
-from damping_pipelines.provenance import digest_code
+from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
 

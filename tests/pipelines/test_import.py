@@ -23,9 +23,9 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
-from damping_pipelines.export import export, tabulate_form, to_png
+from damping_pipelines.export import export, read_answer
 from damping_pipelines.import_ import RingDown, import_file, pairs, read_band, scales
-from damping_pipelines.store import write_json
+from damping_pipelines.store import to_png, write_json
 from damping_reed1970.tables import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
@@ -342,7 +342,7 @@ def test_any_form_is_a_table_or_an_error(tmp_path: Path, form: dict[str, object]
     path = tmp_path / "form.json"
     path.write_text(json.dumps(form))
     with pytest.raises(InputError):
-        tabulate_form(path)
+        read_answer(path)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from damping.regression.decomposition import LARGEST_CONDITION
 from damping.regression.design import Columns, design_of
 from damping.regression.fit import fit
 from damping.regression.terms import parse_terms
-from damping_pipelines.regress import regress
+from damping_pipelines.tables import regress
 
 FOLDER = Path(__file__).parents[1] / "reference" / "strd"
 CERTIFIED: dict[str, dict[str, Any]] = json.loads((FOLDER / "certified.json").read_text())["sets"]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -31,7 +34,6 @@ from damping.report.gap_page import describe_gap_page
 from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
 from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask
 from damping_pipelines.fleet.record_page import FleetRecord, describe_failed_page, record_page
-from damping_pipelines.fleet.time_limit import OutOfTimeError, limit_time
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
 _UNNAMED = "mode-without-a-name"
@@ -206,3 +208,32 @@ class _Predicted:
     design: Loads
     curve: Curve
     bands: Loads | None
+
+
+class OutOfTimeError(BaseException):
+    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()

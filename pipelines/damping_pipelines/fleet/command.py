@@ -38,8 +38,7 @@ from damping_pipelines.fleet.runners import (
     distributed,
     serial,
 )
-from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import describe_code, digest_code, versions
+from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import Advance, console, progress
 

@@ -26,7 +26,7 @@ from damping.plots.style import identifier
 from damping.ranking import Ranking
 from damping.report.forms import gap_form, loads_form, rank_form
 from damping_pipelines.fleet.inputs import FleetTask
-from damping_pipelines.provenance import digest_code
+from damping_pipelines.manifest import digest_code
 from damping_pipelines.store import plain, to_json, write_bytes
 
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
