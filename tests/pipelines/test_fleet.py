@@ -27,8 +27,16 @@ from damping.records.text import read_bytes
 from damping_pipelines.fleet import command, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.command import fleet
-from damping_pipelines.fleet.dataset import DataSet, row_of
-from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.dataset import (
+    DataSet,
+    FleetResult,
+    FleetSettings,
+    FleetTask,
+    find_cases,
+    row_of,
+    seed_of,
+    tasks_of,
+)
 from damping_pipelines.fleet.page import tabulate_outliers
 from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes

@@ -16,10 +16,10 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.records.audit import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
-from damping_pipelines.fleet.dataset import DataSet
-from damping_pipelines.fleet.inputs import (
+from damping_pipelines.fleet.dataset import (
     MULTIPLES,
     TIME_LIMIT,
+    DataSet,
     FleetCase,
     FleetResult,
     FleetSettings,
