@@ -25,7 +25,7 @@ with atheris.instrument_imports(include=["damping.records", "damping.errors", "t
 
 with atheris.instrument_imports(
     include=[
-        "damping_pipelines.settings",
+        "damping_pipelines.study_files",
         "damping.signals.reading",
         "damping_pipelines.export",
         "damping_pipelines.manifest",
@@ -34,7 +34,7 @@ with atheris.instrument_imports(
     from damping.signals.reading import read_description, read_raw
     from damping_pipelines.export import read_answer, tabulate_form
     from damping_pipelines.manifest import MANIFEST, open_folder
-    from damping_pipelines.settings import default_study, read_settings
+    from damping_pipelines.study_files import default_study, read_settings
 
 from damping.errors import AnalysisError, InputError
 

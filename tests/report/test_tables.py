@@ -31,7 +31,7 @@ from damping.report.words import (
     format_signed,
     number,
 )
-from damping_pipelines.study_output import add_damping_ratio
+from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")
