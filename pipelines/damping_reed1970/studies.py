@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import degrees
 
 import pandas as pd
@@ -224,7 +225,7 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         figures = gap_figures(one)
         for name in SHOWN:
             file, drawn = f"gap-configuration-{number_}-{name}", figures[name]
-            blocks.append(draw_block(file, drawn.title, drawn.description, lambda drawn=drawn: drawn.figure))
+            blocks.append(draw_block(file, drawn.title, drawn.description, partial(getattr, drawn, "figure")))
         key = f"gap_configuration_{number_}"
         tables[key] = tabulate_hypotheses(one)
         caption = "The most probable explanations, with the natural logarithm of their evidence"

@@ -96,7 +96,7 @@ def test_the_editable_install_finds_every_package(tmp_path):
 
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
-    code = "from damping_pipelines.settings import default_study as d, read_settings as r; r(d()); print(d())"
+    code = "from damping_pipelines.study_files import default_study as d, read_settings as r; r(d()); print(d())"
     assert Path(run(unpacked, code, tmp_path)) == unpacked / "damping_reed1970" / "_data" / "saturn-v" / "study.toml"
     code = "from damping_validation.scorer_output import load_blind_table; print(len(load_blind_table()))"
     assert int(run(unpacked, code, tmp_path)) > 0
