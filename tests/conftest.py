@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    sys.dont_write_bytecode = False  # each of the processes that tests start would compile everything anew: 2 s a time
 
 import damping_pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
@@ -36,6 +40,15 @@ if TYPE_CHECKING:
 assert damping_pipelines.__doc__  # imported for its effect
 #: Names under which systems install the browser.
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the slow tests to ``make slow``, which asks for them by ``-m``."""
+    if "slow" in config.option.markexpr:
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    items[:] = [item for item in items if item not in slow]
+    config.hook.pytest_deselected(items=slow)
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:
