@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -237,6 +238,19 @@ def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
         return Run(int(stopped.value.code or 0), captured.out, captured.err)
 
     return run
+
+
+class OneProcess(ThreadPoolExecutor):
+    """Stands for the processes of a study, whose start takes longer than what short studies do in them."""
+
+    def __init__(self, **_: object) -> None:
+        super().__init__(1)
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study samples in this process."""
+    monkeypatch.setattr("damping_pipelines.study.ProcessPoolExecutor", OneProcess)
 
 
 @pytest.fixture(scope="session")
