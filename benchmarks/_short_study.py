@@ -1,4 +1,4 @@
-"""Studies with two laws to rank and to predict with, instead of dozens, and one figure, each in a process of its own that may be killed.
+"""Studies with two laws to rank and to predict with and one figure, each in a process of its own that may be killed.
 
 A server: for each line ``SETTINGS<tab>OUT<tab>SEED`` on standard input it starts ``damping study`` as the leader of a
 new session, answers with its process id, and with its exit status when it has ended. Packages are imported once, and

@@ -253,6 +253,20 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("damping_pipelines.study.ProcessPoolExecutor", OneProcess)
 
 
+#: What stands for all candidates of a ranking, and of a prediction.
+RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
+PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+
+
+@pytest.fixture
+def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws to rank and two to predict with, whatever the command: where it is not the laws that are tested."""
+    for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
+        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
+    for module in ("damping.extrapolation", "damping_pipelines.study"):
+        monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
+
+
 @pytest.fixture(scope="session")
 def saturn_data() -> Path:
     return data_folder() / "saturn-v"

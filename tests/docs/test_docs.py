@@ -19,19 +19,12 @@ import pandas as pd
 import pytest
 import typer
 
-from damping import api, extrapolation
 from damping.forces import CATALOGUE
-from damping.infer.law import Law
-from damping_pipelines import study
 from damping_pipelines.cli import app, main
-from damping_pipelines.fleet import analyse
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
-#: What stands for all candidates of a ranking, and of a prediction.
-RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
-PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
 
 
 class Block(NamedTuple):
@@ -58,17 +51,13 @@ EXECUTED = {page: [b for b in blocks(page) if b.language in ("sh", "python", "to
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, one_process) -> Path:
+def folder(tmp_path, monkeypatch, few_laws, one_process) -> Path:
     """A folder with the data and the examples, their records thinned, and few laws to try."""
     (tmp_path / "data").symlink_to(ROOT / "data")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     for record in tmp_path.glob("examples/*/record.csv"):
         pd.read_csv(record).iloc[::3].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
-    for module in (api, analyse, study):
-        monkeypatch.setattr(module, "candidate_laws", lambda *_: RANKED)
-    for module in (extrapolation, study):
-        monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)
     return tmp_path
 
 

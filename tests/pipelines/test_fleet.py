@@ -83,7 +83,7 @@ def records(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def few_laws():
+def few():
     """Few candidates in this process; returned is what does the same in another."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
@@ -93,7 +93,7 @@ def few_laws():
 
 
 @pytest.fixture(scope="module")
-def alone(records, few_laws, tmp_path_factory) -> Path:
+def alone(records, few, tmp_path_factory) -> Path:
     """The result of one process, one record after the other."""
     out = tmp_path_factory.mktemp("alone")
     fleet(records, out, fast=True, workers=0, seed=5, max_size=SIZE)
@@ -108,7 +108,7 @@ def one_law(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def cluster(few_laws):
+def cluster(few):
     """A scheduler and two workers as processes on the loopback: its address and the workers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -120,7 +120,7 @@ def cluster(few_laws):
     common = ["--host", "127.0.0.1", "--no-dashboard"]
     dask = [sys.executable, "-m", "dask"]
     scheduler = subprocess.Popen([*dask, "scheduler", "--port", str(port), *common], **quiet)
-    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--preload", few_laws, *common]
+    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--preload", few, *common]
     workers = [subprocess.Popen(words, **quiet) for _ in range(2)]
     yield address, workers
     for process in (*workers, scheduler):
@@ -532,10 +532,15 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
         read_bytes(tmp_path / "in" / "ring.toml")
 
 
-def test_a_job_scheduler_ends_it_in_order(records, alone, few_laws, tmp_path):
+def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path):
     """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
     words = ["fleet", records, "--out", tmp_path, "--fast", "--workers", "0", "--seed", "5"]
-    command = [sys.executable, "-c", f"{few_laws}from damping_pipelines.cli import main\nmain()", *map(str, words)]
+    command = [
+        sys.executable,
+        "-c",
+        f"{few}from damping_pipelines.cli import main\nmain()",
+        *map(str, words),
+    ]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
         process.terminate()
