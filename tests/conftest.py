@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ import damping_pipelines  # isort: skip  # first, since it sets one thread for t
 import numpy as np
 import pandas as pd
 import pytest
+import typer.main
 
 from damping.forces.contract import Force
 from damping.infer.law import Law
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 assert damping_pipelines.__doc__  # imported for its effect
+typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
 #: Names under which systems install the browser.
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
