@@ -15,7 +15,7 @@ from damping.formats.columns import read_columns
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.campaign_page import describe_campaign_page
+from damping.report.campaign_page import render_campaign_page
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish
 from damping_pipelines.store import refuse_inputs, to_json
@@ -55,7 +55,7 @@ def campaign(
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
     written["study.toml"] = _describe_study(title, found, seed).encode()
     written["campaign.json"] = to_json(found.to_json()).encode()
-    written["report.html"] = describe_campaign_page(found, title, seed, versions(), inputs).encode()
+    written["report.html"] = render_campaign_page(found, title, seed, versions(), inputs).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(found, out)
 

@@ -22,7 +22,7 @@ from damping.report import (
     format_signed,
     number,
 )
-from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
+from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, render_page
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0
@@ -95,7 +95,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         versions=versions,
         inputs={f"{study.name}: summary.json": study.digest for study in studies},
     )
-    return describe_page(f"{len(studies)} studies side by side", sections, footer)
+    return render_page(f"{len(studies)} studies side by side", sections, footer)
 
 
 def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> list[Block]:

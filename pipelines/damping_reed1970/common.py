@@ -109,9 +109,9 @@ def chapter_of(identity: str) -> int:
 def describe_agreement_text(reproduction: pd.DataFrame) -> str:
     """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
     counts = reproduction["agreement"].value_counts()
-    said = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
+    counted = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
     known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
-    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {said}."
+    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {counted}."
     if known.empty:
         return text
     return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
@@ -150,8 +150,8 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
     if len(shown) <= MOST_ROWS:
         return [Table(shown, known.said or known.title, key=name)]
-    said = [Text(known.said)] if known.said else []
-    return [*said, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
+    words = [Text(known.said)] if known.said else []
+    return [*words, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
 
 
 def write_chapter(

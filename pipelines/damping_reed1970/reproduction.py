@@ -205,12 +205,12 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
     numbers = evidence(reproduction)
     sizes = table["severity"].value_counts()
-    said = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
+    by_severity = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
                   (("A", "change results"), ("B", "change numbers but no conclusion"), ("C", "are minor")))  # fmt: skip
     kinds = table["kind"].value_counts()
     blocks: list[Block] = [
         Text(
-            f"{count(len(table), 'entry').replace('entrys', 'entries')}: {said}. By kind: "
+            f"{count(len(table), 'entry').replace('entrys', 'entries')}: {by_severity}. By kind: "
             + format_joined(f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items())
             + ". Each comes with its proof, which needs nothing but the report's own text and tables, and with the "
             "numbers recomputed here: printed → from the printed tables → after correction."
@@ -218,21 +218,21 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     ]
     for key, title in SEVERITIES.items():
         rows = table[table["severity"] == key]
-        shown = pd.DataFrame([shown_row(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
-        one = Table(shown, f"{title}, with proofs.", key="errata")
-        blocks += [Heading(title), one] if key == "A" else [Fold(f"{title}: {len(rows)}", [one])]
+        shown = pd.DataFrame([describe_erratum(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
+        shown_table = Table(shown, f"{title}, with proofs.", key="errata")
+        blocks += [Heading(title), shown_table] if key == "A" else [Fold(f"{title}: {len(rows)}", [shown_table])]
     return ReportPart(Section("errata", "Errata of the report", blocks))
 
 
-def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
+def describe_erratum(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
     """An erratum in two cells: where and what, and why, with the numbers recomputed here."""
     where, printed, right, proof = (
         describe_in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
     )
-    said = proof[:1].upper() + proof[1:].rstrip(".") + "."
+    reason = proof[:1].upper() + proof[1:].rstrip(".") + "."
     return {
         "erratum": f"{erratum['id']}, {where}. Printed: {printed}. Right: {right}.",
-        "proof": f"{said} Recomputed here: {numbers}." if numbers else said,
+        "proof": f"{reason} Recomputed here: {numbers}." if numbers else reason,
     }
 
 

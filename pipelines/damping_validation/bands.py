@@ -85,7 +85,7 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
             files[f"{one.name}.png"] = figure(one)
             files[f"{one.name}.csv"] = record_to_csv(tabulate_loads(one.at)).encode()
             files[f"{one.name}-left-out.csv"] = record_to_csv(one.left_out).encode()
-        files["README.md"] = describe_page(results, seed).encode()
+        files["README.md"] = render_page(results, seed).encode()
         publish(out, files, seed=seed, versions=versions(), inputs=inputs)
     print(f"{out / 'README.md'} written")
 
@@ -145,7 +145,7 @@ def figure(band: BandResult) -> bytes:
     return buffer.getvalue()
 
 
-def describe_page(results: list[BandResult], seed: int) -> str:
+def render_page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
     goals = [row for one in results for row in _list_goals(one)]
     checks = pd.concat([one.left_out for one in results], ignore_index=True)

@@ -124,7 +124,7 @@ class DiagnosisResult(Result):
             *(f"{said[0].upper()}{said[1:]}." for said in self.against),
             text.describe_verdict(d),
             text.place(d),
-            *text.list_doubts(d),
+            *text.describe_doubts(d),
             text.reach(d),
             text.describe_following(d),
         ]

@@ -97,11 +97,11 @@ def test_the_editable_install_finds_every_package(tmp_path):
 
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
     code = """
-from damping.report.page import Footer, Section, describe_page
+from damping.report.page import Footer, Section, render_page
 from damping_pipelines.study_files import default_study, read_settings
 from damping_validation.scorer_output import load_blind_table
 read_settings(default_study())
-print(default_study(), len(load_blind_table()), len(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
+print(default_study(), len(load_blind_table()), len(render_page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
 """
     study, cases, letters = run(unpacked, code, tmp_path).rsplit(maxsplit=2)
     assert Path(study) == unpacked / "damping_reed1970" / "_data" / "saturn-v" / "study.toml"

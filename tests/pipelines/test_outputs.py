@@ -124,7 +124,7 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     monkeypatch.setattr(bands, "figure", lambda one: b"png")
     monkeypatch.setattr(bands, "tabulate_loads", lambda at: None)
     monkeypatch.setattr(bands, "record_to_csv", lambda table: "csv")
-    monkeypatch.setattr(bands, "describe_page", lambda results, seed: "page")
+    monkeypatch.setattr(bands, "render_page", lambda results, seed: "page")
     for name in ("README.md", "one.csv"):
         write_text(out / name, "mine")
         run = damping("bands", records, "--out", out)

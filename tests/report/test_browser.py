@@ -139,12 +139,10 @@ def value(text: str) -> float:
 def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     import pandas as pd
 
-    from damping.report.page import Footer, Section, Table, describe_page
+    from damping.report.page import Footer, Section, Table, render_page
 
     path = tmp_path / "page.html"
-    path.write_text(
-        describe_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {}))
-    )
+    path.write_text(render_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered

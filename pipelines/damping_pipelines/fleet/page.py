@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
-from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, describe_page
+from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, render_page
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
@@ -102,7 +102,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
         Section("gaps", "Gaps to the simulations", _build_gaps(table)),
         Section("records", "All records", _build_records(table)),
     ]
-    return describe_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
+    return render_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
 
 
 def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:

@@ -30,7 +30,13 @@ from damping.report import (
     forms,
     number,
 )
-from damping.report.gap_page import describe_following, describe_verdict, list_doubts, place, reach
+from damping.report.gap_page import (
+    describe_doubts,
+    describe_following,
+    describe_place,
+    describe_reach,
+    describe_verdict,
+)
 from damping.report.page import (
     Block,
     Callout,
@@ -43,7 +49,7 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    describe_page,
+    render_page,
 )
 from damping_pipelines.fleet.dataset import FleetTask
 
@@ -101,7 +107,7 @@ def describe_failed_page(task: FleetTask, reason: str) -> str:
 
 
 def _describe_page(task: FleetTask, sections: Sequence[Section]) -> str:
-    return describe_page(task.name, sections, Footer(task.seed, task.settings.versions, task.inputs))
+    return render_page(task.name, sections, Footer(task.seed, task.settings.versions, task.inputs))
 
 
 def _answer(record: FleetRecord) -> list[Block]:
@@ -199,7 +205,12 @@ def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> FigureBlock
 
 
 def _build_gap(diagnosis: Diagnosis, address: str) -> list[Block]:
-    lines = [place(diagnosis), *list_doubts(diagnosis), reach(diagnosis), describe_following(diagnosis)]
+    lines = [
+        describe_place(diagnosis),
+        *describe_doubts(diagnosis),
+        describe_reach(diagnosis),
+        describe_following(diagnosis),
+    ]
     rows = [{"explanation": " + ".join(e.effects) or "no effect", "p": e.probability} for e in diagnosis.explanations]
     return [
         List(lines),

@@ -187,7 +187,7 @@ def _collect_plane_values(computed: Chapter3) -> dict[str, Any]:
         "factors": factors,
         "held_factor": factors[HELD],
         "phase": row(posteriors, data="A2", fit="free + in phase", parameter="R"),
-        "angles": [f"θ {format_between(one['low'], one['high'])}" for one in angles],
+        "angles": [f"θ {format_between(angle['low'], angle['high'])}" for angle in angles],
     }
 
 
@@ -222,17 +222,14 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     """One row per sampled posterior, each parameter as median and interval."""
     rows = []
     for data, fit in SAMPLED:
-        posterior = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
-        spoken = {"data": data, "fit": fit}
-        for one in posterior.to_dict("records"):
-            label, digits = SHOWN.get(POSTERIOR.get(one["parameter"], one["parameter"]), ("", 0))
+        texts = {"data": data, "fit": fit}
+        chosen = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
+        for name, *numbers in chosen[["parameter", "median", "low", "high"]].itertuples(index=False):
+            label, digits = SHOWN.get(POSTERIOR.get(name, name), ("", 0))
             if label:
-                spoken[label] = (
-                    f"{one['median']:.{digits}f} ({one['low']:.{digits}f} to {one['high']:.{digits}f})".replace(
-                        "-", "−"
-                    )
-                )
-        rows.append(spoken)
+                median, low, high = (f"{value:.{digits}f}".replace("-", "−") for value in numbers)
+                texts[label] = f"{median} ({low} to {high})"
+        rows.append(texts)
     return pd.DataFrame(rows).fillna("")[
         ["data", "fit", *(label for label, _ in SHOWN.values() if label != "lag, rad")]
     ]

@@ -142,7 +142,7 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))
     if 2 * data.omega.size <= len(free):
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
-    starts = _list_starts(data, fixed)
+    starts = _choose_starts(data, fixed)
     _lengths(_real(_jacobian(data, starts[0], free)), free)
     model = _best(data, fixed, free, starts)
     model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
@@ -153,7 +153,7 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     return PlanarFit(model, free, errors, residuals, SSE)
 
 
-def _list_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
+def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
     """The best points of a grid: planes across the swept band, angles, damping; the mass that fits the largest peak."""
     band = np.linspace(data.omega.min(), data.omega.max(), _GRID_STEPS)
     rates = 2.0 * np.array(_GRID_XI) * band.mean()  # C/M

@@ -101,7 +101,7 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
     """What the levels say, and what a reader should know of it."""
     cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
     return {
-        "least": _list_least(variations),
+        "least": _describe_least(variations),
         "kept": list(studies.levels),
         "cautions": "; ".join(cautions).capitalize(),
     }
@@ -112,13 +112,14 @@ def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str,
     modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
         "powers": [
-            f"p = {number(one['p'], 4)} for mode {mode} ({format_between(one['p_low'], one['p_high'])}, 90 per cent, "
-            f"1 degree of freedom; printed {one['p_printed']:g})"
-            for mode, one in modes.items()
+            f"p = {number(law['p'], 4)} for mode {mode} ({format_between(law['p_low'], law['p_high'])}, 90 per cent, "
+            f"1 degree of freedom; printed {law['p_printed']:g})"
+            for mode, law in modes.items()
         ],
         "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
         "needed": [
-            f"{number(one['needed_percent'], 2)} per cent (mode {one['mode']})" for one in chance.to_dict("records")
+            f"{number(percent, 2)} per cent (mode {mode})"
+            for mode, percent in chance[["mode", "needed_percent"]].itertuples(index=False)
         ],
     }
 
@@ -147,7 +148,7 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
-def _list_least(variations: pd.DataFrame) -> list[str]:
+def _describe_least(variations: pd.DataFrame) -> list[str]:
     """Which case varies least, among those of the report and among all."""
     lines = []
     for mode in (1, 2):
@@ -163,9 +164,9 @@ def _list_least(variations: pd.DataFrame) -> list[str]:
     return lines
 
 
-def _spread(one: dict[Hashable, Any]) -> float:
+def _spread(row: dict[Hashable, Any]) -> float:
     """Spread of a row, the largest where there is none."""
-    spread = float(one["spread_percent"])
+    spread = float(row["spread_percent"])
     return spread if np.isfinite(spread) else np.inf
 
 

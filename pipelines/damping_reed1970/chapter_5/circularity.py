@@ -201,14 +201,14 @@ def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]
     names = [" + ".join(np.array(FORCES)[members]) for members in blocks[0].members]
     chosen = np.concatenate([block.best(nonnegative=True) for block in blocks])
     shares = pd.Series([names[i] for i in chosen]).value_counts(normalize=True)
-    one, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
+    viscous, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
     ratios = np.abs(_joined(blocks, both, "t_ratios"))
     medians = np.median(_joined(blocks, both, "coefficients"), axis=0)
     sse = np.concatenate([block.sse for block in blocks], axis=1)
     nonlinear = blocks[0].members[chosen][:, 2:].any(axis=1)
     claim = {
         "nonlinear_share": float(nonlinear.mean()),
-        "cubed_share": float((sse[three] < sse[one]).mean()),
+        "cubed_share": float((sse[three] < sse[viscous]).mean()),
         "ratio_share": float((ratios[:, 2] > ratios[:, 0]).mean()),
         "significant_share": float((_joined(blocks, both, "t_ratios")[:, 2] > 2.0).mean()),
         "C_1": float(medians[0] / np.pi),
@@ -268,8 +268,8 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
         rows = kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)]
         _draw_bars(axes, 0, rows)
         for place, (truth, noise) in enumerate(cases, start=1):
-            mine = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
-            _draw_bars(axes, place, known[mine])
+            chosen = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
+            _draw_bars(axes, place, known[chosen])
         axes.set(xlim=(0.0, 1.0), xticks=[0.0, 0.5, 1.0])
         axes.set_title(route, fontsize=7.5, x=-0.5)
     panels[-1].set_xlabel("share of runs")

@@ -105,7 +105,7 @@ def _collect_coefficient_values(regressions: pd.DataFrame) -> dict[str, Any]:
     inputs = {name: close[fits["inputs"] == name] for name in ("printed", "corrected", "recovered")}
     return {
         "coefficients": len(inputs["printed"]),
-        "come_out": [f"{int(one.sum())} from the {name} inputs" for name, one in inputs.items()],
+        "come_out": [f"{int(holds.sum())} from the {name} inputs" for name, holds in inputs.items()],
         "close_percent": 100.0 * CLOSE,
         "viscous": row(fits, fit="E3", inputs="recovered", force="viscous"),
         "squared": row(fits, fit="E3", inputs="recovered", force="velocity-squared"),
@@ -119,7 +119,7 @@ def _collect_check_out_values(regressions: pd.DataFrame) -> dict[str, Any]:
     made = regressions[(regressions["fit"] == fits[0]) & (regressions["inputs"] == "generator")]
     return {
         "check_out_points": int(two["points"].iloc[0]),
-        "errors": [float(one["average_absolute_percent"].iloc[0]) for one in (two, five)],
+        "errors": [float(fits_of["average_absolute_percent"].iloc[0]) for fits_of in (two, five)],
         "ratios": five["t_ratio"].abs(),
         "two": two["coefficient"],
         "made": made["coefficient"],
@@ -153,7 +153,7 @@ def _collect_circle_values(circular: Circularity) -> dict[str, Any]:
     laws = _tabulate_measured(circular)[["route", "law"]].to_numpy()
     return {
         "circular": circular,
-        "nonlinear": [one["nonlinear_share"] for one in linear],
+        "nonlinear": [claim["nonlinear_share"] for claim in linear],
         "selected": [f"{law} ({route})" for route, law in laws],
     }
 

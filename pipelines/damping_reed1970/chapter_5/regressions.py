@@ -110,11 +110,11 @@ def tabulate_regressions() -> pd.DataFrame:
     ``printed``, ``printed_force``: as printed, NaN where the report prints none.
     """
     parts = []
-    for one in FITS:
-        printed = np.concatenate(one.data("printed"))
-        for inputs, data in _inputs(one).items():
+    for report_fit in FITS:
+        printed = np.concatenate(report_fit.data("printed"))
+        for inputs, data in _inputs(report_fit).items():
             changed = int(np.sum(np.concatenate(data) != printed))
-            parts.append(_tabulate_rows(one, inputs, changed, one.fit(*data)))
+            parts.append(_tabulate_rows(report_fit, inputs, changed, report_fit.fit(*data)))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -125,19 +125,19 @@ def tabulate_regression_deviations() -> pd.DataFrame:
     inputs X, of the fit's own points.
     """
     parts = []
-    for one in FITS:
-        if not one.fitted:
+    for report_fit in FITS:
+        if not report_fit.fitted:
             continue
-        table = load_table(one.table)[one.rows]
-        A, omega, E = one.data("printed")
-        part = pd.DataFrame({"fit": one.name, "table": one.table.replace("_", ".")}, index=table.index)
+        table = load_table(report_fit.table)[report_fit.rows]
+        A, omega, E = report_fit.data("printed")
+        part = pd.DataFrame({"fit": report_fit.name, "table": report_fit.table.replace("_", ".")}, index=table.index)
         part["point"] = table["row" if "row" in table else "point"]
         part = part.assign(omega_rad_s=omega, A_printed_in=A, E_printed_in_lb=E)
-        part["fitted_printed_in_lb"] = table[one.fitted]
-        part["percent_printed"] = table[one.percent] if one.percent else np.nan
-        for inputs, data in _inputs(one).items():
+        part["fitted_printed_in_lb"] = table[report_fit.fitted]
+        part["percent_printed"] = table[report_fit.percent] if report_fit.percent else np.nan
+        for inputs, data in _inputs(report_fit).items():
             if inputs != "generator":
-                deviations = deviations_of(one.fit(*data))
+                deviations = deviations_of(report_fit.fit(*data))
                 part[f"fitted_from_{inputs}_inputs_in_lb"] = deviations.fitted
                 part[f"percent_from_{inputs}_inputs"] = deviations.percent
         parts.append(part)
@@ -153,21 +153,21 @@ def generator_data() -> tuple[FloatArray, FloatArray, FloatArray]:
     return A, omega, np.round(polynomial({"A2w": pi / 2.0, "A3w": 16.0 / 15.0}, A, omega), 3)
 
 
-def _inputs(one: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
+def _inputs(report_fit: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
     """Inputs of a fit by name; of the check-out data there are none recovered but the generator that made them."""
-    if one.table == "5_II":
+    if report_fit.table == "5_II":
         both: tuple[Version, Version] = ("printed", "corrected")
-        return {version: one.data(version) for version in both} | {"generator": generator_data()}
-    return {name: one.data(version) for name, version in INPUT_VERSIONS.items()}
+        return {version: report_fit.data(version) for version in both} | {"generator": generator_data()}
+    return {name: report_fit.data(version) for name, version in INPUT_VERSIONS.items()}
 
 
-def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
+def _tabulate_rows(report_fit: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
     deviations = deviations_of(fitted)
-    terms = list(one.printed)
+    terms = list(report_fit.printed)
     return pd.DataFrame(
         {
-            "fit": one.name,
-            "equation": one.equation,
+            "fit": report_fit.name,
+            "equation": report_fit.equation,
             "inputs": inputs,
             "cells_changed": changed,
             "points": fitted.n,
@@ -175,16 +175,16 @@ def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd
             "coefficient": fitted.coefficients,
             "std_error": fitted.std_errors,
             "t_ratio": fitted.t_ratios,
-            "printed": list(one.printed.values()),
+            "printed": list(report_fit.printed.values()),
             "force": [CASES[TERM_CASES[term]] for term in terms],
             "force_coefficient": [table_5_i(TERM_CASES[t], a) for t, a in zip(terms, fitted.coefficients, strict=True)],
-            "printed_force": [one.forces.get(term, np.nan) for term in terms],
+            "printed_force": [report_fit.forces.get(term, np.nan) for term in terms],
             "r_squared_without_constant": fitted.r_squared,
             "rms_error_in_lb": fitted.rms_error,
             "average_absolute_percent": deviations.average_absolute_percent,
             "largest_absolute_percent": deviations.largest_absolute_percent,
             "condition_number": fitted.condition_number,
-            "erratum": one.erratum,
+            "erratum": report_fit.erratum,
         }
     )
 
@@ -222,7 +222,7 @@ def energy_surface(inputs: Inputs = INPUTS[0], cells: int = 80) -> EnergySurface
     beyond = 0.03 * np.ptp(omega)
     grid_A = np.linspace(0.02 * A.max(), 1.05 * A.max(), cells)
     grid_omega = np.linspace(omega.min() - beyond, omega.max() + beyond, cells)
-    surfaces = [_surface(one, grid_A, grid_omega, which) for one, which in ((physical, members), (nine, range(9)))]
+    surfaces = [_surface(law, grid_A, grid_omega, terms) for law, terms in ((physical, members), (nine, range(9)))]
     return EnergySurface(
         amplitude=grid_A,
         omega=grid_omega,

@@ -149,8 +149,8 @@ def _tabulate_errors(law: PrintedLaw, version: str, force: Sum, data: Observatio
 def _tabulate_rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.DataFrame) -> pd.DataFrame:
     fitted = {(c.force, c.shape or "coefficient"): c for c in _find(law, rankings[law.record]).coefficients}
     again = recomputed(law).parameters
-    mine = (errors["equation"] == law.equation) & (errors["mode"] == law.mode)
-    summary = _summary(law, errors[mine])
+    of_law = (errors["equation"] == law.equation) & (errors["mode"] == law.mode)
+    summary = _summary(law, errors[of_law])
     rows = [
         {
             **law.head,
@@ -245,13 +245,13 @@ def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
 
 def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
     """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
-    each = laws.drop_duplicates(["configuration", "mode", "equation"])
-    worst = each[~each["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
-    viscous = each[each["law"] == "viscous"]
+    single = laws.drop_duplicates(["configuration", "mode", "equation"])
+    worst = single[~single["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
+    viscous = single[single["law"] == "viscous"]
     levels = viscous[viscous["configuration"] == "II"]
     return {
-        "laws": len(each),
-        "reproduced": [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS],
+        "laws": len(single),
+        "reproduced": [int(single[f"{version}_reproduces"].sum()) for version in VERSIONS],
         "limit": f"{REPRODUCES:g}",
         "inside": int(laws["printed_in_interval"].sum()),
         "numbers": len(laws),

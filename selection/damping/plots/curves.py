@@ -47,7 +47,7 @@ def damping_curve(table: pd.DataFrame, level: float, unit: str = "", tested: pd.
     axes = figure.add_subplot()
     draw_damping_curve(axes, table, level, unit, tested)
     figure.legend(
-        handles=_list_curve_marks(level, 0 if tested is None else len(tested)),
+        handles=_build_curve_marks(level, 0 if tested is None else len(tested)),
         loc="outside lower left",
         ncols=2,
         columnspacing=1.2,
@@ -116,7 +116,7 @@ def shade_beyond(axes: Axes, edge: float, end: float) -> None:
         axes.axvspan(edge, end, facecolor=BEYOND, edgecolor=GRID, hatch="///", linewidth=0, zorder=0)
 
 
-def _list_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
+def _build_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
     dashed = (0, (4, 1.5))
     marks: list[Line2D | Patch] = [
         Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
@@ -156,9 +156,9 @@ def fitted_sweeps(
     axes.set_xlabel("frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit))
     axes.set_ylabel(describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit))
     axes.margins(x=0.1, y=0.1)
-    said = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
+    measured_label = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
     marks = [
-        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=said),
+        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=measured_label),
         Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),
     ]
     figure.legend(handles=marks, loc="outside lower left", ncols=1)
@@ -215,7 +215,7 @@ def design_loads(
     figure = Drawing(figsize=(WIDTH, 3.9))
     axes = figure.add_subplot()
     draw_design_loads(axes, band, tested, design, level, force_unit, length_unit, limit)
-    figure.legend(handles=_list_marks(level, len(tested)), loc="outside lower left", ncols=2, columnspacing=1.2)
+    figure.legend(handles=_build_load_marks(level, len(tested)), loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
 
@@ -261,7 +261,7 @@ def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) ->
     return float(1.12 * np.nanmax([*values, likely]))
 
 
-def _list_marks(level: float, sweeps: int) -> list[Artist]:
+def _build_load_marks(level: float, sweeps: int) -> list[Artist]:
     dashed = (0, (4, 1.5))
     return [
         Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {sweeps})"),

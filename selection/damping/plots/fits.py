@@ -126,8 +126,8 @@ def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
-        said = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else weight_text(weight)
-        axes.annotate(said, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=INK)
+        label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else weight_text(weight)
+        axes.annotate(label, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=INK)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")
 
@@ -197,8 +197,8 @@ def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple
     axes.stairs(_density(prior, edges), edges, color=LINEAR, linewidth=1.3, baseline=None, label="prior")
     low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
     axes.vlines([low, high], 0.0, heights.max(), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
-    said = f"{median:.3g}\n({low:.3g} to {high:.3g})"
-    axes.set_title(said, fontsize=7, fontweight="normal", loc="center", pad=3)
+    summary = f"{median:.3g}\n({low:.3g} to {high:.3g})"
+    axes.set_title(summary, fontsize=7, fontweight="normal", loc="center", pad=3)
     axes.set_ylim(0.0, 1.08 * heights.max())
     axes.grid(visible=False)
 

@@ -182,13 +182,13 @@ def _factor(factor: str, start: int, text: str) -> tuple[str, float]:
     number = exponent.strip()
     value = float(number) if _NUMBER.fullmatch(number) else math.nan
     if not math.isfinite(value):
-        found = repr(number) if number else "nothing"
-        raise _error(text, at, f"{found} as a power", "a finite real number such as 2, 0.5 or -1")
+        given = repr(number) if number else "nothing"
+        raise _error(text, at, f"{given} as a power", "a finite real number such as 2, 0.5 or -1")
     return column.strip(), value
 
 
-def _error(text: str, position: int, found: str, expected: str) -> InputError:
-    return InputError(f"terms {text.strip()!r}, character {position + 1}: {found}", expected=expected)
+def _error(text: str, position: int, problem: str, expected: str) -> InputError:
+    return InputError(f"terms {text.strip()!r}, character {position + 1}: {problem}", expected=expected)
 
 
 def list_columns_of(terms: Iterable[Term]) -> tuple[str, ...]:

@@ -242,4 +242,4 @@ def one_term_fits(design: Design) -> list[Fit]:
     column is zero at every observation.
     """
     fits = [fit(design.take([i])) for i in range(design.k)]
-    return sorted(fits, key=lambda one: one.sse)
+    return sorted(fits, key=lambda single: single.sse)

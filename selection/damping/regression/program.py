@@ -167,7 +167,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         deviations=deviations,
         sums=goodness_of_fit(selected.fit),
         bands=breakdown(deviations),
-        notes=(*columns.notes, *why_not, *_list_cautions(selected.fit)),
+        notes=(*columns.notes, *why_not, *_collect_cautions(selected.fit)),
     )
 
 
@@ -180,7 +180,7 @@ def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tup
         return None, (f"no plane: {error}",)
 
 
-def _list_cautions(fit: Fit) -> tuple[str, ...]:
+def _collect_cautions(fit: Fit) -> tuple[str, ...]:
     """What a reader of the coefficients must know."""
     cautions = []
     if fit.n == fit.k:
@@ -213,28 +213,28 @@ def regress_form(result: Regression) -> Form:
         "data": result.data,
         "n": fit.n,
         "response": result.design.response,
-        "terms": _list_terms(fit),
+        "terms": _build_terms(fit),
         "one_term_fits": [_describe_one_term(single) for single in result.one_term],
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
-        "steps": _list_steps(result),
+        "steps": _build_steps(result),
         "selection": asdict(choice),
-        "subsets": _list_subsets(models),
+        "subsets": _build_subsets(models),
         # None where every subset was fitted, or none searched
         "proof": asdict(models.proof) if models is not None and models.proof is not None else None,
-        "all_terms": _list_terms(result.full),
-        "plane": None if result.plane is None else _list_terms(result.plane),
+        "all_terms": _build_terms(result.full),
+        "plane": None if result.plane is None else _build_terms(result.plane),
         "variables": [asdict(variable) for variable in result.variables],
         "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
         "goodness_of_fit": asdict(result.sums),
         "breakdown": [asdict(band) for band in result.bands],
         "notes": list(result.notes),
     }
-    return {**plain(form), "deviations": _list_deviations(result)}
+    return {**plain(form), "deviations": _build_deviations(result)}
 
 
-def _list_terms(fit: Fit) -> list[Form]:
+def _build_terms(fit: Fit) -> list[Form]:
     return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
 
 
@@ -266,12 +266,12 @@ def _summary(result: Regression) -> Form:
     }
 
 
-def _list_deviations(result: Regression) -> list[Form]:
+def _build_deviations(result: Regression) -> list[Form]:
     columns = plain(vars(result.deviations) | {"row": result.rows + 1})
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _list_steps(result: Regression) -> list[Form]:
+def _build_steps(result: Regression) -> list[Form]:
     return [
         {
             "action": step.action,
@@ -279,14 +279,14 @@ def _list_steps(result: Regression) -> list[Form]:
             "reason": step.reason,
             "t_ratio": step.t_ratio,
             "score": step.score,
-            "terms": _list_terms(step.fit),
+            "terms": _build_terms(step.fit),
         }
         for step in result.selected.steps
         if step.action != "start"
     ]
 
 
-def _list_subsets(models: Subsets | None) -> list[Form] | None:
+def _build_subsets(models: Subsets | None) -> list[Form] | None:
     """The best subsets, best first; None where subsets were not searched."""
     if models is None:
         return None

@@ -131,11 +131,11 @@ class _Search:
         if held_only:
             return None
         j, least = int(terms[np.argmin(ratios)]), float(ratios.min())
-        said = f"|T| = {least:.4g} is the least"
+        reason = f"|T| = {least:.4g} is the least"
         if self.t_stop is not None:
-            reason = f"{said} and below {self.t_stop:g}"
+            reason = f"{reason} and below {self.t_stop:g}"
             return self.step("drop", j, _flipped(mask, j), least, reason) if least < self.t_stop else None
-        return self._if_better(self.step("drop", j, _flipped(mask, j), least, said), now)
+        return self._if_better(self.step("drop", j, _flipped(mask, j), least, reason), now)
 
     def add(self, mask: BoolArray, now: Step) -> Step | None:
         """To the model with the term that enters with the largest |T|, if that is to be taken."""

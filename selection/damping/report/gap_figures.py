@@ -32,7 +32,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     leading = diagnosis.leading.best
     rows = leading.model.problem.rows
-    found = {
+    figures = {
         "overlay": _resonances(diagnosis) if rows.at_resonance else _sweeps(diagnosis),
         "residuals": Drawn(
             gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)"),
@@ -41,19 +41,19 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
         ),
     }
     if leading.model.parts:
-        found["footprint"] = Drawn(
+        figures["footprint"] = Drawn(
             gap_map(_map(rows, footprint(leading)), "change (sigma)"),
             "Footprint of the explanation",
             "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
         )
     if len(diagnosis.hypotheses) > 1:
-        found["probabilities"] = Drawn(
+        figures["probabilities"] = Drawn(
             gap_probabilities(tabulate_probability(diagnosis)),
             "Probabilities of the explanations",
             "Bars of the most probable explanations; those that together reach 0.95 stand out.",
         )
     if diagnosis.local:
-        found["local"] = Drawn(
+        figures["local"] = Drawn(
             gap_local(
                 tabulate_local(diagnosis.local), _tabulate_local_curves(leading, rows), diagnosis.mode.units.length
             ),
@@ -62,7 +62,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
             "one standard error), with the refitted simulation, the explanation, and what a curve of free form would "
             "add to the explanation (90 per cent band).",
         )
-    return found
+    return figures
 
 
 def _sweeps(diagnosis: Diagnosis) -> Drawn:
@@ -161,9 +161,9 @@ def tabulate_probability(diagnosis: Diagnosis) -> pd.DataFrame:
     shown = diagnosis.hypotheses[:_MOST_BARS]
     return pd.DataFrame(
         {
-            "explanation": [" + ".join(one.effects) or NO_EFFECT for one in shown],
-            "probability": [one.probability for one in shown],
-            "listed": [one in diagnosis.explanations for one in shown],
+            "explanation": [" + ".join(hypothesis.effects) or NO_EFFECT for hypothesis in shown],
+            "probability": [hypothesis.probability for hypothesis in shown],
+            "listed": [hypothesis in diagnosis.explanations for hypothesis in shown],
         }
     )
 
@@ -211,8 +211,8 @@ def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
-    for name, one in (("refitted", refitted(leading)), ("explained", leading)):
-        terms = fitted_terms(one, deviations=False)
+    for name, fit in (("refitted", refitted(leading)), ("explained", leading)):
+        terms = fitted_terms(fit, deviations=False)
         M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
         drive = Drive(np.ones(80), np.full(80, omega_n))
         Z = complex_stiffness(replace(terms, M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]

@@ -206,7 +206,7 @@ def describe_written(value: Any) -> str:
     return number(value, 4) if isinstance(value, float | np.floating) else str(value)
 
 
-def describe_page(title: str, sections: Sequence[Section], footer: Footer) -> str:
+def render_page(title: str, sections: Sequence[Section], footer: Footer) -> str:
     """The page as HTML. Equal arguments give equal text.
 
     Its policy lets the reader's browser run the one script of :func:`_script` and nothing else.

@@ -170,7 +170,7 @@ def weighted(result: RecordResult) -> list[Candidate]:
     return sorted(carrying, key=lambda candidate: -candidate.weight)
 
 
-def list_failed_chains(result: RecordResult) -> list[str]:
+def describe_failed_chains(result: RecordResult) -> list[str]:
     """Laws whose chain did not get there, and why."""
     return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]
 
@@ -223,23 +223,23 @@ STANDING = (
 
 def build_cautions(study: StudyResult) -> list[Block]:
     """Every caution, with the records it holds for."""
-    said: dict[str, list[str]] = {}
+    holders: dict[str, list[str]] = {}
     for result in study.records:
-        for caution in dict.fromkeys(_of(result)):
-            said.setdefault(caution, []).append(result.title)
-    failed = [f"{result.title}: {failure}" for result in study.records for failure in list_failed_chains(result)]
+        for caution in dict.fromkeys(_collect_cautions(result)):
+            holders.setdefault(caution, []).append(result.title)
+    failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
     blocks: list[Block] = [Text("What no number on this page knows:"), List(STANDING)]
     if failed:
         blocks.append(Callout("Chains that failed; nothing here rests on them", failed))
-    if said:
+    if holders:
         blocks += [
             Heading("Of these records"),
-            List([_describe_sentence(caution, titles) for caution, titles in said.items()]),
+            List([_describe_sentence(caution, titles) for caution, titles in holders.items()]),
         ]
     return blocks
 
 
-def _of(result: RecordResult) -> Iterator[str]:
+def _collect_cautions(result: RecordResult) -> Iterator[str]:
     """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
     yield from map(str, result.findings)
     for candidate in weighted(result):

@@ -38,8 +38,8 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    describe_page,
     join_lines,
+    render_page,
     write_blocks,
 )
 from damping.report.results import (
@@ -48,9 +48,9 @@ from damping.report.results import (
     Svgs,
     build_cautions,
     build_figure,
+    describe_failed_chains,
     describe_file_stem,
     describe_record,
-    list_failed_chains,
 )
 from damping.report.screens import build_screens
 from damping.report.tables import INTERVAL, record_tables
@@ -76,8 +76,8 @@ def render(study: StudyResult) -> Rendered:
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
     footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
     further_pages = [page for exhibit in study.exhibits for page in exhibit.pages]
-    pages = {page.file: describe_page(page.title, page.sections, footer) for page in further_pages}
-    return Rendered(describe_page(study.title, sections, footer), tables, figures, pages)
+    pages = {page.file: render_page(page.title, page.sections, footer) for page in further_pages}
+    return Rendered(render_page(study.title, sections, footer), tables, figures, pages)
 
 
 def _figures(study: StudyResult) -> dict[str, str]:
@@ -99,7 +99,7 @@ def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
     """What the screens rest on, a fold a record, and how it was made."""
     folds: list[Block] = [
-        Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _list_parts(result, svgs))
+        Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _build_parts(result, svgs))
         for result in study.records
     ]
     folds += [Fold("Every caution", build_cautions(study)), Fold("Method", _build_method(study))]
@@ -113,9 +113,9 @@ MOST_POINTS = 60
 MOST_COLUMNS = 24
 
 
-def _list_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
+def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     """Data, every law, posteriors, predictions of each law, by the text ``details.txt``."""
-    best, failed, design = leading(result), list_failed_chains(result), result.design
+    best, failed, design = leading(result), describe_failed_chains(result), result.design
     notes = list(dict.fromkeys(caution for law in result.ranking.candidates for caution in law.cautions))
     observations, checks = tables.tabulate_observations(result), tables.tabulate_checks(result)
     shown = _tabulate_data(result, observations) | _tabulate_laws(result, notes)

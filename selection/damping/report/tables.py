@@ -214,13 +214,13 @@ def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
 def tabulate_observations(result: RecordResult) -> pd.DataFrame:
     """The rows that say something about damping, with their energy per cycle and what a joint fit takes of them."""
     data, rows = result.data, tabulate_rows(result.data)
-    rows.insert(1, "point", _list_points(result))
+    rows.insert(1, "point", _label_points(result))
     rows.insert(3, "omega", data.omega)
     rows.insert(6, "energy", np.pi * data.A * data.D)
     return rows
 
 
-def _list_points(result: RecordResult) -> list[str]:
+def _label_points(result: RecordResult) -> list[str]:
     """A short label for each row: its sweep, and its number there where a sweep has several rows."""
     data = result.data
     number = pd.Series(data.sweep).groupby(data.sweep).cumcount() + 1

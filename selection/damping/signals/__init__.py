@@ -225,8 +225,8 @@ def _loss_fraction(M: float, F: float, omega_j: float, omega: float) -> tuple[Po
 
 def _positive_roots(equation: Polynomial, newton_steps: int = 3) -> FloatArray:
     """Positive real roots in rising order, polished by Newton's method."""
-    found = equation.roots()
-    roots = np.sort(found[(np.abs(found.imag) < 1e-7 * np.abs(found)) & (found.real > 0)].real)
+    z = equation.roots()
+    roots = np.sort(z[(np.abs(z.imag) < 1e-7 * np.abs(z)) & (z.real > 0)].real)
     for _ in range(newton_steps):
         roots = roots - equation(roots) / equation.deriv()(roots)
     return roots
