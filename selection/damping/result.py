@@ -123,9 +123,9 @@ class DiagnosisResult(Result):
         told = [
             *(f"{said[0].upper()}{said[1:]}." for said in self.against),
             text.describe_verdict(d),
-            text.place(d),
+            text.describe_place(d),
             *text.describe_doubts(d),
-            text.reach(d),
+            text.describe_reach(d),
             text.describe_following(d),
         ]
         return (*told, *(f"Caution: {caution}." for caution in d.cautions))

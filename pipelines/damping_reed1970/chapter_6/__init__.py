@@ -82,10 +82,15 @@ class PrintedLaw:
 def printed_laws() -> list[PrintedLaw]:
     """The laws of section 6.1 in its order."""
     laws = []
-    for head, rows in load_force_laws().groupby(["configuration", "mode", "equation"], sort=False):
-        table = rows.set_index("force")[["coefficient", "exponent"]].stack()  # noqa: PD013 - leaves what is missing out
-        parameters = {key: float(value) for key, value in table.dropna().items()}
-        laws.append(PrintedLaw(*head, rows["erratum"].iloc[0], tuple(rows["force"]), parameters))
+    for _, rows in load_force_laws().groupby(["configuration", "mode", "equation"], sort=False):
+        configuration, mode, equation, erratum = rows[["configuration", "mode", "equation", "erratum"]].iloc[0]
+        parameters = {
+            (str(row["force"]), name): float(row[name])
+            for row in rows.to_dict("records")
+            for name in ("coefficient", "exponent")
+            if np.isfinite(row[name])
+        }
+        laws.append(PrintedLaw(configuration, int(mode), equation, erratum, tuple(rows["force"]), parameters))
     return laws
 
 

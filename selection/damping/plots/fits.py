@@ -79,8 +79,7 @@ def draw_sweeps(axes: Axes, table: pd.DataFrame) -> None:
     for sweep, rows in table.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", kind="stable")
         axes.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
-    axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel("amplitude")
+    axes.set(xlabel="frequency (Hz)", ylabel="amplitude")
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]

@@ -99,8 +99,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
             _draw_panel(lowest, points, curves, "phase")
             upper.tick_params(axis="x", labelbottom=False)
             if column == 0:
-                lowest.set_ylabel("phase lag (rad)")
-        lowest.set_xlabel("frequency (Hz)")
+                lowest.set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
