@@ -108,9 +108,13 @@ def _record(record: StudyRecordForm, folder: Folder) -> RecordSummary:
 def _find_top(rows: Sequence[DampedRow]) -> TopOfTest | None:
     """Amplitude, frequency and damping ratio of the largest tested amplitude that has them."""
     tested = [(row, row.damping_ratio) for row in rows if row.tested and row.damping_ratio]
-    known = [(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high) for row, ratio in tested]
-    full = [TopOfTest(*values) for values in known if None not in values]
-    return max(full, key=lambda top: top.amplitude, default=None)
+    known = (
+        TopOfTest(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high)
+        for row, ratio in tested
+        if row.amplitude is not None and row.frequency is not None
+        if ratio.median is not None and ratio.low is not None and ratio.high is not None
+    )
+    return max(known, key=lambda top: top.amplitude, default=None)
 
 
 def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:

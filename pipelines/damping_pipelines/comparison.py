@@ -10,8 +10,7 @@ import pandas as pd
 
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
-from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     count,
     format_between,
@@ -23,6 +22,7 @@ from damping.report.words import (
     format_signed,
     number,
 )
+from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0

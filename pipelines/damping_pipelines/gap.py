@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import sys
@@ -22,7 +21,7 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.manifest import versions
+from damping_pipelines.manifest import digest_file, versions
 from damping_pipelines.records import report_findings
 from damping_pipelines.store import (
     check_picture,
@@ -139,7 +138,7 @@ def import_simulator(name: str) -> Simulate:
 def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
     from damping.report.gap_page import describe_gap_page  # noqa: PLC0415 - as above, matplotlib
 
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
+    digests = {path.name: digest_file(path) for path in inputs}
     return describe_gap_page(diagnosis, sampled, seed, versions(), digests)
 
 

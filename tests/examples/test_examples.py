@@ -98,7 +98,7 @@ def test_numbers_of_the_pages():
 
 
 @pytest.mark.sampling
-def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page):
+def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page, one_process):
     """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""
     laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
     monkeypatch.setattr(study, "candidate_laws", lambda *_: laws)

@@ -44,6 +44,13 @@ from damping_validation.truths import OMEGA
 
 RECORDS = 6
 SIZE = 10_000_000
+#: Two laws to rank and one to predict with, in whatever process this runs: where the laws do not matter.
+FEW_LAWS = """from damping import extrapolation
+from damping.infer.law import Law
+from damping_pipelines.fleet import analyse
+analyse.candidate_laws = lambda *data: [Law(("viscous",)), Law(("viscous", "velocity-squared"))]
+extrapolation.load_candidates = lambda *data: [Law(("viscous", "velocity-squared"))]
+"""
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
 
 
@@ -83,7 +90,17 @@ def records(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(records, tmp_path_factory) -> Path:
+def few():
+    """Few candidates in this process; returned is what does the same in another."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+            patch.setattr(name, None)  # so that what it was comes back
+        exec(FEW_LAWS, {})
+        yield FEW_LAWS
+
+
+@pytest.fixture(scope="module")
+def alone(records, few, tmp_path_factory) -> Path:
     """The result of one process, one record after the other."""
     out = tmp_path_factory.mktemp("alone")
     fleet(records, out, fast=True, workers=0, seed=5, max_size=SIZE)
@@ -98,7 +115,7 @@ def one_law(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def cluster(few):
     """A scheduler and two workers as processes on the loopback: its address and the workers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -110,7 +127,7 @@ def cluster():
     common = ["--host", "127.0.0.1", "--no-dashboard"]
     dask = [sys.executable, "-m", "dask"]
     scheduler = subprocess.Popen([*dask, "scheduler", "--port", str(port), *common], **quiet)
-    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", *common]
+    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--preload", few, *common]
     workers = [subprocess.Popen(words, **quiet) for _ in range(2)]
     yield address, workers
     for process in (*workers, scheduler):
@@ -522,21 +539,16 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
         read_bytes(tmp_path / "in" / "ring.toml")
 
 
-def test_a_job_scheduler_ends_it_in_order(records, alone, tmp_path):
+def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path):
     """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
-    words = [
+    words = ["fleet", records, "--out", tmp_path, "--fast", "--workers", "0", "--seed", "5"]
+    command = [
         sys.executable,
-        "-m",
-        "damping_pipelines.cli",
-        "fleet",
-        records,
-        "--out",
-        tmp_path,
-        "--fast",
-        "--workers",
-        "0",
+        "-c",
+        f"{few}from damping_pipelines.cli import main\nmain()",
+        *map(str, words),
     ]
-    with subprocess.Popen([*map(str, words), "--seed", "5"], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
         process.terminate()
         said = process.stderr.read().splitlines()

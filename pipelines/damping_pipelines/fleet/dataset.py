@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from damping import __version__
 from damping.errors import InputError, escape_control
-from damping.plots.style import identifier
+from damping.plots import identifier
 from damping_pipelines.manifest import digest_code
 from damping_pipelines.store import plain, write_bytes
 

@@ -207,7 +207,7 @@ def find_level(text: str) -> tuple[float, str] | None:
 
 @dataclass(frozen=True)
 class Source:
-    """A file that is read: ``most`` bytes at most, what is ``stated`` of it, and the ``summary`` that grows."""
+    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it, ``summary`` grows."""
 
     file: Path
     most: int

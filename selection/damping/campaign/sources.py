@@ -91,10 +91,8 @@ def _read(source: Source) -> list[CampaignRun]:
 
 
 def _read_start(source: Source) -> bytes:
-    """The first bytes of a file that may be read."""
+    """The first bytes of a file."""
     try:
-        if source.file.stat().st_size > source.most:
-            raise source.error(f"larger than {source.most} bytes", "a smaller file or a larger --max-size")
         with source.file.open("rb") as stream:
             return stream.read(LOOKED_AT)
     except OSError as error:
@@ -143,7 +141,7 @@ def _channel(function: Function) -> Channel:
 
 def _list_hdf(source: Source) -> list[CampaignRun]:
     """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
-    known = read_arrays(source.file, "hdf5", [], source.most).known
+    known = read_arrays(source.file, "hdf5", [], None).known
     groups: dict[str, list[str]] = {}
     for name in known:
         group, _, leaf = name.rpartition("/")

@@ -28,9 +28,9 @@ from damping.formats.uff import Function
 from damping.records.text import describe_shortened
 from damping.signals.tracking import track_sine
 
-#: Bytes of a table, and samples of a channel, that are read together.
+#: Bytes of a table, and samples of all channels, that are read together.
 BLOCK = 8_000_000
-SAMPLES = 500_000
+SAMPLES = 2_000_000
 #: First bytes of a table by which its layout is told.
 LOOKED_AT = 100_000
 #: Steps of time that differ by more than this share of one are no even sampling.
@@ -87,15 +87,15 @@ def track_arrays(
     asked = paths if kind == "hdf5" and find_channels(source, kind) is None else []
 
     def samples() -> Iterator[FloatArray]:
-        first = 0
+        first, count = 0, max(SAMPLES // len(paths), 1)
         while True:
-            arrays = read_arrays(source.file, kind, asked, source.most, rows=(first, first + SAMPLES)).arrays
+            arrays = read_arrays(source.file, kind, asked, None, rows=(first, first + count)).arrays
             block = np.array([arrays[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
                 yield block
-            if block.shape[1] < SAMPLES:
+            if block.shape[1] < count:
                 return
-            first += SAMPLES
+            first += count
 
     names = [path.rpartition("/")[2] for path in paths]
     run = track_samples(samples(), names, list(channels.values()), drive, step, label, source.stated)
@@ -104,7 +104,7 @@ def track_arrays(
 
 def find_channels(source: Source, kind: str) -> Arrays | None:
     """The first samples of every channel of a file that says their time step; None for a file of mere arrays."""
-    arrays = read_arrays(source.file, kind, [], source.most, rows=(0, 1))
+    arrays = read_arrays(source.file, kind, [], None, rows=(0, 1))
     return arrays if arrays.steps else None
 
 
@@ -233,7 +233,7 @@ def track_group(
     """The run of a group with times, a drive and responses of one length."""
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
     like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
-    first = read_arrays(source.file, "hdf5", list(path.values()), source.most, rows=(0, 1000))
+    first = read_arrays(source.file, "hdf5", list(path.values()), None, rows=(0, 1000))
     step = np.diff(first.arrays[path[t]][0].real.reshape(-1))
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
         raise source.error(f"{path[t]} is not evenly spaced", "one step throughout, rising")
