@@ -21,6 +21,9 @@ _MOST_NAMES = 200  # arrays of a file that are listed: a bound for files that ho
 _DEEPEST = 6  # groups within groups that are looked into: a bound for files that nest without end
 _MOST_PARTS = 1000  # arrays that one name may stand for
 _FILTERS = {"gzip", "lzf", None}
+_MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+_STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
+Read = Iterator[tuple[str, Any]]
 
 
 class RefusedError(Exception):
@@ -29,10 +32,7 @@ class RefusedError(Exception):
 
 @dataclass
 class Contents:
-    """What a file holds: shapes, units, (start, step) in s by name; at most ``most`` bytes of arrays are read of it.
-
-    ``rows``: first and behind the last sample of every array that are read; empty: all.
-    """
+    """Shapes, units, (start, step) in s by name; bytes allowed; first and behind the last row read, empty for all."""
 
     most: int
     rows: list[int] = field(default_factory=list)
@@ -52,9 +52,6 @@ class Contents:
         """Refuse an array of that shape, of items of so many bytes, that is larger than the file warrants."""
         if item * math.prod(max(int(n), 1) for n in shape) > self.most:
             raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
-
-
-Read = Iterator[tuple[str, Any]]
 
 
 def main() -> None:
@@ -135,9 +132,6 @@ def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int)
             _list_nested(value[0, column], f"{name}{{:,{column + 1}}}", known, depth + 1)
 
 
-_STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
-
-
 def _list_addressed(found: Any, name: str) -> list[Any]:
     """What a name with fields and places stands for; empty where there is nothing of it."""
     top = re.match(r"\w+", name)
@@ -168,9 +162,6 @@ def _list_parts(value: Any, step: re.Match[str]) -> list[Any]:
         return []
     part = value[tuple(slice(None) if text == ":" else slice(int(text) - 1, int(text)) for text, _ in pairs)]
     return list(part.flat) if bracket == "{" else [part]
-
-
-_MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
 
 def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
