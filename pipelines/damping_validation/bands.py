@@ -14,14 +14,13 @@ from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.plots.style import describe_with_unit
+from damping.plots import describe_with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping_pipelines.cli_files import MAX_SIZE
-from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 

@@ -17,9 +17,8 @@ from damping.gap.corrected import EffectPosterior
 from damping.gap.diagnose import Diagnosis
 from damping.records.audit import Audit
 from damping.records.record import Record
-from damping.regression.form import regress_form, tabulate_terms
 from damping.regression.printout import printout
-from damping.regression.program import Regression
+from damping.regression.program import Regression, regress_form, tabulate_terms
 from damping.report import forms
 from damping.signals.chain import ConditioningStep
 

@@ -98,7 +98,7 @@ def test_the_editable_install_finds_every_package(tmp_path):
 def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
     code = """
 from damping.report.page import Footer, Section, describe_page
-from damping_pipelines.settings import default_study, read_settings
+from damping_pipelines.study_files import default_study, read_settings
 from damping_validation.scorer_output import load_blind_table
 read_settings(default_study())
 print(default_study(), len(load_blind_table()), len(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {}))))

@@ -27,11 +27,18 @@ from damping.records.text import read_bytes
 from damping_pipelines.fleet import command, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.command import fleet
-from damping_pipelines.fleet.dataset import DataSet, row_of
-from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.dataset import (
+    DataSet,
+    FleetResult,
+    FleetSettings,
+    FleetTask,
+    find_cases,
+    row_of,
+    seed_of,
+    tasks_of,
+)
 from damping_pipelines.fleet.page import tabulate_outliers
-from damping_pipelines.manifest import sole_writer, verify
-from damping_pipelines.provenance import digest_code
+from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
 
@@ -264,7 +271,7 @@ def test_changed_and_removed_records(tmp_path, one_law):
     after = rows_of(out)
     assert [row["name"] for row in after] == ["r0", "r1"]
     with pytest.raises(InputError, match="holds 2 results of other records, settings"):
-        fleet(source, out, **run | {"forces": (1.0,)})
+        fleet(source, out, **run | {"force": (1.0,)})
     assert rows_of(out) == after
     assert after[0] == before[0]
     assert after[1]["key"] != before[1]["key"]
@@ -364,8 +371,8 @@ def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
 def test_chains_where_they_are_asked_for(tmp_path, one_law):
     """Without ``--fast`` the row says so, and the band is that of ``extrapolate``'s chains."""
     write_record(tmp_path / "in", "one", 0)
-    fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(3.0,), max_size=SIZE)
-    fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, forces=(3.0,), max_size=SIZE)
+    fleet(tmp_path / "in", tmp_path / "out", workers=0, force=(3.0,), max_size=SIZE)
+    fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, force=(3.0,), max_size=SIZE)
     (row,), (fast,) = rows_of(tmp_path / "out"), rows_of(tmp_path / "fast")
     assert row["method"] == "importance draws"
     assert row["design_force"] == 3.0
@@ -388,7 +395,7 @@ def test_bad_usage(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="either --scheduler or --workers"):
         fleet(tmp_path / "in", tmp_path / "out", workers=2, scheduler="tcp://127.0.0.1:1", **run)
     with pytest.raises(InputError, match="a force amplitude > 0"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(-1.0,), **run)
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, force=(-1.0,), **run)
     monkeypatch.setattr(runners, "CONNECT", 0.2)
     with pytest.raises(InputError, match="no scheduler answers"):
         fleet(tmp_path / "in", tmp_path / "out", scheduler="tcp://127.0.0.1:9", **run)

@@ -14,9 +14,8 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import BoolArray, FloatArray
-from damping.campaign.modal_fit import Complex, ModalFit
-from damping.campaign.modes import LEAST_T, find_peaks_of, fit_level
+from damping.arrays import BoolArray, ComplexArray, FloatArray
+from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
@@ -43,10 +42,10 @@ class Level:
 
     run: CampaignRun
     f: FloatArray
-    H: Complex
+    H: ComplexArray
     drive: FloatArray
     fit: ModalFit
-    third: Complex | None = None
+    third: ComplexArray | None = None
 
     @property
     def rate(self) -> FloatArray | None:
@@ -101,7 +100,9 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     return names, levels
 
 
-def _accelerations(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> tuple[FloatArray, Complex, FloatArray]:
+def _accelerations(
+    run: CampaignRun, names: Sequence[str], harmonic: int = 1
+) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
 
     ``harmonic``: 3 for the third harmonics of the sensors.
