@@ -71,7 +71,7 @@ class Terms:
         compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
-            are not linear. rate: d omega/dt beside the known one, rad/s^2, in the direction of the sweep.
+            are not linear. moving: d omega/dt beside the known one, rad/s^2.
     """
 
     M: Floats
@@ -88,7 +88,7 @@ class Terms:
     offset: tuple[OfDrive, ...] = ()
     readings: tuple[Reading, ...] = ()
     beside: tuple[OfDrive, ...] = ()
-    rate: Floats = 0.0
+    moving: tuple[OfDrive, ...] = ()
 
     def with_force(self, force: Force) -> Terms:
         """The same with one more force."""

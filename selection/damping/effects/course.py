@@ -170,19 +170,38 @@ LEVEL_OFFSET = Effect(
 
 
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |d omega/dt| over the squared bandwidth, in the direction of the rows or against it."""
+    """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
+
+    The rate is the same at every frequency, or in proportion to it.
+    """
     unit = (scales.bandwidth * scales.omega_n) ** 2
 
-    def side(sign: float) -> Form:
+    def side(sign: float, octaves: bool) -> Form:
         def change(terms: Terms, size: Floats) -> Terms:
-            return replace(terms, rate=terms.rate + sign * size * unit)
+            return moving(terms, sign * size * unit, octaves)
 
         def report(size: Floats) -> dict[str, Floats]:
-            return {"rate": sign * size * unit / RAD_S_PER_HZ}
+            rate: dict[str, Floats] = {"rate": sign * size * unit / RAD_S_PER_HZ}
+            return rate | ({"octaves": np.ones_like(size)} if octaves else {})
 
-        return Form("sweep-rate", change, report, 0.1, largest=30.0, label=f"{sign:+.0f}", sizes=(0.1, 0.4, 1.5))
+        label = f"{'octaves' if octaves else 'even'}, {sign:+.0f}"
+        return Form("sweep-rate", change, report, 0.1, largest=_MOST_RATE, label=label, sizes=(0.1, 0.4, 1.5))
 
-    return side(1.0), side(-1.0)
+    return tuple(side(sign, octaves) for sign in (1.0, -1.0) for octaves in (True, False))
+
+
+#: Rate over the squared bandwidth beyond which hardly a resonance is left to see.
+_MOST_RATE = 30.0
+
+
+def moving(terms: Terms, rate: Floats, octaves: bool) -> Terms:
+    """The frequency moves at ``rate``, rad/s^2 at omega_n, in the direction of the rows; by ``octaves`` or evenly."""
+    centre = terms.omega_n
+
+    def part(drive: Drive) -> Floats:
+        return rate * drive.up * (drive.omega / centre if octaves else 1.0)
+
+    return replace(terms, moving=(*terms.moving, part))
 
 
 SWEEP_RATE = Effect(
@@ -190,7 +209,7 @@ SWEEP_RATE = Effect(
     kind="instrument",
     sentence="the frequency moved too fast for a steady state",
     forms=rate_forms,
-    simulate=lambda terms, table: replace(terms, rate=terms.rate + RAD_S_PER_HZ * table["rate"]),
-    shapes=(Shape("rate", TIME**-2.0),),
+    simulate=lambda terms, table: moving(terms, RAD_S_PER_HZ * table["rate"], table["octaves"] != 0.0),
+    shapes=(Shape("rate", TIME**-2.0), Shape("octaves", least=0.0, default=0.0)),
     need="sweep",
 )
