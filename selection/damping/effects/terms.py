@@ -16,13 +16,13 @@ needs no solution of the steady state; with P'(u) its own steady amplitude is fo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import wofz
 
-from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats
-from damping.effects.contract import Drive, OfDrive, Terms
+from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.effects.contract import Drive, Terms, add_parts
+from damping.effects.hurried import hurried
 
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
@@ -48,7 +48,7 @@ class _Receptance(NamedTuple):
 
 def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
-    offset = _total(terms.offset, drive)
+    offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _unread(terms, u - gain)
     A = np.exp(v)
@@ -59,7 +59,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
             receptance = _receptance(terms, drive, _shares(terms, receptance, A))
     F = drive.F
     if terms.received:
-        F = F * np.exp(_total(terms.received, drive))
+        F = F * np.exp(add_parts(terms.received, drive))
     H = receptance.H
     P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
     by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
@@ -78,11 +78,7 @@ def tuned(terms: Terms, drive: Drive) -> Terms:
     """The terms with omega_n as it is at each row: of its state, and drifting."""
     if not terms.detuned and np.all(drive.ratio == 1.0):
         return terms
-    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(_total(terms.detuned, drive)), detuned=())
-
-
-def _total(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
-    return sum((part(drive) for part in parts), start=0.0)
+    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(add_parts(terms.detuned, drive)), detuned=())
 
 
 def _read(terms: Terms, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -135,103 +131,11 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
         if force.restores:
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A
-    damped = np.exp(_total(terms.damped, drive)) / A
+    damped = np.exp(add_parts(terms.damped, drive)) / A
     return (
-        np.asarray(real + 1j * (imaginary * damped) + _total(terms.beside, drive)),
+        np.asarray(real + 1j * (imaginary * damped) + add_parts(terms.beside, drive)),
         np.asarray(slope_real + 1j * (slope_imaginary * damped)),
     )
-
-
-#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
-#: taken to first order: differences of nearly equal numbers say less.
-_SLOW = 1e-8
-_SLOWLY = 1e-3
-#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
-_LOUDEST = 50.0
-
-
-def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
-    """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
-
-    The envelope a of the motion Im a exp(i theta), theta'' = alpha, follows 2 i M omega (a' + p a) = F with
-    p = (Z + i M alpha)/(2 i M omega). Where p moves by i alpha alone, a = I(p)/(2 i M omega) F,
-    I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis 1932, whose
-    Fresnel integrals w contains), which is 1/p where alpha = 0. What else changes along a sweep, the damping and the
-    stiffness by amplitude, comes with the memory of the rows before (`_remembered`).
-    """
-    alpha = _total(terms.moving, drive) + drive.rate
-    H = 1.0 / Z
-    if not np.any(alpha):
-        return H, H * H
-    M = terms.M * drive.mass + drive.added
-    per = 1.0 / (2j * M * drive.omega)
-    p, alpha = np.broadcast_arrays(per * (Z - 1j * M * alpha), alpha)
-    memory = _Memory.of(p, alpha)
-    own = memory.I if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
-    return per * own, -per * per * memory.by_p(memory.I)
-
-
-class _Memory(NamedTuple):
-    """I(p), and beside it K(p), which does not ring; both 1/p where neither p nor the frequency moves: (batch, n)."""
-
-    I: ComplexArray
-    K: ComplexArray
-    beyond: BoolArray
-    p: ComplexArray
-    alpha: FloatArray
-
-    @staticmethod
-    def of(p: ComplexArray, alpha: FloatArray) -> _Memory:
-        moving = np.abs(alpha) > _SLOW * np.abs(p) ** 2
-        root = np.sqrt(np.where(moving, -0.5j * alpha, p * p))
-        z = 0.5j * p / root
-        I = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / p)
-        squared = z * z
-        ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
-        return _Memory(I, np.where(moving, I - ringing, I), z.imag < 0.0, p, alpha)
-
-    def by_p(self, V: ComplexArray) -> ComplexArray:
-        """Derivative of I or K by p: i alpha V' = 1 - p V."""
-        slow = np.abs(self.alpha) < _SLOW * np.abs(self.p) ** 2
-        return np.where(slow, -V * V, (1.0 - self.p * V) / (1j * np.where(slow, 1.0, self.alpha)))
-
-    def by_rate(self, V: ComplexArray, by_p: ComplexArray) -> ComplexArray:
-        """Derivative of I or K by alpha, i V''/2."""
-        slow = np.abs(self.alpha) < _SLOWLY * np.abs(self.p) ** 2
-        return np.where(slow, 1j * V**3, (V + self.p * by_p) / (-2.0 * np.where(slow, 1.0, self.alpha)))
-
-
-def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
-    """2 i M omega a/F with all that changes along each sweep, (batch, n).
-
-    With V = I before resonance and K beyond it, where neither rings and both change evenly from row to row, the rest
-    d = 2 i M omega a/F - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
-    taken to follow one that went on for ever.
-    """
-    way = np.sign(memory.alpha.reshape(-1, memory.alpha.shape[-1])[0])
-    order = np.lexsort((way * drive.omega, drive.sweep))
-    memory = _Memory(*(part[..., order] for part in memory))
-    p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
-    first = np.diff(np.asarray(drive.sweep)[order], prepend=np.nan) != 0.0
-    last = _Memory(*(np.roll(part, 1, -1) for part in memory))
-    V, before = (np.where(memory.beyond, own.K, own.I) for own in (memory, last))
-    by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
-    by_rate = memory.by_rate(V, by_p)
-    rate = 0.5 * (alpha + last.alpha)
-    time = np.abs((omega - np.roll(omega, 1)) / np.where(rate == 0.0, 1e-300, rate))
-    turned = 0.5 * (p + last.p) * time
-    decay = np.exp(-turned)
-    share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
-    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
-    decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))
-    motion = np.where(first, memory.I, V - before * decay - moved * share)
-    for step in 2 ** np.arange(int(len(order) - 1).bit_length()):  # each row reaches twice as far back
-        motion[..., step:] = motion[..., step:] + decay[..., step:] * motion[..., :-step]
-        decay[..., step:] = decay[..., step:] * decay[..., :-step]
-        decay[..., :step] = 0.0
-    unsorted = np.empty_like(motion)
-    unsorted[..., order] = motion
-    return unsorted
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:

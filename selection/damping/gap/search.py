@@ -12,7 +12,7 @@ from itertools import chain, product
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import BoolArray
+from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
@@ -130,9 +130,24 @@ class Search:
         for size in range(1, self._most_effects()):
             before = len(self.found)
             self._combine(size)
-            if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
+            if len(self.found) == before or len(self.ranked()[0].effects) <= size:
                 break
+        self._shorten()
         return self.ranked()
+
+    def _shorten(self) -> None:
+        """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
+
+        An effect that was added first may have stood for those that came later.
+        """
+        leading = self.ranked()[0]
+        for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
+            if leading.key - {name} not in self.found:
+                fits = [fit_roughly(*_without(fit, name)) for fit in leading.near]
+                effects = tuple(other for other in leading.effects if other != name)
+                self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+        if len(self.ranked()[0].effects) < len(leading.effects):
+            self._shorten()
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
@@ -247,6 +262,17 @@ class Search:
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
+
+
+def _without(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
+    """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
+    model, place, kept = fit.model, len(fit.model.problem.simulation.names), np.ones(fit.model.size, dtype=bool)
+    for part in model.parts:
+        kept[place : place + part.size] = part.form.effect != name
+        place += part.size
+    parts = tuple(part for part in model.parts if part.form.effect != name)
+    x, z = fit.y[: model.size][kept], fit.y[model.size :]
+    return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
 
 
 def _leaves_noise(hypothesis: Hypothesis) -> bool:
