@@ -31,10 +31,10 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     beyond resonance; so may what an instrument that tracks the frequency reads of a motion that rings beside it.
     ``terms.ringing`` is 0 for the motion itself, 1 for that envelope.
     """
-    alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
-    H = 1.0 / Z
-    if not np.any(alpha):
+    if not terms.moving and not np.any(drive.rate):
+        H = 1.0 / Z
         return H, H * H
+    alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
     M, omega, share = terms.M * drive.mass + drive.added, drive.omega, terms.ringing
     loss, squared = Z.imag / (M * omega), Z.real / M + np.square(omega)
     own = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
