@@ -16,7 +16,7 @@ from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
-from damping.gap.starts import Start, at_gap, starts
+from damping.gap.starts import SURE, Start, at_gap, choose_forms, starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -47,22 +47,18 @@ _AGAIN = 6
 _AGAIN_SIMPLE = 3
 #: ... and none of several that is so far behind.
 _LOST_AGAIN = 30.0
-#: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
-#: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
+#: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
 _STARTS = 4
 #: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
 _MOST_FORMS_BESIDE = 3
 #: Modes of a hypothesis that are gone on from.
 _MOST_BASES = 2
-_FAR = 0.2
 _ROUGH = 1.5
 #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
 _APART = 3.0
-_SLIGHT = 0.2
-#: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
+#: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
 _HOPELESS = 0.01
-_SURE = 50.0
 
 
 @dataclass(frozen=True)
@@ -158,7 +154,7 @@ class Search:
         null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
-            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
+            if gains[name] > _HOPELESS * (max(gains.values()) - SURE):
                 self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
@@ -200,14 +196,14 @@ class Search:
         best = self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
-        quiet = {key for key, one in self.found.items() if key and _leaves_noise(one)}
+        quiet = {key: one.log_posterior for key, one in self.found.items() if key and _leaves_noise(one)}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
-                if any(own <= key for own in quiet - {base.key}):
+                if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
@@ -223,7 +219,7 @@ class Search:
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
-        promising = _choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
+        promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
         fits: list[ModelFit] = []
         for tried, one in product(promising, near):
@@ -280,15 +276,6 @@ def _leaves_noise(hypothesis: Hypothesis) -> bool:
     return not hypothesis.plain.many_wild and spread(hypothesis.plain.r) < 1.0 + _FITTING / np.sqrt(
         hypothesis.plain.r.size
     )
-
-
-def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
-    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
-    ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
-    least = ranked[0][0].gain * _FAR - _SURE
-    beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
-    near = [tried for tried in ranked[:most] if tried[0].gain > least or tried[0].part.form.sizes]
-    return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
 
 
 def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
