@@ -12,9 +12,10 @@ from itertools import chain, product
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
+from damping.gap.directed import ALARM, directed_tests, smallest_p
+from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
 from damping.gap.starts import SURE, Start, at_gap, choose_forms, starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
@@ -34,6 +35,7 @@ _FITTING = 1.6
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
+_MOST_DOUBTING = 4
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
@@ -128,6 +130,9 @@ class Search:
             self._combine(size)
             if len(self.found) == before or len(self.ranked()[0].effects) <= size:
                 break
+        leading = self.ranked()[0]
+        if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
+            self._combine(1, leading)
         self._shorten()
         return self.ranked()
 
@@ -139,7 +144,7 @@ class Search:
         leading = self.ranked()[0]
         for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
             if leading.key - {name} not in self.found:
-                fits = [fit_roughly(*_without(fit, name)) for fit in leading.near]
+                fits = [fit_roughly(*drop_effect(fit, name)) for fit in leading.near]
                 effects = tuple(other for other in leading.effects if other != name)
                 self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
         if len(self.ranked()[0].effects) < len(leading.effects):
@@ -191,9 +196,13 @@ class Search:
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
         return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
 
-    def _combine(self, size: int) -> None:
-        """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
-        best = self.ranked()[0].log_posterior - _NEAR
+    def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
+        """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
+
+        Beside a ``doubted`` explanation, which fits but for a little, a few are tried that lines say cannot reach it:
+        it may imitate what two do together.
+        """
+        best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         quiet = {key: one.log_posterior for key, one in self.found.items() if key and _leaves_noise(one)}
@@ -203,6 +212,8 @@ class Search:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
+                if doubted and key & doubted.key:
+                    continue
                 if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained
                 tried = self._starts(base, name)
@@ -210,7 +221,8 @@ class Search:
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
-        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+        most = _MOST_DOUBTING if doubted else _MOST_FITS
+        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:most]:
             if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
                 self._extend(base, name, tried)
 
@@ -258,17 +270,6 @@ class Search:
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
         self.found[hypothesis.key] = hypothesis
         return hypothesis
-
-
-def _without(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
-    """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
-    model, place, kept = fit.model, len(fit.model.problem.simulation.names), np.ones(fit.model.size, dtype=bool)
-    for part in model.parts:
-        kept[place : place + part.size] = part.form.effect != name
-        place += part.size
-    parts = tuple(part for part in model.parts if part.form.effect != name)
-    x, z = fit.y[: model.size][kept], fit.y[model.size :]
-    return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
 
 
 def _leaves_noise(hypothesis: Hypothesis) -> bool:
