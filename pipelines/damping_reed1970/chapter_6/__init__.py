@@ -84,8 +84,10 @@ def printed_laws() -> list[PrintedLaw]:
     laws = []
     for head, rows in load_force_laws().groupby(["configuration", "mode", "equation"], sort=False):
         table = rows.set_index("force")[["coefficient", "exponent"]].stack()  # noqa: PD013 - leaves what is missing out
-        parameters = {key: float(value) for key, value in table.dropna().items()}
-        laws.append(PrintedLaw(*head, rows["erratum"].iloc[0], tuple(rows["force"]), parameters))
+        parameters = {cast(tuple[str, str], key): float(value) for key, value in table.dropna().to_dict().items()}
+        configuration, mode, equation = cast(tuple[str, int, str], head)
+        erratum, forces = rows["erratum"].iloc[0], tuple(rows["force"])
+        laws.append(PrintedLaw(configuration, mode, equation, erratum, forces, parameters))
     return laws
 
 

@@ -90,11 +90,12 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     taken to follow one that went on for ever.
     """
     way = np.sign(memory.alpha.reshape(-1, memory.alpha.shape[-1])[0])
-    order = np.lexsort((way * drive.omega, drive.sweep))
-    memory = _Memory(*(part[..., order] for part in memory))
+    sweep = np.asarray(drive.sweep)
+    order = np.lexsort((way * drive.omega, sweep))
+    memory = _Memory._make(part[..., order] for part in memory)
     p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
-    first = np.diff(np.asarray(drive.sweep)[order], prepend=np.nan) != 0.0
-    last = _Memory(*(np.roll(part, 1, -1) for part in memory))
+    first = np.diff(sweep[order], prepend=np.nan) != 0.0
+    last = _Memory._make(np.roll(part, 1, -1) for part in memory)
     V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
     by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
     by_rate = memory.by_rate(V, by_p)
