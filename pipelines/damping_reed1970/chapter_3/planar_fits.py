@@ -176,7 +176,7 @@ class PlanarBand:
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownPosterior:
     """What is known of one posterior.
 
     Attributes:
@@ -202,23 +202,23 @@ class Known:
         return values
 
 
-def planar_posteriors(seed: int) -> dict[tuple[str, str], Known]:
+def planar_posteriors(seed: int) -> dict[tuple[str, str], KnownPosterior]:
     """All posteriors by data and variant, constant noise."""
     return {key: _known(*key, seed) for key in (*SAMPLED, *WEIGHTED)}
 
 
-def _known(name: str, variant: str, seed: int) -> Known:
+def _known(name: str, variant: str, seed: int) -> KnownPosterior:
     data, (fixed, extras) = phasors(name), VARIANTS[variant]
     held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
     prior = PlanarPrior.of(data, PLANES.mass, held, extras)
     if (name, variant) in SAMPLED:
         posterior = planar_posterior(prior, data, seed)
-        return Known(name, variant, prior, posterior.draws, posterior.evidence, posterior)
+        return KnownPosterior(name, variant, prior, posterior.draws, posterior.evidence, posterior)
     weighed = planar_evidence(prior, data, seed)
-    return Known(name, variant, prior, weighed.draws, weighed, None)
+    return KnownPosterior(name, variant, prior, weighed.draws, weighed, None)
 
 
-def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_posterior(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Median and interval of every parameter (theta in degrees, R F in in), and how well it is known.
 
     ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
@@ -246,7 +246,7 @@ def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def tabulate_evidence(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_evidence(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Log marginal likelihood of each variant on the modal motion A2, and its Bayes factor over ``free``."""
     free = known["A2", "free"].evidence
     rows = [
@@ -262,13 +262,13 @@ def tabulate_evidence(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def second_plane_probability(known: Known) -> float:
+def second_plane_probability(known: KnownPosterior) -> float:
     """Posterior probability that omega_y lies in ``SECOND_PLANE``."""
     omega_y = known.parameters["omega_y"]
     return float(np.mean((omega_y >= SECOND_PLANE[0]) & (omega_y <= SECOND_PLANE[1])))
 
 
-def band(known: Known) -> PlanarBand:
+def band(known: KnownPosterior) -> PlanarBand:
     """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
 
     What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
@@ -284,10 +284,10 @@ def band(known: Known) -> PlanarBand:
     return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 
-def prior_draws(known: Known, seed: int = 0) -> dict[str, FloatArray]:
+def prior_draws(known: KnownPosterior, seed: int = 0) -> dict[str, FloatArray]:
     """Draws of the prior of the parameters that are free, and of C; theta in degrees."""
     x = np.random.default_rng(seed).standard_normal((_PRIOR_DRAWS, known.prior.dimension))
-    return Known(known.data, known.variant, known.prior, x, known.evidence, None).parameters
+    return KnownPosterior(known.data, known.variant, known.prior, x, known.evidence, None).parameters
 
 
 def _tails() -> tuple[float, float, float]:

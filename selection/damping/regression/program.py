@@ -239,13 +239,8 @@ def _build_terms(fit: Fit) -> list[Form]:
 
 
 def _describe_one_term(fit: Fit) -> Form:
-    return {
-        "name": fit.names[0],
-        "coefficient": fit.coefficients[0],
-        "t_ratio": fit.t_ratios[0],
-        "rms_error": fit.rms_error,
-        "r_squared": fit.r_squared,
-    }
+    alone = {"coefficient": fit.coefficients[0], "t_ratio": fit.t_ratios[0]}
+    return {"name": fit.names[0], **alone, "rms_error": fit.rms_error, "r_squared": fit.r_squared}
 
 
 def _summary(result: Regression) -> Form:
