@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +14,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
@@ -197,6 +200,55 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Callable[[bytes | str, 
         return path
 
     return write
+
+
+#: Stands for the process that every read of an array file starts with its imports: they are done once here, and each
+#: read is a child with the limits of its own.
+READER = """
+import json, os, sys, traceback
+import h5py, scipy.io
+import worker
+for line in sys.stdin:
+    words, *streams = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        for number, path in enumerate(streams, start=1):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+        sys.argv, code = ["worker", *words], 1
+        try:
+            worker.main()
+            code = 0
+        except Exception:
+            traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Array files are read by children of one process, started when a first file is read."""
+    started: list[subprocess.Popen[str]] = []
+    folder = tmp_path_factory.mktemp("reader")
+    streams = [folder / "out", folder / "err"]
+
+    def run(command: list[str], env: dict[str, str], **_: object) -> subprocess.CompletedProcess[bytes]:
+        python, _safe, script, *words = command
+        if not started:
+            environment = env | {"PYTHONPATH": str(Path(script).parent)}
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+            started.append(subprocess.Popen([python, "-c", READER], env=environment, **pipes))
+        print(json.dumps([words, *map(str, streams)]), file=started[0].stdin, flush=True)
+        code = int(started[0].stdout.readline())
+        return subprocess.CompletedProcess(command, code, *(stream.read_bytes() for stream in streams))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("damping.formats.arrays.subprocess", SimpleNamespace(**vars(subprocess) | {"run": run}))
+        yield
+    for process in started:
+        process.stdin.close()
+        process.wait()
 
 
 @pytest.fixture(scope="session")
