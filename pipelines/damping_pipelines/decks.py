@@ -113,10 +113,10 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 
 def _describe(level: LoadLevel, which: str, comment: str) -> list[str]:
     """Comments of a table: level, which bound, and each mode."""
-    remarks = {p.mode: f"; {p.remark}" if p.remark else "" for p in level.points}
-    modes = [f"{comment}   {p.mode}: {p.frequency:.6g} Hz{remarks[p.mode]}" for p in level.points]
-        f"{comment}   {p.mode}: {p.frequency:.6g} Hz" + (f"; {p.remark}" if p.remark else "") for p in level.points
-    ]
+    modes = []
+    for point in level.points:
+        remark = f"; {point.remark}" if point.remark else ""
+        modes.append(f"{comment}   {point.mode}: {point.frequency:.6g} Hz{remark}")
     return [f"{comment} {level.label}, {which}", *modes]
 
 
