@@ -48,16 +48,16 @@ def campaign(
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
-    found = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
     inputs = {file.name: digest_file(file) for file in (*sources, *([previous] if previous else []))}
     title = f"Campaign: {', '.join(file.name for file in sources)}"
-    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
-    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
-    written["study.toml"] = _describe_study(title, found, seed).encode()
-    written["campaign.json"] = to_json(found.to_json()).encode()
-    written["report.html"] = render_campaign_page(found, title, seed, versions(), inputs).encode()
+    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
+    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
+    written["study.toml"] = _describe_study(title, answer, seed).encode()
+    written["campaign.json"] = to_json(answer.to_json()).encode()
+    written["report.html"] = render_campaign_page(answer, title, seed, versions(), inputs).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
-    _show(found, out)
+    _show(answer, out)
 
 
 def _read_design(word: str) -> DesignLevel:
@@ -121,38 +121,38 @@ def _frequencies(text: str | None) -> list[float]:
     return frequencies
 
 
-def _describe_study(title: str, found: Campaign, seed: int) -> str:
+def _describe_study(title: str, answer: Campaign, seed: int) -> str:
     """Settings of a study of all modes."""
     quoted = title.replace("\\", "/").replace('"', "'")
     lines = [f'title = "{quoted}"', f"seed = {seed}", "level = 0.9", ""]
-    for mode in found.modes:
+    for mode in answer.modes:
         lines += ["[[records]]", f'name = "{mode.name}"', f'title = "{mode.name}, {mode.frequency:.4g} Hz"']
         lines += [f'record = "modes/{mode.name}/record.csv"', f'mode = "modes/{mode.name}/mode.toml"']
         lines += [f"design_forces = [{', '.join(f'{force!r}' for force in mode.design_forces)}]", ""]
     return "\n".join(lines)
 
 
-def _show(found: Campaign, out: Path) -> None:
+def _show(answer: Campaign, out: Path) -> None:
     to = console()
     to.print("What was understood (--correct FILE.toml says otherwise):")
-    for what, text, _ in found.summary.rows:
+    for what, text, _ in answer.summary.rows:
         to.print(f"  {what}: {text}")
-    for note in found.summary.notes:
+    for note in answer.summary.notes:
         to.print(f"- {note}")
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
     table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
-    for mode in found.modes:
+    for mode in answer.modes:
         for at in mode.places:
             table.add_row(*_list_row(mode.name, at))
     to.print(table)
-    for mode in found.modes:
+    for mode in answer.modes:
         for name, why in mode.left_out.items():
             to.print(f"- {mode.name} without {name}: {why}")
         for notch in mode.notches:
             to.print(f"- {notch}")
         for finding in mode.findings:
             to.print(f"- {mode.name}: {finding}")
-    for outcome in found.outcomes:
+    for outcome in answer.outcomes:
         to.print(f"- {outcome}")
     to.print(f"written to {out}")
 
@@ -160,7 +160,7 @@ def _show(found: Campaign, out: Path) -> None:
 def _list_row(mode: str, at: At) -> list[str]:
     """A row of the table on the terminal."""
     ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
-    largest = max(at.response, key=lambda one: one.band[0], default=None)
+    largest = max(at.response, key=lambda response: response.band[0], default=None)
     peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
     sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
     return [mode, sensor, number(at.frequency), number(at.level), *ratio, *peak]

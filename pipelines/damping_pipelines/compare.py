@@ -41,9 +41,9 @@ def compare(folders: Sequence[Path], out: Path) -> None:
         raise InputError(f"{len(folders)} folders", expected=f"up to {MOST_STUDIES} folders of studies")
     names = _list_names(folders)
     opened = [open_folder(folder) for folder in folders]
-    for one in opened:
-        refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
-    studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
+    for study in opened:
+        refuse_inputs("--out", out, study.path / MANIFEST, *(study.path / name for name in study.manifest.outputs))
+    studies = [_study(folder, name) for folder, name in zip(opened, names, strict=True)]
     if sum(len(study.records) for study in studies) < 2:
         raise InputError("one record", expected=f"two records or more, of one to {MOST_STUDIES} folders of studies")
     write_text(out, describe_comparison_page(studies, versions()))

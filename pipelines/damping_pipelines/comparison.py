@@ -196,7 +196,7 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     rows = [
         {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
         | {"one value": _describe_interval(shape.pooled)}
-        | {f"alone: {name}": _describe_interval(each) for name, each in zip(names, shape.each, strict=True)}
+        | {f"alone: {name}": _describe_interval(alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
     caption = "Joint fits with one exponent: the odds against an exponent for each, and medians with 90 % intervals"

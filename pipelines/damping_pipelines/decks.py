@@ -40,7 +40,7 @@ class Point:
     low: float
     force: float
     amplitude: float
-    said: str
+    remark: str
 
 
 @dataclass(frozen=True)
@@ -104,16 +104,19 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     laws = ", ".join(f"{law['name']} ({float(law['weight']):.2f})" for law in row.by_model if law.get("weight"))
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
-    said = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
-    found = _find_force(row)
-    force = np.nan if found is None else found
+    remark = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
+    resonant = _find_force(row)
+    force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, said)
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark)
 
 
 def _describe(level: LoadLevel, which: str, comment: str) -> list[str]:
     """Comments of a table: level, which bound, and each mode."""
-    modes = [f"{comment}   {p.mode}: {p.frequency:.6g} Hz" + (f"; {p.said}" if p.said else "") for p in level.points]
+    modes = []
+    for point in level.points:
+        remark = f"; {point.remark}" if point.remark else ""
+        modes.append(f"{comment}   {point.mode}: {point.frequency:.6g} Hz{remark}")
     return [f"{comment} {level.label}, {which}", *modes]
 
 

@@ -202,8 +202,8 @@ def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for model in form.models:
         whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name", "equivalents"})}
-        found = [(force.name, *each) for force in model.forces for each in force.parameters().items()]
-        for force, parameter, value in found or [("", "", ParameterForm())]:
+        parameters = [(force.name, *item) for force in model.forces for item in force.parameters().items()]
+        for force, parameter, value in parameters or [("", "", ParameterForm())]:
             part = {"force": force, "parameter": parameter, **value.model_dump()}
             rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
     return _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(

@@ -124,14 +124,14 @@ def import_simulator(name: str) -> Simulate:
         raise InputError(f"--simulator {name!r}", expected="MODULE:FUNCTION")
     sys.path.insert(0, str(Path.cwd()))
     try:
-        found = getattr(importlib.import_module(module), function, None)
+        named = getattr(importlib.import_module(module), function, None)
     except ImportError as error:
         raise InputError(f"--simulator: {error}", expected="a module in the working folder or installed") from None
     finally:
         sys.path.pop(0)
-    if not callable(found):
+    if not callable(named):
         raise InputError(f"--simulator: {module} has no function {function}", expected="MODULE:FUNCTION")
-    simulate: Simulate = found
+    simulate: Simulate = named
     return simulate
 
 

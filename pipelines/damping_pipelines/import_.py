@@ -109,26 +109,26 @@ def import_file(
     refuse_inputs("--json", json_out, *inputs)
     refuse_twice({"--out": out, "--json": json_out})
     series, summary = read_file(file, stated, max_size=max_size)
-    found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
-    findings = report_findings(found.record, read_mode(decay.mode) if decay else None, despite)
-    write_text(out, record_to_csv(found.record))
+    imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
+    findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
+    write_text(out, record_to_csv(imported.record))
     if json_out is not None:
-        write_json(json_out, {**import_form(found, out), "audit": findings.to_json()["findings"]})
+        write_json(json_out, {**import_form(imported, out), "audit": findings.to_json()["findings"]})
     if json_out != "-":
-        _print(found, out, console())
+        _print(imported, out, console())
 
 
 def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
     """``KEY=VALUE`` words of a repeated option. InputError for one without ``=`` or a key given twice."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for word in words:
         key, mark, value = word.partition("=")
         if not (mark and key.strip() and value.strip()):
             raise InputError(f"{option} {word!r} is not understood", expected=f"{option} NAME=VALUE")
-        if key.strip() in found:
+        if key.strip() in values:
             raise InputError(f"{option} {key.strip()} is given twice", expected="each once")
-        found[key.strip()] = value.strip()
-    return found
+        values[key.strip()] = value.strip()
+    return values
 
 
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
@@ -143,15 +143,15 @@ def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
 
 def scales(words: Sequence[str]) -> dict[str, float]:
     """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
-    found: dict[str, float] = {}
+    factors: dict[str, float] = {}
     for key, text in pairs("--scale", words).items():
         try:
-            found[key] = float(text)
+            factors[key] = float(text)
         except ValueError:
-            found[key] = math.nan
-        if not math.isfinite(found[key]) or found[key] == 0.0:
+            factors[key] = math.nan
+        if not math.isfinite(factors[key]) or factors[key] == 0.0:
             raise InputError(f"--scale {key}={text} is no factor", expected="a number other than 0")
-    return found
+    return factors
 
 
 def read_band(text: str | None) -> tuple[float, float] | None:
@@ -160,16 +160,16 @@ def read_band(text: str | None) -> tuple[float, float] | None:
         return None
     low, mark, high = text.partition(":")
     try:
-        found = (float(low), float(high))
+        limits = (float(low), float(high))
     except ValueError:
         raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz") from None
-    if not mark or not (math.isfinite(found[0]) and math.isfinite(found[1])):
+    if not mark or not (math.isfinite(limits[0]) and math.isfinite(limits[1])):
         raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz")
-    return found
+    return limits
 
 
 def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) -> Imported:
-    if any(one.is_time for one in series):
+    if any(row.is_time for row in series):
         raise InputError(
             "the file holds time histories",
             file=file,
@@ -188,7 +188,7 @@ def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, s
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
     tables = [_levels(history, mode, decay, summary).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
-    labels = [one.label for one in histories]
+    labels = [motion.label for motion in histories]
     if len(set(labels)) < len(labels):
         raise InputError("two time histories have one label", file=file, expected="--label of each, all different")
     return Imported(Record(table, str(file)), summary)
@@ -236,24 +236,24 @@ def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> No
             )
 
 
-def import_form(found: Imported, out: Path) -> dict[str, Any]:
+def import_form(imported: Imported, out: Path) -> dict[str, Any]:
     """The form ``import/1``: what was understood, notes, and the sweeps of the record."""
     return {
         "format": "import/1",
         "record": str(out),
-        "rows": len(found.record),
-        "sweeps": list(found.record.sweeps),
-        "understood": found.summary.table.to_dict(orient="records"),
-        "notes": found.summary.notes,
+        "rows": len(imported.record),
+        "sweeps": list(imported.record.sweeps),
+        "understood": imported.summary.table.to_dict(orient="records"),
+        "notes": imported.summary.notes,
     }
 
 
-def _print(found: Imported, out: Path, to: Console) -> None:
-    title = f"{escape_control(Path(found.record.source).name)}: what was understood"
+def _print(imported: Imported, out: Path, to: Console) -> None:
+    title = f"{escape_control(Path(imported.record.source).name)}: what was understood"
     table = plain_table(title, (), ("what", "understood", "whence"))
-    for row in found.summary.rows:
+    for row in imported.summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)
-    for note in found.summary.notes:
+    for note in imported.summary.notes:
         to.print(f"- {escape_control(note)}")
-    to.print(f"{len(found.record)} rows written to {out}")
+    to.print(f"{len(imported.record)} rows written to {out}")

@@ -174,10 +174,10 @@ def open_folder(folder: Path) -> Folder:
 
 def verify(folder: Path) -> Folder:
     """The folder with every one of its files checked. InputError for the first that is missing or of another run."""
-    found = open_folder(folder)
-    for name in found.manifest.outputs:
-        found.read(name)
-    return found
+    opened = open_folder(folder)
+    for name in opened.manifest.outputs:
+        opened.read(name)
+    return opened
 
 
 @contextmanager
@@ -231,21 +231,21 @@ HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validatio
 
 def versions() -> dict[str, str]:
     """Versions a result depends on, as shown beside it."""
-    found = {name: importlib.metadata.version(name) for name in PACKAGES}
-    return {"damping-selection": __version__, "Python": platform.python_version(), **found}
+    packages = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"damping-selection": __version__, "Python": platform.python_version(), **packages}
 
 
 @cache
 def digest_source() -> str:
     """SHA-256 of every module of the project, as this process found them when it asked first."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for house in HOUSES:
         spec = find_spec(house)
         for folder in map(Path, spec.submodule_search_locations or ()) if spec else ():
             for path in sorted(folder.rglob("*.py")):
                 content = path.read_bytes()
-                found.update(f"{house}/{path.relative_to(folder).as_posix()} {len(content)}\n".encode() + content)
-    return found.hexdigest()
+                hashed.update(f"{house}/{path.relative_to(folder).as_posix()} {len(content)}\n".encode() + content)
+    return hashed.hexdigest()
 
 
 def describe_code() -> dict[str, str]:

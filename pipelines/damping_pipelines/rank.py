@@ -145,8 +145,8 @@ def print_loads(result: LoadsResult) -> None:
     """The tables for people, with the parts of the spread and what the weights rest on."""
     out, notes, mode = console(), Notes(), result.mode
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
-    for said in result.against:
-        out.print(f"{said[0].upper()}{said[1:]}.", style="bold red")
+    for disagreement in result.against:
+        out.print(f"{disagreement[0].upper()}{disagreement[1:]}.", style="bold red")
     by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     factor, length = choose_length(units.length, largest[0])
@@ -165,8 +165,8 @@ def print_loads(result: LoadsResult) -> None:
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
         ratios.add_row(at, number(row["frequency"]), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
         shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
-    for one in (table, ratios, shares):
-        out.print(one)
+    for part in (table, ratios, shares):
+        out.print(part)
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight.")
     out.print(_name_laws(loads.by_model))
     if len(plan.trend.p):
@@ -233,13 +233,13 @@ def print_curve(result: CurveResult) -> None:
     table = plain_table(f"{result.mode.name}: damping of the resonance", numbers)
     for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
-        said = [caution for caution in cautions if not caution.startswith("beyond the test")]
+        further = [caution for caution in cautions if not caution.startswith("beyond the test")]
         table.add_row(
             *(number(value) for value in (factor * row["amplitude"], row["force"], row["frequency"])),
             *(number(z, 3) for z in zeta),
             number(row["q"], 3),
             "yes" if row["tested"] else "beyond",
-            notes.numbers(said),
+            notes.numbers(further),
         )
     out.print(table)
     out.print(

@@ -27,12 +27,14 @@ MOST_ROWS = 100_000
 def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) -> None:
     """Audit a record, print findings and what its sweeps imply, write the form; exit 1 where a finding refuses."""
     refuse_inputs("--json", json_out, record, *([mode] if mode else []))
-    found = audit(read_record(record, max_size=max_size), None if mode is None else read_mode(mode, max_size=max_size))
+    measured = read_record(record, max_size=max_size)
+    described = None if mode is None else read_mode(mode, max_size=max_size)
+    findings = audit(measured, described)
     if json_out is not None:
-        write_json(json_out, found.to_json())
+        write_json(json_out, findings.to_json())
     if json_out != "-":
-        _print_audit(found, None if mode is None else read_mode(mode, max_size=max_size))
-    if found.verdict == "refuse":
+        _print_audit(findings, described)
+    if findings.verdict == "refuse":
         raise typer.Exit(1)
 
 
@@ -49,15 +51,15 @@ def report_findings(record: Record, mode: Mode | None, despite: Collection[str] 
     return findings
 
 
-def _print_audit(found: Audit, mode: Mode | None) -> None:
+def _print_audit(findings: Audit, mode: Mode | None) -> None:
     out = console()
-    out.print(str(found))
+    out.print(str(findings))
     units = mode.units if mode else Units()
     named = (("force", units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
     table = plain_table("What each sweep implies at its resonance", headings, ("sweep",))
-    for row in found.implied.to_dict(orient="records"):
+    for row in findings.implied.to_dict(orient="records"):
         numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
         table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))
     out.print(table)

@@ -138,8 +138,8 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
             )
             figure = deviations_figure(x, d.deviation, d.percent, x_label=name, response=response)
             title = f"{result.data}: deviations of {response} against {name}"
-            told = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
-            drawn[f"{stem}.svg"] = to_svg(figure, stem, title, told)
+            caption = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
+            drawn[f"{stem}.svg"] = to_svg(figure, stem, title, caption)
             figure.clear()
     return drawn
 
@@ -211,10 +211,10 @@ def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, 
     terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
         removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
-        found = [f"{name} = {value:.4g}" for name, value in step.constants.items()]
+        constants = [f"{name} = {value:.4g}" for name, value in step.constants.items()]
         left = len(step.before) - len(step.after)
         rows = [f"{left} rows without a damping factor"] if left else []
-        table.add_row(step.name, step.equation, ", ".join([*removed, *found, *rows]))
+        table.add_row(step.name, step.equation, ", ".join([*removed, *constants, *rows]))
     terminal.print(table)
     names = {what: getattr(description.units, what) for what in ("force", "length", "time")}
     units = ", ".join(f"{what} in {unit}" for what, unit in names.items() if unit) or "one consistent system"

@@ -191,14 +191,14 @@ def _final(kept: DataSet) -> set[str]:
 def _greet(client: Client, done: Advance, *, shown: bool) -> None:
     """Say where the scheduler and its dashboard are."""
     about = client.scheduler_info()
-    said = f"scheduler {about['address']}"
+    sentence = f"scheduler {about['address']}"
     if shown and about["services"].get("dashboard"):
-        said += f", dashboard {client.dashboard_link}"
+        sentence += f", dashboard {client.dashboard_link}"
         if find_spec("bokeh") is None:
-            said += " (its pages need the extra: pip install damping-selection[dashboard])"
+            sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
     if not client.ncores():
-        said += f", no worker yet (waiting {PATIENCE:g} s for one)"
-    done(said, 0)
+        sentence += f", no worker yet (waiting {PATIENCE:g} s for one)"
+    done(sentence, 0)
 
 
 def _check_code(client: Client) -> None:
@@ -272,9 +272,11 @@ def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
     page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
     _seal(out, kept, page.encode(), settings)
     counts = table["status"].value_counts()
-    said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
+    outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
     console().print(
-        f"{len(table)} records: {said}. {out / 'fleet.html'} and {kept.folder} written", highlight=False, markup=False
+        f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written",
+        highlight=False,
+        markup=False,
     )
     if not len(table.loc[table["status"] != "failed"]):
         raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")

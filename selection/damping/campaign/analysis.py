@@ -133,8 +133,8 @@ def _answer_driven(
 def _find_input(level: Level, frequency: float) -> float:
     """The input at a mode in the unit of the drive: the run's level, but where it was notched there."""
     stated = float(level.run.level or 0.0)
-    found = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
-    return stated if abs(found / stated - 1.0) <= LABEL_AGREES else found
+    measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
+    return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
 
 
 def _measured_ratio(mode: ModeFound, k: int) -> tuple[float, float, float]:
@@ -219,10 +219,10 @@ def find_notches(
     notches = []
     for sensor, limit in limits.items():
         rows = sorted(
-            (at.level, one.band[2], at.ratio[2], at.frequency, one.unit)
+            (at.level, response.band[2], at.ratio[2], at.frequency, response.unit)
             for at in places
-            for one in at.response
-            if one.sensor == sensor and at.ratio is not None
+            for response in at.response
+            if response.sensor == sensor and at.ratio is not None
         )
         if not rows:
             continue

@@ -196,22 +196,26 @@ def _fit_cluster(f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster]])
     low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9], count)
     high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97], count)
-    found = least_squares(misfit, np.clip(x0, low + 1e-9, high - 1e-9), bounds=(low, high), x_scale="jac", max_nfev=40)
-    return poles.moved(cluster, *np.split(found.x, 3))
+    optimum = least_squares(
+        misfit, np.clip(x0, low + 1e-9, high - 1e-9), bounds=(low, high), x_scale="jac", max_nfev=40
+    )
+    return poles.moved(cluster, *np.split(optimum.x, 3))
 
 
 def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
     """Coefficients (sensors, columns), real, and what they leave (sensors, n) over the noise."""
-    found = np.empty((len(H), columns.shape[1]))
+    coefficients = np.empty((len(H), columns.shape[1]))
     left = np.empty_like(H)
     for s, row in enumerate(H):
         scaled = columns / sd[s][:, None]
         stacked = np.concatenate([scaled.real, scaled.imag])
         size = _measure_size(stacked)
         target = row / sd[s]
-        found[s] = np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
-        left[s] = target - scaled @ found[s]
-    return found, left
+        coefficients[s] = (
+            np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
+        )
+        left[s] = target - scaled @ coefficients[s]
+    return coefficients, left
 
 
 def _measure_size(columns: FloatArray) -> FloatArray:
@@ -240,9 +244,9 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
     has = np.array([np.median(square[part]) / 0.693 for part in parts])  # of an exponential: median over mean
     weight = 1.0 / has.clip(min=1e-30)
     design = np.column_stack([of, np.ones_like(of)]) * weight[:, None]
-    found = np.linalg.lstsq(design, has * weight, rcond=None)[0]
+    squares_of_noise = np.linalg.lstsq(design, has * weight, rcond=None)[0]
     least = np.quantile(has, 0.1)
-    return np.sqrt([max(found[0], 1e-6), max(found[1], 0.05 * least, 1e-20)])
+    return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * least, 1e-20)])
 
 
 def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:
@@ -253,13 +257,13 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
         columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
-        found, left = _solve_residues(columns, H[:, rows], sd)
+        coefficients, left = _solve_residues(columns, H[:, rows], sd)
         width = columns.shape[1]
         freedom = max(2 * left.size - sensors * width - 3 * len(cluster), 1)
         misfit = max(float(np.sum(np.abs(left) ** 2)) / freedom, 1.0)
-        variance = np.diag(misfit * _covariance(f[rows], columns, found, sd, cluster, poles))
+        variance = np.diag(misfit * _covariance(f[rows], columns, coefficients, sd, cluster, poles))
         for place, k in enumerate(cluster):
-            residues[:, k], local[k] = found[:, 2 + k], found
+            residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
             residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
             ratio_sd[k] = np.sqrt(variance[sensors * width + place])
     of = (poles.frequency, poles.ratio, poles.slope, poles.sign)
@@ -267,15 +271,15 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
 
 
 def _covariance(
-    f: FloatArray, columns: ComplexArray, found: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
+    f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
     """Covariance of all coefficients, then of ln z, of f (relative) and of s of the cluster's modes."""
-    sensors, width, n = *found.shape, len(f)
+    sensors, width, n = *coefficients.shape, len(f)
     moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
     for s in range(sensors):
         block = columns / sd[s][:, None]
-        extra = np.array([(change @ found[s]) / sd[s] for change in moved]).T
+        extra = np.array([(change @ coefficients[s]) / sd[s] for change in moved]).T
         for part, of_part in ((0, "real"), (1, "imag")):
             rows = slice((2 * s + part) * n, (2 * s + part + 1) * n)
             jacobian[rows, s * width : (s + 1) * width] = getattr(block, of_part)

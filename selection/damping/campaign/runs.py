@@ -228,13 +228,16 @@ class Source:
         stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
         if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
             return replace(run, level=measured)
-        level, told = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor, f"the control of {run.label!r}"
+        level, control = (
+            stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor,
+            f"the control of {run.label!r}",
+        )
         if abs(measured / level - 1.0) <= LABEL_AGREES:
             return replace(run, level=level)
         g = STANDARD_GRAVITY_M_S2
         if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
-            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({told} says so): taken as such")
+            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({control} says so): taken as such")
             channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
             return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
-        self.summary.note(f"{self.file.name}: {told} reads {measured:.3g} {run.drive_unit}, taken as its level")
+        self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
         return replace(run, level=measured)

@@ -164,15 +164,15 @@ def _list_hdf(source: Source) -> list[CampaignRun]:
 def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[str]) -> CampaignRun:
     stated = source.stated.of(drive)
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
-    found = read_arrays(source.file, "hdf5", list(path.values()), source.most)
-    f = found.arrays[path[x]][0].real.reshape(-1)
-    units = {leaf: found.units.get(path[leaf], "") for leaf in leaves}
+    contents = read_arrays(source.file, "hdf5", list(path.values()), source.most)
+    f = contents.arrays[path[x]][0].real.reshape(-1)
+    units = {leaf: contents.units.get(path[leaf], "") for leaf in leaves}
     level = find_level(group.replace("_", " "))
     channels: list[Channel] = []
     for leaf in leaves:
-        if leaf in (x, drive) or path[leaf] not in found.arrays:
+        if leaf in (x, drive) or path[leaf] not in contents.arrays:
             continue
-        values = found.arrays[path[leaf]][0]
+        values = contents.arrays[path[leaf]][0]
         rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
             what = f"{path[leaf]} is passed over: no complex spectra at {len(f)} frequencies"
@@ -182,7 +182,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
         channels += [Channel(name, describe_quantity(of, leaf), of, row) for name, row in zip(names, rows, strict=True)]
     drive_unit = stated.unit or units[drive] or (level[1] if level else channels[0].unit if channels else "")
-    values = found.arrays[path[drive]][0] * stated.scale
+    values = contents.arrays[path[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = _join_controls(list(rows), source.stated.control)
     return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)

@@ -203,18 +203,18 @@ def choose_drive(units: Mapping[str, str], stated: Corrections) -> str | None:
     return named or (forces[0] if len(forces) == 1 else None)
 
 
-def track_channels(found: Arrays, source: Source, kind: str) -> list[CampaignRun]:
+def track_channels(contents: Arrays, source: Source, kind: str) -> list[CampaignRun]:
     """Runs of a file of channels with their time step, one for each of its groups: tracked, or free decays."""
     groups: dict[str, list[str]] = {}
-    for path in found.steps:
+    for path in contents.steps:
         groups.setdefault(path.rpartition("/")[0], []).append(path)
     stem = source.file.stem
-    return [_track_paths(group or stem, found, paths, source, kind) for group, paths in groups.items()]
+    return [_track_paths(group or stem, contents, paths, source, kind) for group, paths in groups.items()]
 
 
-def _track_paths(label: str, found: Arrays, paths: Sequence[str], source: Source, kind: str) -> CampaignRun:
-    of = {path: found.units.get(path, "") for path in paths}
-    steps, sizes = {found.steps[path] for path in paths}, {found.known[path] for path in paths}
+def _track_paths(label: str, contents: Arrays, paths: Sequence[str], source: Source, kind: str) -> CampaignRun:
+    of = {path: contents.units.get(path, "") for path in paths}
+    steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
     if len(steps) > 1 or len(sizes) > 1:
         raise source.error(f"channels of {label} of several rates or lengths", "one for all")
     start, step = next(iter(steps))

@@ -148,12 +148,12 @@ def _by_name(
 ) -> tuple[dict[str, int], str | None]:
     """Columns by role where their names are those of roles, or else what tables of laboratories call them."""
     lower = [header.name.lower() for header in headers]
-    found = {role: [name for name in named if name in lower] for role, named in known.items()}
-    for first in (matches[0] for matches in found.values() if matches):
+    matches_of = {role: [name for name in named if name in lower] for role, named in known.items()}
+    for first in (matches[0] for matches in matches_of.values() if matches):
         if lower.count(first) > 1 and first != "f":
             message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
             raise InputError(message, file=file, line=line, expected=expected)
-    own = {role: lower.index(matches[0]) for role, matches in found.items() if matches}
+    own = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
     usual, response = recognise(headers)
     if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
         own = {role: place for role, place in own.items() if role not in ("x", "y")}

@@ -40,7 +40,7 @@ class Conversion:
 
 
 @dataclass(frozen=True)
-class Known:
+class Statements:
     """What a file says of a series (``found``) and what the user says, who goes first; ``summary`` grows."""
 
     found: Found
@@ -71,7 +71,7 @@ class Known:
         return InputError(message, file=self.file, expected=expected)
 
 
-def conversion(known: Known) -> Conversion:
+def conversion(known: Statements) -> Conversion:
     """Response type and factors of a series.
 
     Raises:
@@ -104,7 +104,7 @@ def conversion(known: Known) -> Conversion:
     return Conversion(order, per_force, of_response, scaled)
 
 
-def _find_response_type(known: Known, units: dict[str, Unit]) -> str:
+def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
     """Name of the response type: stated, found, or the only one that has the unit."""
     found, name = known.found, known.response
     if name is not None:
@@ -141,7 +141,7 @@ def _powers(name: str) -> tuple[int, int, int]:
     return (-1 if per_force else 0), 1, -order
 
 
-def _response_unit(name: str, units: dict[str, Unit], known: Known) -> Unit:
+def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit:
     """The unit of the response, put together from that of the motion and that of the force where needed."""
     if "response" not in units:
         expected = f"--unit response={_EXAMPLES[name]}, or --consistent"
@@ -164,7 +164,7 @@ _EXAMPLES = {
 }
 
 
-def ask(known: Known, *, force: bool | None) -> None:
+def ask(known: Statements, *, force: bool | None) -> None:
     """One InputError that names everything that neither the file nor the user says, where that is more than one thing.
 
     Args:
@@ -189,7 +189,7 @@ def ask(known: Known, *, force: bool | None) -> None:
         raise known.error(message, " ".join(missing.values()))
 
 
-def scaling(known: Known, *, of_force: bool = False) -> float:
+def scaling(known: Statements, *, of_force: bool = False) -> float:
     """Amplitudes of the sine in one unit of what was recorded; a force of real numbers has a scaling of its own.
 
     Raises:
@@ -216,7 +216,7 @@ def scaling(known: Known, *, of_force: bool = False) -> float:
     return SCALINGS[name]
 
 
-def other_factor(what: str, powers: tuple[int, int, int], known: Known) -> float:
+def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> float:
     """Factor of ``energy`` or ``mass`` to the system.
 
     Raises:
@@ -255,7 +255,7 @@ def time_histories(series: Sequence[Series], stated: Stated, file: str | Path, s
         raise InputError(f"{len(stated.labels)} labels", file=file, expected=f"{len(series)}, one a time history")
     histories = []
     for k, row in enumerate(series):
-        known = Known(row.found, stated, str(file), summary)
+        known = Statements(row.found, stated, str(file), summary)
         if not row.is_time:
             raise known.error(f"{row.label!r} is no time history", "a signal against time")
         ask(known, force=None)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError
-from damping.formats.conversion import Conversion, Known, ask, conversion, other_factor, scaling
+from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Imported, Series, Stated, Summary
 from damping.records.record import Record, find_problems
@@ -34,7 +34,7 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     labels, forces = _list_labels(series, stated, file), _stated_forces(series, stated, file)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
-            _tabulate_sweep(row, label, force, Known(row.found, stated, str(file), summary))
+            _tabulate_sweep(row, label, force, Statements(row.found, stated, str(file), summary))
             for row, label, force in zip(series, labels, forces, strict=True)
         ]
     if len({"phase" in table for table in tables}) > 1:
@@ -87,7 +87,7 @@ def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -
     return many if len(many) == len(series) else many * len(series)
 
 
-def _tabulate_sweep(row: Series, label: str, level: float | None, known: Known) -> pd.DataFrame:
+def _tabulate_sweep(row: Series, label: str, level: float | None, known: Statements) -> pd.DataFrame:
     """Rows of one sweep."""
     ask(known, force=level is not None or row.force is not None)
     to = conversion(known)
@@ -113,7 +113,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Known) 
     return pd.DataFrame(columns)
 
 
-def _usable(row: Series, label: str, known: Known) -> BoolArray:
+def _usable(row: Series, label: str, known: Statements) -> BoolArray:
     """Rows that are steady states within the band."""
     f, band, reasons = row.abscissa, known.stated.band, _left_out(row)
     keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
@@ -149,7 +149,7 @@ def _left_out(row: Series) -> dict[str, BoolArray]:
     return reasons
 
 
-def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, known: Known) -> FloatArray:
+def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, known: Statements) -> FloatArray:
     """Force amplitude of each row (complex where the file has its phase)."""
     if level is None and row.force is None:
         message = "no force in the file: how hard the structure was driven decides what its damping is"
@@ -171,7 +171,7 @@ def _extra(
     row: Series,
     columns: dict[str, FloatArray | list[str]],
     keep: BoolArray,
-    known: Known,
+    known: Statements,
 ) -> FloatArray:
     """A further column in units of the record: standard uncertainties go with what they belong to."""
     if name == "amplitude_sd":
@@ -188,7 +188,7 @@ def _wrapped(phase: FloatArray) -> FloatArray:
     return (phase + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
 
 
-def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Known) -> FloatArray:
+def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:
     """The displacement, its phase taken as a lead or as a lag, whichever lets the structure take energy.
 
     The lag of the displacement of a passive structure lies between 0 and pi and rises through pi/2 with frequency.

@@ -107,11 +107,11 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             tops.append(name)
         if name in wanted and of in _MAT_CLASSES:
             contents.refuse_beyond(shape)
-    found = loadmat(path, variable_names=tops, struct_as_record=True) if tops else {}
-    for top in (top for top in tops if top in found):
-        _list_nested(found[top], top, contents.known, 0)
+    variables = loadmat(path, variable_names=tops, struct_as_record=True) if tops else {}
+    for top in (top for top in tops if top in variables):
+        _list_nested(variables[top], top, contents.known, 0)
     for name in names:
-        for value in _list_addressed(found, name):
+        for value in _list_addressed(variables, name):
             if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiucb":
                 raise RefusedError(f"{name!r} is no array of numbers")
             yield name, value
@@ -132,12 +132,12 @@ def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int)
             _list_nested(value[0, column], f"{name}{{:,{column + 1}}}", known, depth + 1)
 
 
-def _list_addressed(found: Any, name: str) -> list[Any]:
+def _list_addressed(variables: Any, name: str) -> list[Any]:
     """What a name with fields and places stands for; empty where there is nothing of it."""
     top = re.match(r"\w+", name)
-    if top is None or top[0] not in found:
+    if top is None or top[0] not in variables:
         return []
-    values, place = [found[top[0]]], top.end()
+    values, place = [variables[top[0]]], top.end()
     while place < len(name) and values:
         step = _STEP.match(name, place)
         if step is None:
@@ -181,12 +181,12 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
                 continue
             if kind == "mat73":
                 contents.known[name] = contents.known[place]
-            found = file[place]
-            _readable(h5py, found, name)
-            shape, part = _choose_rows(found.shape, contents.rows)
-            contents.refuse_beyond(shape, max(found.dtype.itemsize, 16))
-            array = _numbers(found[part], name)
-            named = found.attrs.get("units", found.attrs.get("unit"))
+            dataset = file[place]
+            _readable(h5py, dataset, name)
+            shape, part = _choose_rows(dataset.shape, contents.rows)
+            contents.refuse_beyond(shape, max(dataset.dtype.itemsize, 16))
+            array = _numbers(dataset[part], name)
+            named = dataset.attrs.get("units", dataset.attrs.get("unit"))
             if isinstance(named, str | bytes):
                 contents.units[name] = _as_text(named)
             yield name, array.T if kind == "mat73" else array
@@ -264,22 +264,22 @@ def _list(h5py: Any, group: Any, prefix: str, known: dict[str, list[int]], depth
         if len(known) >= _MOST_NAMES:
             return
         linked = not name.startswith("#") and isinstance(group.get(name, getlink=True), h5py.HardLink)
-        found = group[name] if linked else None
-        if isinstance(found, h5py.Dataset):
-            known[prefix + name] = [int(n) for n in found.shape or ()]
-        elif isinstance(found, h5py.Group) and depth < _DEEPEST:
-            _list(h5py, found, f"{prefix}{name}/", known, depth + 1)
+        member = group[name] if linked else None
+        if isinstance(member, h5py.Dataset):
+            known[prefix + name] = [int(n) for n in member.shape or ()]
+        elif isinstance(member, h5py.Group) and depth < _DEEPEST:
+            _list(h5py, member, f"{prefix}{name}/", known, depth + 1)
 
 
-def _readable(h5py: Any, found: Any, name: str) -> None:
+def _readable(h5py: Any, array: Any, name: str) -> None:
     """Refuse what is no plain array of numbers inside the file."""
-    if not isinstance(found, h5py.Dataset) or found.shape is None or "MATLAB_empty" in found.attrs:
+    if not isinstance(array, h5py.Dataset) or array.shape is None or "MATLAB_empty" in array.attrs:
         raise RefusedError(f"{name!r} is no array of numbers")
-    if found.external or found.is_virtual:
+    if array.external or array.is_virtual:
         raise RefusedError(f"{name!r} has its values outside the file")
-    if found.compression not in _FILTERS:
+    if array.compression not in _FILTERS:
         raise RefusedError(f"{name!r} is compressed in a way that is not read")
-    of = found.dtype
+    of = array.dtype
     if any(kind not in "fiucb" for kind in ([of[part].kind for part in of.names] if of.names else [of.kind])):
         raise RefusedError(f"{name!r} is no array of numbers")
 
