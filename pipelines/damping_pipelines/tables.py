@@ -23,8 +23,7 @@ from damping.regression.selecting import Choice
 from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
-from damping.signals.reading import check_repeats, read_description, read_raw
-from damping.signals.uncertainty import condition_steps
+from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
 from damping_pipelines.terminal import console, plain_table
 

@@ -46,8 +46,7 @@ from damping.regression.program import regression
 from damping.regression.selecting import Choice
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 from damping.signals.description import Description
-from damping.signals.reading import check_raw, describe, read_description
-from damping.signals.uncertainty import condition_steps
+from damping.signals.reading import check_raw, condition_steps, describe, read_description
 
 #: Seed of everything sampled, that of the command line.
 SEED = 1970

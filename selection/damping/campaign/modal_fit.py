@@ -43,7 +43,7 @@ _FEWEST_ROWS = 6
 
 @dataclass(frozen=True)
 class Poles:
-    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p and ``slope`` s, (modes,)."""
+    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, each (modes,)."""
 
     frequency: FloatArray
     ratio: FloatArray
