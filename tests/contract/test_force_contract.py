@@ -257,3 +257,12 @@ def test_units_are_those_of_the_averages(kind: type[Force]) -> None:
     by_dimension(kind, 4.448, 1.0, 1.0)
     by_dimension(kind, 1.0, 0.0254, 1.0)
     by_dimension(kind, 1.0, 1.0, 1e-3)
+
+
+@pytest.mark.parametrize(("force", "length", "time"), [(4.448, 1.0, 1.0), (1.0, 0.0254, 1.0), (1.0, 1.0, 1e-3)])
+def test_units_of_an_energy_term_are_those_of_its_powers(force: float, length: float, time: float) -> None:
+    before, A, omega = EnergyTerm(0.8, 2.5, 0.5), 1.7, 5.0
+    unit = before.shapes[0].unit.at({})
+    scale = force**unit.force * length**unit.length * time**unit.time
+    after = replace(before, coefficient=0.8 * scale).quadrature(A * length, omega / time)
+    np.testing.assert_allclose(after, force * before.quadrature(A, omega), rtol=1e-12, atol=0.0)  # rounding of powers

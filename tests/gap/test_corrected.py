@@ -30,9 +30,7 @@ def written(lab, tmp_path):
     return write
 
 
-@pytest.mark.parametrize(
-    "name", [NAMES[0], *(pytest.param(name, marks=pytest.mark.slow) for name in NAMES[1:4]), NAMES[4]]
-)
+@pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
 def test_the_corrected_model_has_no_gap(lab, written, name):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)

@@ -54,6 +54,17 @@ def test_backward_drops_the_least_t_ratio_until_none_is_below(seed: int, t_stop:
     assert len(found.steps) == 1 + 5 - len(terms)
 
 
+def test_backward_takes_nothing_in_again() -> None:
+    """Correlated columns by which a dropped term would be worth its place once others are gone (one seed in 500)."""
+    rng = np.random.default_rng(962)
+    columns = rng.normal(size=(12, 4)) @ rng.normal(size=(4, 5)) + 0.3 * rng.normal(size=(12, 5))
+    design = design_of_arrays(columns, rng.normal(size=12) + 0.3 * columns @ rng.normal(size=5))
+    found = stepwise(design, "backward", t_stop=2.0)
+    assert list(found.chosen) == [1]
+    assert t_ratios(design, [1, 4])[1] > 2.5
+    assert {step.action for step in found.steps} == {"start", "drop"}
+
+
 @few
 @given(SEEDS, st.floats(0.5, 4.0))
 def test_forward_adds_the_largest_t_ratio_until_none_is_enough(seed: int, t_stop: float) -> None:
