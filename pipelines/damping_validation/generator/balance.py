@@ -165,6 +165,8 @@ def _move(structure: Structure, rows: TrueRows, z: complex, before: int, here: i
     In each step its distance from the steady one, which moves evenly, decays as at the frequency half way.
     """
     span, rate = rows.omega[here] - rows.omega[before], rows.rate[here]
+    if span == 0.0:  # read twice on the way
+        return z
     count = int(np.ceil(abs(span) / (_SWEEP_STEP * structure.viscous / (2 * structure.mass)))) or 1
     if rate * span <= 0.0:  # dwelt at, or met against its own direction
         return complex(guess(structure, chosen_rows(rows, np.arange(rows.omega.size) == here))[0])
