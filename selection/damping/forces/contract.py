@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import ClassVar, NoReturn
 
 import numpy as np
@@ -184,6 +186,11 @@ def ones(*arrays: Floats) -> FloatArray:
     return np.ones(np.broadcast_shapes(*(np.shape(array) for array in arrays)))
 
 
+def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:
+    """Their sum, zeros of the shape of A and omega where there are none."""
+    return reduce(add, values) if values else zeros(A, omega)
+
+
 @dataclass(frozen=True)
 class Sum(Force):
     """Forces acting together: averages, slopes and cycles add (section 5.1). The empty sum is no force."""
@@ -212,11 +219,11 @@ class Sum(Force):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""
-        return sum((force.quadrature(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.quadrature(A, omega) for force in self.forces], A, omega)
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dC/d ln A."""
-        return sum((force.slope(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.slope(A, omega) for force in self.forces], A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """Sum of the parts' g."""
@@ -253,11 +260,11 @@ class Sum(Force):
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' S."""
-        return sum((force.in_phase(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.in_phase(A, omega) for force in self.forces], A, omega)
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dS/d ln A."""
-        return sum((force.in_phase_slope(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.in_phase_slope(A, omega) for force in self.forces], A, omega)
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:
