@@ -22,7 +22,6 @@ from damping.records.record import Record
 from damping.report.words import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.check import report_findings
-from damping_pipelines.export import check_picture, write_picture
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain
 from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions, suggest
 
@@ -52,6 +51,8 @@ class Asked:
             refuse_inputs(option, target, self.record, self.mode)
         refuse_twice({"--json": self.json_out, "--plot": self.plot})
         if self.plot is not None:
+            from damping_pipelines.export import check_picture  # noqa: PLC0415 - only drawing needs it
+
             check_picture(self.plot)
         read = read_record(self.record, max_size=self.max_size)
         described = read_mode(self.mode, max_size=self.max_size)
@@ -63,6 +64,8 @@ class Asked:
         if self.json_out is not None:
             write_plain(self.json_out, result.to_json())
         if self.plot is not None:
+            from damping_pipelines.export import write_picture  # noqa: PLC0415 - as above
+
             write_picture(self.plot, result.plot(), result.title)
         return self.json_out != "-"
 
