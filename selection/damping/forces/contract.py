@@ -183,7 +183,8 @@ def absolute(x: Floats) -> Floats:
 
 def ones(*arrays: Floats) -> FloatArray:
     """Ones of the broadcast shape of ``arrays``."""
-    return np.ones(np.broadcast_shapes(*(np.shape(array) for array in arrays)))
+    shapes = [np.shape(array) for array in arrays]
+    return np.ones(shapes[0] if len(shapes) == 1 else np.broadcast_shapes(*shapes))
 
 
 def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:

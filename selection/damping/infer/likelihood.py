@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -99,10 +100,14 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
     ``force``: of the law at ``x``, up to a factor.
     """
-    z = np.log(data.tested_force)
-    strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
+    strays = _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
     shared = scatter_covariance(*coordinates.scatter(x), data)
     return shared + coordinates.doubt(x, force)[:, None, None] ** 2 * strays
+
+
+@lru_cache(maxsize=256)  # the same of every law of a record
+def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
+    return stray_covariance(np.array(z), np.array(z), origin)
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
@@ -126,17 +131,23 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
     """
     root = np.sqrt(hh)
     B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
-    fine = np.asarray(np.isfinite(B).all(axis=(1, 2)))
-    factor = np.linalg.cholesky(np.where(fine[:, None, None], B, np.eye(hh.shape[1])))
+    fine = np.isfinite(B).all(axis=(1, 2))
+    B[~fine] = np.eye(hh.shape[1])
+    factor = np.linalg.cholesky(B)
+    pivots = np.diagonal(factor, axis1=1, axis2=2)
     u = np.where(root > 0.0, hn / root, 0.0)
-    white = np.linalg.solve(factor, u[..., None])[..., 0]
-    half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    white = np.empty_like(u)
+    for j in range(u.shape[1]):  # forward substitution, of all points at once
+        white[:, j] = (u[:, j] - np.einsum("nk,nk->n", factor[:, j, :j], white[:, :j])) / pivots[:, j]
     within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
-    return np.asarray(np.where(fine, -0.5 * np.sum(within + white**2, axis=1) - half_log_det, -np.inf))
+    value = -0.5 * np.sum(within + white**2, axis=1) - np.sum(np.log(pivots), axis=1)
+    return np.asarray(np.where(fine, value, -np.inf))
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
+    if len(data.sweeps) == len(data.sweep):  # one row each, in any order
+        return values[:, np.argsort(data.sweep)]
     if len(data.sweeps) <= _FEW:
         return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
     order = np.argsort(data.sweep, kind="stable")

@@ -70,18 +70,26 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    beyond = {id(f): float(np.log(resonant_amplitude(f.force, force, omega))) for f in fits}
+    beyond: dict[int, float] = {}
+
+    def find_beyond(fit: BestFit) -> float:
+        if id(fit) not in beyond:
+            beyond[id(fit)] = float(np.log(resonant_amplitude(fit.force, force, omega)))
+        return beyond[id(fit)]
+
+    def predict_alike(fit: BestFit, other: BestFit) -> bool:
+        if not np.all(np.abs(fit.n - other.n) < INDISTINCT * noise):
+            return False
+        ends = find_beyond(fit), find_beyond(other)
+        return abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
+
     groups: list[list[BestFit]] = []
-    for f in sorted(fits, key=lambda f: len(f.law.parts)):
-        for group in groups:
-            near = np.all(np.abs(f.n - group[0].n) < INDISTINCT * noise)
-            further = abs(beyond[id(f)] - beyond[id(group[0])])
-            none_resonates = np.isnan(beyond[id(f)]) and np.isnan(beyond[id(group[0])])
-            if near and (further < INDISTINCT * noise.max() or none_resonates):
-                group.append(f)
-                break
+    for fit in sorted(fits, key=lambda fit: len(fit.law.parts)):
+        group = next((group for group in groups if predict_alike(fit, group[0])), None)
+        if group is None:
+            groups.append([fit])
         else:
-            groups.append([f])
+            group.append(fit)
     return groups
 
 
