@@ -116,18 +116,17 @@ def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray 
     None of a law that cannot carry the forces of the other sweeps. More than ``MOST_FOLDS`` sweeps are left out in as
     many groups, neighbours in the record in different ones.
     """
-    errors = [np.full(len(data.sweeps), np.nan) for _ in laws]
-    carried = np.full(len(laws), True)
     folds = min(len(data.sweeps), MOST_FOLDS)
-    for fold in range(folds):
-        keep = np.arange(len(data.sweeps)) % folds != fold
-        left_out = data.keep_sweeps(~keep)
-        for i, fit in enumerate(fit_laws(laws, data.keep_sweeps(keep))):
+    left_out = [np.arange(len(data.sweeps)) % folds == fold for fold in range(folds)]
+    fits = fit_laws(laws, *(data.keep_sweeps(~out) for out in left_out))
+    errors: list[FloatArray | None] = []
+    for i in range(len(laws)):
+        of_law, own = fits[i :: len(laws)], np.full(len(data.sweeps), np.nan)
+        for out, fit in zip(left_out, of_law, strict=True):
             if isinstance(fit, BestFit):
-                errors[i][~keep] = percent_errors(fit.force, left_out)
-            else:
-                carried[i] = False
-    return [error if fitted else None for error, fitted in zip(errors, carried, strict=True)]
+                own[out] = percent_errors(fit.force, data.keep_sweeps(out))
+        errors.append(own if all(isinstance(fit, BestFit) for fit in of_law) else None)
+    return errors
 
 
 def root_mean_square(errors: FloatArray) -> float:
