@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks._rows import Row, seconds
 from benchmarks.cost import Growth
-from damping.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
+from damping.plots import ALERT, AVERAGE, WIDTH, plain_log, styled
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:

@@ -17,7 +17,7 @@ from pathlib import Path
 import pandas as pd
 
 from benchmarks._rows import Row, middle, run_process
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 ROOT = Path(__file__).parents[1]
 STACK = [sys.executable, "-c", "import numpy, pandas, scipy.stats"]

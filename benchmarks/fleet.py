@@ -26,7 +26,7 @@ import psutil
 from matplotlib.figure import Figure
 
 from benchmarks._structures import simulated_levels, structures
-from damping.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
+from damping.plots import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
 from damping_pipelines.fleet import command
 from damping_pipelines.fleet.analyse import analyse

@@ -24,11 +24,11 @@ from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
+from damping_reed1970 import data_folder
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_6 import printed_laws
 from damping_reed1970.exhibit import source_tables
 from damping_reed1970.studies import Studies, compute_studies
-from damping_reed1970.tables import data_folder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

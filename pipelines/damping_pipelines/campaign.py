@@ -19,7 +19,7 @@ from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.campaign_page import describe_campaign_page
-from damping_pipelines.manifest import digest, publish
+from damping_pipelines.manifest import digest_file, publish
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import console, number, plain_table
 
@@ -51,7 +51,7 @@ def campaign(
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
     found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
-    inputs = {file.name: digest(file.read_bytes()) for file in (*files, *([previous] if previous else []))}
+    inputs = {file.name: digest_file(file) for file in (*files, *([previous] if previous else []))}
     title = f"Campaign: {', '.join(file.name for file in files)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}

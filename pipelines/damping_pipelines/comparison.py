@@ -10,6 +10,18 @@ import pandas as pd
 
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
+from damping.report import (
+    NOTHING,
+    count,
+    format_between,
+    format_joined,
+    format_length,
+    format_percent,
+    format_quantity,
+    format_share,
+    format_signed,
+    number,
+)
 from damping.report.page import (
     Block,
     Callout,
@@ -21,18 +33,6 @@ from damping.report.page import (
     Table,
     Text,
     describe_page,
-)
-from damping.report.words import (
-    NOTHING,
-    count,
-    format_between,
-    format_joined,
-    format_length,
-    format_percent,
-    format_quantity,
-    format_share,
-    format_signed,
-    number,
 )
 
 #: Odds from which on one law or several is said.

@@ -218,7 +218,7 @@ def check_picture(path: Path) -> None:
 
 def write_picture(path: Path, figure: Any, title: str) -> None:
     """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
-    from damping.plots.style import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
 
     check_picture(path)
     if path.suffix.lower() == ".png":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import sys
@@ -24,6 +23,7 @@ from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.check import report_findings
 from damping_pipelines.export import check_picture, write_picture
+from damping_pipelines.manifest import digest_file
 from damping_pipelines.provenance import versions
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
 from damping_pipelines.terminal import console, end_with_parent, progress
@@ -131,7 +131,7 @@ def import_simulator(name: str) -> Simulate:
 def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
     from damping.report.gap_page import describe_gap_page  # noqa: PLC0415 - as above, matplotlib
 
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
+    digests = {path.name: digest_file(path) for path in inputs}
     return describe_gap_page(diagnosis, sampled, seed, versions(), digests)
 
 

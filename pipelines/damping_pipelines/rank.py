@@ -19,7 +19,7 @@ from damping.extrapolation.prediction import PARTS, Band
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.words import choose_length, format_parameter_unit
+from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.check import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain

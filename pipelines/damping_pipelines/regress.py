@@ -14,11 +14,11 @@ import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.reading import read_table
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import RegressionResult
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
 
@@ -120,8 +120,8 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     """File names and SVG of the deviations against every independent variable, every term, the fitted response and the
     row."""
+    from damping.plots import to_svg  # noqa: PLC0415 - as above
     from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
-    from damping.plots.style import to_svg  # noqa: PLC0415 - as above
 
     drawn: dict[str, str] = {}
     for number, result in enumerate(results, start=1):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -35,7 +34,7 @@ from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
-from damping_pipelines.manifest import sole_writer
+from damping_pipelines.manifest import digest_file, sole_writer
 from damping_pipelines.provenance import versions
 from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
 from damping_pipelines.study_output import write_study
@@ -113,7 +112,7 @@ def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] 
 def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
     """SHA-256 of the settings and of every input file, by name relative to the settings."""
     names = [path.name, *(name for record in settings.records for name in (record.record, record.mode))]
-    return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
+    return {name: digest_file(path.parent / name) for name in dict.fromkeys(names)}
 
 
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:

@@ -19,6 +19,7 @@ from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
+from damping_reed1970 import data_folder, load_errata
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
 from damping_reed1970.chapter_3.planar_fits import Known
@@ -27,12 +28,10 @@ from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linea
 from damping_reed1970.chapter_4.page import write_chapter_4
 from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
-from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
-from damping_reed1970.chapter_6.page import write_chapter_6
+from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
-from damping_reed1970.tables import data_folder, load_errata
 
 
 @dataclass(frozen=True)

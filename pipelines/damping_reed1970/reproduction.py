@@ -13,13 +13,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
-from damping.report.figures import Drawn
+from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
+from damping.report import count, format_joined, number
 from damping.report.page import Block, Fold, Heading, Section, Table, Text
-from damping.report.words import count, format_joined, number
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
+from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
-from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 
@@ -98,7 +96,9 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
         Table(count_agreements(rows), "Printed numbers by chapter and how well they come out.", key=""),
         draw_block(
             "reproduction",
-            Drawn(draw_reproduction(rows), "Printed results recomputed", _describe(rows)),
+            "Printed results recomputed",
+            _describe(rows),
+            lambda: draw_reproduction(rows),
             "Per cent difference between each printed number and its recomputation, by group of ids (count).",
         ),
         Fold(

@@ -16,12 +16,13 @@ from damping.infer.observations import observe
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.figures import Drawn
+from damping.report import format_share, number
 from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import describe_following, describe_verdict, list_doubts, list_trends, place, reach
 from damping.report.page import Block, Heading, List, Section, Table, Text
-from damping.report.words import format_share, number
+from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
+from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
@@ -36,7 +37,6 @@ from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
 from damping_reed1970.chapter_5.regressions import EnergySurface, energy_surface
 from damping_reed1970.common import ReportPart, draw_block
-from damping_reed1970.tables import PHI_T2, data_folder, load_table, report_record
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
 MODES = (1, 2)
@@ -162,7 +162,7 @@ def configuration_1_gap() -> Diagnosis:
     table = pd.DataFrame(
         {
             "sweep": "I",
-            "force": PHI_T2 * motion["force_lb"],
+            "force": PLANES.phi * motion["force_lb"],
             "frequency": motion["omega_rad_s"] / RAD_S_PER_HZ,
             "amplitude": modal["modal_amplitude_A2_in"],
             "phase": modal["modal_phase_rad"],
@@ -186,8 +186,8 @@ def configuration_2_gap() -> Diagnosis:
     Tables 4.I and 4.II. Frequency, mass and damping are those of the lowest level, with the default tolerances of mass
     and damping and, as the resonance was read to 0.001 Hz, of 0.0006 for the frequency.
     """
-    record = report_record("config-2-mode-1")
-    first = record.iloc[0]
+    record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv")
+    first = record.table.iloc[0]
     mode = Mode(
         name="Configuration II, first mode, as sweep A",
         frequency=float(first["frequency"]),
@@ -197,11 +197,11 @@ def configuration_2_gap() -> Diagnosis:
         damping={"viscous": {"coefficient": float(load_table("4_II")["C1_lb_s_per_in"].iloc[0])}},
         source="Tables 4.I and 4.II, sweep A",
     )
-    return diagnose(Record(record, "Tables 4.I and 4.II"), mode)
+    return diagnose(Record(record.table, "Tables 4.I and 4.II"), mode)
 
 
 #: Figures shown of each gap.
-SHOWN = ("overlay", "local", "probabilities")
+SHOWN = ("overlay", "probabilities", "local")
 #: Hypotheses listed of each: more have a probability of a per cent or less.
 _MOST = 8
 
@@ -221,9 +221,10 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         blocks += [Heading(one.mode.name), Text(describe_verdict(one), lead=True)]
         said = [place(one), *list_doubts(one), *list_trends(one), *what(one)]
         blocks.append(List([*said, reach(one), describe_following(one)]))
-        for name, drawn in gap_figures(one).items():
-            if name in SHOWN:
-                blocks.append(draw_block(f"gap-configuration-{number_}-{name}", Drawn(*drawn)))
+        figures = gap_figures(one)
+        for name in SHOWN:
+            file, drawn = f"gap-configuration-{number_}-{name}", figures[name]
+            blocks.append(draw_block(file, drawn.title, drawn.description, lambda drawn=drawn: drawn.figure))
         key = f"gap_configuration_{number_}"
         tables[key] = tabulate_hypotheses(one)
         caption = "The most probable explanations, with the natural logarithm of their evidence"

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots.style import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
+from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
 from damping.report.page import FigureBlock, Footer, Section, Table, Text, describe_page
 from damping_pipelines.exhibits import shipped_folder
 from damping_validation.scorer import Figure, Goal

@@ -41,10 +41,10 @@ from damping.records.audit import Audit, audit
 from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns, take_columns
 from damping.regression.program import regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 
 if TYPE_CHECKING:

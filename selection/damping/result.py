@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from damping.arrays import plain
-from damping.regression.form import regress_form, tabulate_terms
 from damping.regression.printout import printout
+from damping.regression.program import regress_form, tabulate_terms
 from damping.report import forms
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import pytest
 
 import damping as dp
 from damping.agreement import simulate_resonance
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 
 @pytest.fixture(scope="module")

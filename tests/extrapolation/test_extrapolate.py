@@ -14,7 +14,7 @@ from damping.predict.integrate import steady_state_in_time
 from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 STRUCTURES = {s.name: s for s in structures()}
 M = 0.3

@@ -26,7 +26,7 @@ from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, tabulate_form, to_png
 from damping_pipelines.import_ import RingDown, band, import_file, pairs, scales
 from damping_pipelines.store import write_json
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
 # by definition

@@ -12,7 +12,7 @@ from damping.ranking import rank_laws
 from damping.report.results import Exhibit, RecordResult, StudyResult
 from damping_pipelines.study import read_inputs
 from damping_pipelines.study_output import pictures, study_files
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 
 @pytest.fixture(scope="module")

@@ -161,7 +161,7 @@ def test_planar_fits_of_chapter_iii(summary):
 
 
 def test_reproduction_covers_every_printed_result(summary):
-    from damping_reed1970.tables import load_printed_results
+    from damping_reed1970 import load_printed_results
 
     assert [row["id"] for row in summary["reproduction"]] == list(load_printed_results()["id"])
     for row in summary["reproduction"]:

@@ -13,8 +13,7 @@ from scipy.optimize import lsq_linear
 from damping.errors import AnalysisError, InputError
 from damping.regression.design import Design, design_of_arrays
 from damping.regression.fit import NAMES, fit
-from damping.regression.selecting import METHODS, Choice, fit_nonnegative, select
-from damping.regression.stepwise import DIRECTIONS, Selection, stepwise
+from damping.regression.selecting import DIRECTIONS, METHODS, Choice, Selection, fit_nonnegative, select, stepwise
 from damping.regression.subsets import all_subsets, best_subsets
 
 Build = Callable[..., Design]

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from damping.report import format_between, format_signed, number
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import format_between, format_signed, number
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))

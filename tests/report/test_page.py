@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.plots.style import to_svg
+from damping.plots import to_svg
+from damping.report import format_force_text, format_share, format_signed, number
 from damping.report.figures import record_figures
 from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_page, describe_written
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import format_force_text, format_share, format_signed, number
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

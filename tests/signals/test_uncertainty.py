@@ -13,12 +13,11 @@ from numpy.testing import assert_allclose
 from damping.errors import AnalysisError
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
-from damping.signals import uncertainty
+from damping.signals import PrincipalPlanes, plane_motion, uncertainty
 from damping.signals.chain import condition
 from damping.signals.description import Description
-from damping.signals.modal import PrincipalPlanes, plane_motion
 from damping.signals.uncertainty import with_uncertainties
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
 OTHERS: dict[str, Any] = {

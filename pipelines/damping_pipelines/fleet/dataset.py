@@ -22,7 +22,7 @@ from damping.extrapolation.curve import Curve
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
-from damping.plots.style import identifier
+from damping.plots import identifier
 from damping.ranking import Ranking
 from damping.report.forms import gap_form, loads_form, rank_form
 from damping_pipelines.fleet.inputs import FleetTask

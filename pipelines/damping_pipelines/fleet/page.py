@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from damping.plots.style import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
+from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
+from damping.report import count, format_joined, format_percent, format_share, format_signed, number
 from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, describe_page
-from damping.report.words import count, format_joined, format_percent, format_share, format_signed, number
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500

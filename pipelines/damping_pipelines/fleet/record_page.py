@@ -11,12 +11,22 @@ import pandas as pd
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations
-from damping.plots.design_loads import design_loads
-from damping.plots.style import identifier, to_svg
+from damping.plots import identifier, to_svg
+from damping.plots.curves import design_loads
 from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.report import forms
+from damping.report import (
+    count,
+    format_between,
+    format_force_text,
+    format_percent,
+    format_quantity,
+    format_share,
+    format_signed,
+    forms,
+    number,
+)
 from damping.report.gap_page import describe_following, describe_verdict, list_doubts, place, reach
 from damping.report.page import (
     Block,
@@ -31,16 +41,6 @@ from damping.report.page import (
     Table,
     Text,
     describe_page,
-)
-from damping.report.words import (
-    count,
-    format_between,
-    format_force_text,
-    format_percent,
-    format_quantity,
-    format_share,
-    format_signed,
-    number,
 )
 
 

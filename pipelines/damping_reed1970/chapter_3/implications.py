@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.signals.modal import (
+from damping.signals import (
     DampingRoots,
     PrincipalPlanes,
     branch,
@@ -24,6 +24,7 @@ from damping.signals.modal import (
     nearest_root,
     plane_motion,
 )
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.planar_fit import PlanarFit
 from damping_reed1970.chapter_3.planar_fits import (
@@ -37,7 +38,6 @@ from damping_reed1970.chapter_3.planar_fits import (
     tabulate_energy_split,
     tabulate_yaw,
 )
-from damping_reed1970.tables import columns, load_table
 
 #: A damping factor above this is none of a structure (erratum E3IV-1).
 LARGEST_XI = 0.05

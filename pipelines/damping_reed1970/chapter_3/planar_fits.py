@@ -22,11 +22,11 @@ from scipy.stats import chi2
 
 from damping.arrays import FloatArray
 from damping.infer.evidence import Evidence
-from damping.signals.modal import viscous_energy
+from damping.signals import viscous_energy
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, yaw_response
 from damping_reed1970.chapter_3.planar_fit import Noise, Phasors, PlanarFit, PlanarModel, fit_planar
 from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior, PlanarPrior, planar_evidence, planar_posterior
-from damping_reed1970.tables import columns, load_table
 
 #: What is held, and what is added to the planes, in each fit; in the order of the tables.
 VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
@@ -162,13 +162,17 @@ _BAND_DRAWS = 400
 _PRIOR_DRAWS = 8000
 
 
+#: Median, low and high end of a curve over frequency.
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+
+
 @dataclass(frozen=True)
 class PlanarBand:
-    """Over ``omega``: median, low and high end of amplitude (in) and phase (rad) of the fitted motion, each (n,)."""
+    """Over ``omega`` (n,): amplitude (in) and phase (rad) of the fitted motion."""
 
     omega: FloatArray
-    amplitude: tuple[FloatArray, FloatArray, FloatArray]
-    phase: tuple[FloatArray, FloatArray, FloatArray]
+    amplitude: Curve
+    phase: Curve
 
 
 @dataclass(frozen=True)

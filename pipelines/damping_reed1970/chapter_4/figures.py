@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.style import (
+from damping.plots import (
     ALERT,
     AVERAGE,
     INK,
@@ -28,6 +28,7 @@ from damping.plots.style import (
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, CaseCurve
 from damping_reed1970.chapter_4.lines import CoefficientLines, ForceAmplitudeLines
 
+_HELD = {"xi": "damping factor", "coefficient": "coefficient"}
 _MODES = {1: "First mode", 2: "Second mode"}
 _CASE_FORCES = {
     "case I": "viscous",
@@ -231,7 +232,7 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
 
     Args:
         variations: ``case, alpha, free, base, largest_percent, spread_percent``, as ``level_methods`` gives them.
-        held: what is kept from level to level, for the axis.
+        held: what is kept from level to level, ``xi`` or ``coefficient``.
     """
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
     figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(order)))
@@ -247,7 +248,7 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
               label="standard deviation")  # fmt: skip
     axes.set_xscale("log")
     plain_log(axes.xaxis)
-    axes.set_xlabel(f"variation of {held}\nfrom level to level (per cent)")
+    axes.set_xlabel(f"variation of the {_HELD[held]}\nfrom level to level (per cent)")
     figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 

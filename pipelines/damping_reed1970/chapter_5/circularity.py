@@ -20,10 +20,10 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.forces import make
 from damping.predict.steady import steady_state
-from damping.signals.modal import PrincipalPlanes, damping_roots, plane_motion
+from damping.signals import PrincipalPlanes, damping_roots, plane_motion
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
-from damping_reed1970.tables import columns, load_table
 
 #: Force of each energy term that selection may choose (Table 5.I).
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")

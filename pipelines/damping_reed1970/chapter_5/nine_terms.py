@@ -8,13 +8,12 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
+from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import Fit, fit, one_term_fits
-from damping.regression.selecting import fit_nonnegative
-from damping.regression.stepwise import stepwise
+from damping.regression.selecting import fit_nonnegative, stepwise
 from damping.regression.subsets import Subsets, all_subsets
-from damping.regression.terms import parse_term
-from damping_reed1970.tables import Run, Version, columns, load_table
+from damping_reed1970 import Run, Version, columns, load_table
 
 #: Eq. 5.3.6, in its order.
 NINE_TERMS = (

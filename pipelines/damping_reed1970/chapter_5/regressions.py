@@ -17,6 +17,7 @@ from damping.arrays import FloatArray
 from damping.regression.fit import Fit, fit
 from damping.regression.program import deviations_of
 from damping.regression.subsets import best_subsets
+from damping_reed1970 import Run, Version, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_5 import (
     E4_POINTS,
@@ -32,7 +33,6 @@ from damping_reed1970.chapter_5 import (
     table_5_i,
 )
 from damping_reed1970.chapter_5.nine_terms import INPUTS, Inputs, nine_term_design
-from damping_reed1970.tables import Run, Version, columns, load_table
 
 #: Case of Table 5.I of each energy term.
 TERM_CASES = {"A2w": "I", "A2": "II", "A3w2": "III", "A3w": "IV", "A4w": "V"}

@@ -2,6 +2,8 @@
 
 Three versions of each law: ``printed``; ``recomputed``, the report's own method on the corrected tables; ``ours``, the
 fit of the ranking with its 90 % credible intervals.
+
+Chapter VI in the report: every damping force of section 6.1 beside ours, and whether it reproduces the tests.
 """
 
 from __future__ import annotations
@@ -9,9 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.forces import component, make
@@ -19,12 +24,16 @@ from damping.forces.contract import Sum
 from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
+from damping.plots import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_rows, styled
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping_reed1970 import chapter_3, chapter_4
+from damping.report import format_between, format_joined, format_percent, number
+from damping.report.page import Table
+from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
 from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
-from damping_reed1970.tables import load_force_laws, load_table
+from damping_reed1970.common import ReportPart, write_chapter
+from damping_reed1970.studies import ReportResults
 
 #: Units of a coefficient by force name, lb, in, s.
 UNITS = {
@@ -240,3 +249,94 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
     fit = fits[law.equation]
     refitted = fit.fit(*fit.data("corrected"))
     return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(fit.printed, refitted.coefficients, strict=True)])
+
+
+def write_chapter_6(results: ReportResults) -> ReportPart:
+    """The page: the summary of section 6.1."""
+    laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
+    shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
+    title, text = "Chapter VI: the forces of section 6.1", Path(__file__).with_name("page.txt")
+    figures = {"section-6-1": lambda: draw_force_laws(errors)}
+    return write_chapter(6, title, text, results.tables, values=_count_laws(laws), figures=figures, shown=shown)
+
+
+def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
+    """What the page shows of section 6.1: one row per law and parameter."""
+    ours = [
+        f"{number(value)} ({format_between(low, high)})"
+        for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
+    ]
+    where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
+    unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
+    reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
+    return pd.DataFrame(
+        {
+            "configuration": where,
+            "equation": laws["equation"],
+            "force": laws["force"],
+            "unit": unit,
+            "printed": laws["printed"],
+            "recomputed": laws["recomputed"],
+            "ours": ours,
+            "reproduces": [" / ".join("yes" if one else "no" for one in row) for row in reproduces],
+            "erratum": laws["erratum"],
+        }
+    )
+
+
+def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
+    """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
+    each = laws.drop_duplicates(["configuration", "mode", "equation"])
+    worst = each[~each["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
+    viscous = each[each["law"] == "viscous"]
+    levels = viscous[viscous["configuration"] == "II"]
+    return {
+        "laws": len(each),
+        "reproduced": [int(each[f"{version}_reproduces"].sum()) for version in VERSIONS],
+        "limit": f"{REPRODUCES:g}",
+        "inside": int(laws["printed_in_interval"].sum()),
+        "numbers": len(laws),
+        "worst": format_joined(
+            f"{row['equation']} (configuration {row['configuration']}, mode {row['mode']}: "
+            f"{format_percent(row['printed_percent_resonance'])} per cent{_describe_known(row['erratum'])})"
+            for row in worst.to_dict("records")
+        ),
+        "viscous": len(viscous),
+        "viscous_failing": int((~viscous["printed_reproduces"]).sum()),
+        "viscous_levels": len(levels),
+        "viscous_ours": int(levels["ours_reproduces"].sum()),
+    }
+
+
+def _describe_known(erratum: str) -> str:
+    return f", erratum {erratum}" if erratum else ""
+
+
+@styled
+def draw_force_laws(errors: pd.DataFrame) -> Figure:
+    """Draw the errors of resonant amplitude of every law of section 6.1: printed, recomputed and ours.
+
+    Args:
+        errors: ``configuration, mode, equation, version, quantity, percent_error``, rows of a law together.
+    """
+    amplitude = errors[errors["quantity"] == "resonant amplitude"]
+    laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
+    axes = figure.add_subplot()
+    draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
+    styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
+    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
+    axes.axvline(0.0, color=INK, linewidth=0.7)
+    for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
+        for row, (c, m, equation) in enumerate(laws):
+            mine = amplitude[
+                (amplitude["configuration"] == c) & (amplitude["mode"] == m) & (amplitude["equation"] == equation)
+                & (amplitude["version"] == version)
+            ]  # fmt: skip
+            label = version if row == 0 else None
+            axes.plot(
+                mine["percent_error"], [row + shift] * len(mine), marker, color=colour, markersize=4.5, label=label
+            )
+    axes.set_xlabel("error of resonant amplitude\nat the tested forces (per cent)")
+    figure.legend(loc="outside upper right", ncols=3)
+    return figure

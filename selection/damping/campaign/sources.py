@@ -74,9 +74,9 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
 
 
 def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
-    start = _read_start(file, max_size)
+    start = _read_start(file)
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
-    channels = find_channels(file, kind, max_size) if kind else None
+    channels = find_channels(file, kind) if kind else None
     if channels is not None:
         return track_channels(channels, file, kind, max_size, summary, stated)
     if kind:
@@ -91,13 +91,9 @@ def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> l
     return [_read_decay(read_bytes(file, max_size), file, summary)]
 
 
-def _read_start(file: Path, max_size: int) -> bytes:
-    """The first bytes of a file that may be read."""
+def _read_start(file: Path) -> bytes:
+    """The first bytes of a file."""
     try:
-        if file.stat().st_size > max_size:
-            raise InputError(
-                f"larger than {max_size} bytes", file=file, expected="a smaller file or a larger --max-size"
-            )
         with file.open("rb") as stream:
             return stream.read(LOOKED_AT)
     except OSError as error:
@@ -159,7 +155,7 @@ def _channel(function: Function) -> Channel:
 
 def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
     """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
-    known = read_arrays(file, "hdf5", [], max_size).known
+    known = read_arrays(file, "hdf5", [], None).known
     groups: dict[str, list[str]] = {}
     for name in known:
         group, _, leaf = name.rpartition("/")
@@ -170,7 +166,7 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
         drive = next((leaf for leaf in leaves if is_drive(leaf, stated)), None)
         t = next((leaf for leaf in leaves if leaf.lower() in TIMES), None)
         if t and drive and not x:
-            runs.append(track_group(file, group, t, drive, leaves, known, max_size, summary, stated))
+            runs.append(track_group(file, group, t, drive, leaves, known, summary, stated))
         if x and drive and len(leaves) > 2:
             runs.append(_group_run(file, group, x, drive, leaves, max_size, summary, stated))
     if not runs:

@@ -32,9 +32,9 @@ from damping.formats.uff import Function
 from damping.records.text import describe_shortened
 from damping.signals.tracking import track_sine
 
-#: Bytes of a table, and samples of a channel, that are read together.
+#: Bytes of a table, and samples of all channels, that are read together.
 BLOCK = 8_000_000
-SAMPLES = 500_000
+SAMPLES = 2_000_000
 #: First bytes of a table by which its layout is told.
 LOOKED_AT = 100_000
 #: Steps of time that differ by more than this share of one are no even sampling.
@@ -80,7 +80,7 @@ def track_table(
 
 
 def track_arrays(
-    file: Path, kind: str, channels: Mapping[str, str], drive: str, step: float, label: str, most: int,
+    file: Path, kind: str, channels: Mapping[str, str], drive: str, step: float, label: str,
     stated: Corrections,
 ) -> CampaignRun:  # fmt: skip
     """The run of arrays or channels of one length, a drive and responses.
@@ -90,26 +90,26 @@ def track_arrays(
     """
     paths = list(channels)
     # channels of a file are read all together or not at all, arrays one by one
-    asked = paths if kind == "hdf5" and find_channels(file, kind, most) is None else []
+    asked = paths if kind == "hdf5" and find_channels(file, kind) is None else []
 
     def samples() -> Iterator[FloatArray]:
-        first = 0
+        first, count = 0, max(SAMPLES // len(paths), 1)
         while True:
-            arrays = read_arrays(file, kind, asked, most, rows=(first, first + SAMPLES)).arrays
+            arrays = read_arrays(file, kind, asked, None, rows=(first, first + count)).arrays
             block = np.array([arrays[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
                 yield block
-            if block.shape[1] < SAMPLES:
+            if block.shape[1] < count:
                 return
-            first += SAMPLES
+            first += count
 
     names = [path.rpartition("/")[2] for path in paths]
     return track_samples(samples(), names, list(channels.values()), names.index(drive), step, label, stated)
 
 
-def find_channels(file: Path, kind: str, most: int) -> Arrays | None:
+def find_channels(file: Path, kind: str) -> Arrays | None:
     """The first samples of every channel of a file that says their time step; None for a file of mere arrays."""
-    arrays = read_arrays(file, kind, [], most, rows=(0, 1))
+    arrays = read_arrays(file, kind, [], None, rows=(0, 1))
     return arrays if arrays.steps else None
 
 
@@ -229,7 +229,7 @@ def track_channels(
         drive = choose_drive({path.rpartition("/")[2]: text for path, text in of.items()}, stated)
         label = group or file.stem
         if drive is not None:
-            run = track_arrays(file, kind, of, drive, step, label, max_size, stated)
+            run = track_arrays(file, kind, of, drive, step, label, stated)
             runs.append(set_level(run, find_level(label.replace("_", " ")), file, summary))
             continue
         arrays = read_arrays(file, kind, [], max_size).arrays
@@ -243,15 +243,15 @@ def track_channels(
 
 
 def track_group(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
-              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
+              summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
     """The run of a group with times, a drive and responses of one length."""
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
     like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
-    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
+    first = read_arrays(file, "hdf5", list(path.values()), None, rows=(0, 1000))
     times = first.arrays[path[t]][0].real.reshape(-1)
     step = np.diff(times)
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
         raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
     label, channels = group or file.stem, {path[leaf]: first.units.get(path[leaf], "") for leaf in like}
-    run = track_arrays(file, "hdf5", channels, drive, float(np.mean(step)), label, max_size, stated)
+    run = track_arrays(file, "hdf5", channels, drive, float(np.mean(step)), label, stated)
     return set_level(run, find_level(label.replace("_", " ")), file, summary)

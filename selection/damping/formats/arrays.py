@@ -52,14 +52,15 @@ class Arrays:
 
 
 def read_arrays(
-    path: str | Path, kind: str, names: Sequence[str], max_size: int, rows: tuple[int, int] | None = None
+    path: str | Path, kind: str, names: Sequence[str], max_size: int | None, rows: tuple[int, int] | None = None
 ) -> Arrays:
     """The arrays ``names`` that the file has, and what is in it.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes. rows: first and behind the last sample that are read, of every channel, and
+        max_size: largest file read, bytes; None: any, for what is read in blocks.
+        rows: first and behind the last sample that are read, of every channel, and
             of every array of an HDF5 file along its longest axis; all where None.
 
     Raises:
@@ -108,14 +109,14 @@ _EXPECTED = {
 }
 
 
-def _size(path: str | Path, max_size: int) -> int:
+def _size(path: str | Path, max_size: int | None) -> int:
     try:
         found = os.stat(path)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
     if not stat.S_ISREG(found.st_mode):
         raise InputError("is no regular file", file=path, expected="a file")
-    if found.st_size > max_size:
+    if max_size is not None and found.st_size > max_size:
         raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
     return found.st_size
 

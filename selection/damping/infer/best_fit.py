@@ -217,7 +217,8 @@ def _solve_all(
         units = [_tabulate_units(points[i], *problems[i]) for i in some]
         columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
         number = [len(points[i]) for i in some]
-        rows = _Rows(*(np.repeat(own, number, axis=0) for own in zip(*(_Rows.of(problems[i][1]) for i in some))))
+        by_name = zip(*(_Rows.of(problems[i][1]) for i in some), strict=True)
+        rows = _Rows(*(np.repeat(own, number, axis=0) for own in by_name))
         carried, squares = _solve(columns, slopes, rows, steady)
         ends = np.cumsum(number)[:-1]
         solved |= dict(zip(some, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
@@ -225,7 +226,7 @@ def _solve_all(
 
 
 class _Rows(NamedTuple):
-    """D, R^2, and the known variance of D - C, constant and over g^2: each (rows,) of a record, (k, rows) of problems."""
+    """D, R^2, and the known variance of D - C, constant and over g^2: (rows,) of a record, (k, rows) of problems."""
 
     D: FloatArray
     across: FloatArray
@@ -249,9 +250,7 @@ def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[floa
     return float(below[-1] if below.size else low), float(above[0] if above.size else high)
 
 
-def _solve(
-    columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float
-) -> tuple[FloatArray, FloatArray]:
+def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) -> tuple[FloatArray, FloatArray]:
     """Coefficients >= 0 (k, parts) on columns C and dC/d ln A (k, rows, parts), and the squares they leave (k,).
 
     A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients; NaN: a

@@ -163,9 +163,7 @@ def sample(
     return Posterior(coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 
 
-def run(
-    target: Target, start: Evidence, quantities: Quantities, seed: int, settings: Settings | None = None
-) -> Chains:
+def run(target: Target, start: Evidence, quantities: Quantities, seed: int, settings: Settings | None = None) -> Chains:
     """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:

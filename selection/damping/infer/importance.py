@@ -225,14 +225,13 @@ def importance(
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
             first and enough later. wanted: effective draws at which to stop, at the latest after all rounds.
     """
-    proposals, sizes = [Proposal.around(mode, covariance)], np.empty(0)
+    proposals, proposal, sizes = [], Proposal.around(mode, covariance), np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
     log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
     for round_ in range(max(least_rounds, len(ROUNDS))):
-        if round_:
-            proposals.append(weighed.proposal)
-        new = proposals[-1].draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
-        of_old = proposals[-1].log_density(x)[:, None]
+        proposals.append(proposal)
+        new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
+        of_old = proposal.log_density(x)[:, None]
         log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
         top = log_q.max(axis=1)
@@ -240,6 +239,7 @@ def importance(
         weighed = _weigh(x, log_p - log_mixture, seed)
         if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
             break
+        proposal = weighed.proposal
     return weighed
 
 

@@ -28,8 +28,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.regression.decomposition import Basis
-from damping.regression.design import Design
+from damping.regression.design import Basis, Design
 from damping.regression.fit import leave_one_out
 from damping.regression.shortlist import LARGEST_LEVERAGE, Shortlist, SubsetProblem, state_problem
 

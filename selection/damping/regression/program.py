@@ -1,22 +1,21 @@
-"""Deviations of a fit and what the SHARE program prints of them (report, section 5.2, items a to i).
-
-The "Multivariate Regression Program I" (SHARE SDA 3104) of the report's section 5.2, for one curve on one table.
-"""
+"""The "Multivariate Regression Program I" (SHARE SDA 3104) of section 5.2 for one curve on one table, and its form."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray, IntArray, plain
 from damping.errors import AnalysisError
+from damping.regression import CONSTANT, Term, list_columns_of, parse_term
 from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.selecting import Choice, Selected, select
-from damping.regression.terms import CONSTANT, Term, list_columns_of, parse_term
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
@@ -194,3 +193,119 @@ def _list_cautions(found: Fit) -> tuple[str, ...]:
     if not found.active.all():
         cautions.append("statistics take the terms that are not held at 0 as given")
     return tuple(cautions)
+
+
+Form = dict[str, Any]
+
+
+def tabulate_terms(fit: Fit) -> pd.DataFrame:
+    """A row a term: ``name, coefficient, std_error, t_ratio, p_value``."""
+    columns = (fit.names, fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
+    keys = ("name", "coefficient", "std_error", "t_ratio", "p_value")
+    return pd.DataFrame(dict(zip(keys, columns, strict=True)))
+
+
+def regress_form(result: Regression) -> Form:
+    """The JSON form ``regress/1``; what does not exist is None."""
+    fit, choice = result.selected.fit, result.choice
+    form: Form = {
+        "format": "regress/1",
+        "data": result.data,
+        "n": fit.n,
+        "response": result.design.response,
+        "terms": _list_terms(fit),
+        "one_term_fits": [_one_term(one) for one in result.one_term],
+        "summary": _summary(result),
+        "criteria": asdict(fit.criteria),
+        "deviations": [],  # in its place among the keys
+        "steps": _list_steps(result),
+        "selection": asdict(choice),
+        "subsets": _list_subsets(result),
+        "proof": _proof(result),
+        "all_terms": _list_terms(result.full),
+        "plane": None if result.plane is None else _list_terms(result.plane),
+        "variables": [asdict(variable) for variable in result.variables],
+        "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
+        "goodness_of_fit": asdict(result.sums),
+        "breakdown": [asdict(band) for band in result.bands],
+        "notes": list(result.notes),
+    }
+    return {**plain(form), "deviations": _list_deviations(result)}
+
+
+def _list_terms(fit: Fit) -> list[Form]:
+    return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
+
+
+def _one_term(fit: Fit) -> Form:
+    return {
+        "name": fit.names[0],
+        "coefficient": fit.coefficients[0],
+        "t_ratio": fit.t_ratios[0],
+        "rms_error": fit.rms_error,
+        "r_squared": fit.r_squared,
+    }
+
+
+def _summary(result: Regression) -> Form:
+    fit, deviations = result.selected.fit, result.deviations
+    return {
+        "rms_error": fit.rms_error,
+        "average_absolute_deviation": deviations.average_absolute,
+        "average_absolute_percent": deviations.average_absolute_percent,
+        "standard_error": fit.standard_error,
+        "largest_absolute_deviation": deviations.largest_absolute,
+        "largest_absolute_percent": deviations.largest_absolute_percent,
+        "r_squared": fit.r_squared,
+        "r_squared_centred": fit.r_squared_centred,
+        "correlation_fitted_observed": fit.correlation,
+        "squared_correlation": fit.correlation**2,
+        "condition_number": fit.condition_number,
+        "degrees_of_freedom": fit.n - fit.k,
+    }
+
+
+def _list_deviations(result: Regression) -> list[Form]:
+    d = result.deviations
+    columns = plain((d.observed, d.fitted, d.deviation, d.percent, result.rows + 1))
+    keys = ("observed", "fitted", "deviation", "percent", "row")
+    return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def _list_steps(result: Regression) -> list[Form]:
+    return [
+        {
+            "action": step.action,
+            "term": step.term,
+            "reason": step.reason,
+            "t_ratio": step.t_ratio,
+            "score": step.score,
+            "terms": _list_terms(step.fit),
+        }
+        for step in result.selected.steps
+        if step.action != "start"
+    ]
+
+
+def _proof(result: Regression) -> Form | None:
+    """How many subsets there are, by how many fits none is better than the first, and the least score that one can have
+    (lower is better, adjusted R^2 with its sign changed); None where every subset was fitted, or none searched."""
+    models = result.selected.models
+    return None if models is None or models.proof is None else asdict(models.proof)
+
+
+def _list_subsets(result: Regression) -> list[Form] | None:
+    """The best subsets, best first; None where subsets were not searched."""
+    models = result.selected.models
+    if models is None:
+        return None
+    columns: Mapping[str, Any] = {"sse": models.sse, "rms_error": models.rms_errors, **asdict(models.criteria)}
+    return [
+        {
+            "terms": list(models.label(i)),
+            "coefficients": models.coefficients[i, models.members[i]],
+            "t_ratios": models.t_ratios[i, models.members[i]],
+            **{name: values[i] for name, values in columns.items()},
+        }
+        for i in range(len(models))
+    ]

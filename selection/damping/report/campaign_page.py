@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import pandas as pd
 
 from damping.campaign.answer import Campaign, ModeAnswer
-from damping.plots.damping_curve import mode_over_level
-from damping.plots.style import to_svg
+from damping.plots import to_svg
+from damping.plots.curves import mode_over_level
 from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, describe_page
 
 

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.plots.damping_curve import damping_curve, fitted_sweeps
-from damping.plots.design_loads import design_loads
-from damping.plots.fits import ranking
-from damping.plots.posteriors import corner, predictive_check
+from damping.plots import Drawn
+from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
+from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
-from damping.report import forms, tables
-from damping.report.results import (
-    LawPosterior,
-    RecordResult,
-    posterior_draws,
-    prior_draws,
-    weighted,
-)
-from damping.report.words import (
+from damping.report import (
     choose_length,
     format_force_text,
     format_joined,
     format_parameter_label,
     format_quantity,
     format_share,
+    forms,
     number,
+    tables,
+)
+from damping.report.results import (
+    LawPosterior,
+    RecordResult,
+    posterior_draws,
+    prior_draws,
+    weighted,
 )
 
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
@@ -38,14 +35,6 @@ MOST_SWEEPS = 8
 MOST_BARS = 12
 #: Points of a fitted curve between the ends of a sweep.
 POINTS = 120
-
-
-class Drawn(NamedTuple):
-    """A figure with its text alternative."""
-
-    figure: Figure
-    title: str
-    description: str
 
 
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
@@ -58,7 +47,7 @@ def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
         "corner": _draw_corner(result),
         "predictive_check": _draw_predictive_check(result, level),
     }
-    return {name: one for name, one in drawn.items() if one is not None}
+    return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
 def leading(result: RecordResult) -> LawPosterior | None:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy.special import ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
@@ -20,6 +18,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import LocalEstimate, by_quantity, footprint
+from damping.plots import Drawn
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
 #: Points of a curve between the ends of a sweep.
@@ -29,40 +28,32 @@ _MOST_BARS = 8
 NO_EFFECT = "no effect"
 
 
-class GapFigure(NamedTuple):
-    """A figure with its text alternative."""
-
-    figure: Figure
-    title: str
-    description: str
-
-
-def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
+def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     leading = diagnosis.leading.best
     rows = leading.model.problem.rows
     found = {
         "overlay": _resonances(diagnosis) if rows.at_resonance else _sweeps(diagnosis),
-        "residuals": GapFigure(
+        "residuals": Drawn(
             gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)"),
             "Where the simulation as given misses the test",
             "Residual of amplitude and phase in units of noise, by sweep and frequency.",
         ),
     }
     if leading.model.parts:
-        found["footprint"] = GapFigure(
+        found["footprint"] = Drawn(
             gap_map(_map(rows, footprint(leading)), "change (sigma)"),
             "Footprint of the explanation",
             "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
         )
     if len(diagnosis.hypotheses) > 1:
-        found["probabilities"] = GapFigure(
+        found["probabilities"] = Drawn(
             gap_probabilities(tabulate_probability(diagnosis)),
             "Probabilities of the explanations",
             "Bars of the most probable explanations; those that together reach 0.95 stand out.",
         )
     if diagnosis.local:
-        found["local"] = GapFigure(
+        found["local"] = Drawn(
             gap_local(
                 tabulate_local(diagnosis.local), _tabulate_local_curves(leading, rows), diagnosis.mode.units.length
             ),
@@ -74,9 +65,9 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
     return found
 
 
-def _sweeps(diagnosis: Diagnosis) -> GapFigure:
+def _sweeps(diagnosis: Diagnosis) -> Drawn:
     leading = diagnosis.leading.best
-    return GapFigure(
+    return Drawn(
         gap_overlay(tabulate_measured(leading), tabulate_predicted(leading), diagnosis.mode.units.length),
         "Measured and simulated sweeps",
         "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
@@ -84,13 +75,13 @@ def _sweeps(diagnosis: Diagnosis) -> GapFigure:
     )
 
 
-def _resonances(diagnosis: Diagnosis) -> GapFigure:
+def _resonances(diagnosis: Diagnosis) -> Drawn:
     leading, units = diagnosis.leading.best, diagnosis.mode.units
     rows = leading.model.problem.rows
     measured = pd.DataFrame(
         {"sweep": [rows.sweeps[k] for k in rows.sweep], "force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude}
     )
-    return GapFigure(
+    return Drawn(
         gap_resonances(measured, tabulate_resonance(leading), units.force, units.length),
         "Measured and simulated resonances",
         "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "

@@ -1,7 +1,4 @@
-"""What an engineer would say of a gap: sentences from a diagnosis.
-
-The report of a gap diagnosis: one self-contained page.
-"""
+"""The page of a gap diagnosis: what an engineer would say of it, sentence by sentence."""
 
 from __future__ import annotations
 
@@ -14,8 +11,8 @@ import pandas as pd
 from damping.effects import CATALOGUE
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.plots.style import to_svg
-from damping.report.gap_figures import GapFigure, gap_figures
+from damping.report import NOTHING, format_joined, format_percent, format_share, number
+from damping.report.gap_figures import gap_figures
 from damping.report.page import (
     Block,
     Callout,
@@ -29,7 +26,6 @@ from damping.report.page import (
     Text,
     describe_page,
 )
-from damping.report.words import NOTHING, format_joined, format_percent, format_share, number
 
 
 def describe_verdict(diagnosis: Diagnosis) -> str:
@@ -149,12 +145,8 @@ def describe_gap_page(
     inputs: Mapping[str, str],
 ) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    figures = {
-        name: FigureBlock(
-            to_svg(figure.figure, f"gap-{name}", figure.title, figure.description), _describe_caption(figure)
-        )
-        for name, figure in gap_figures(diagnosis).items()
-    }
+    drawn = gap_figures(diagnosis)
+    figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn.items()}
     sections = [
         Section("verdict", "What is found", _build_verdict(diagnosis)),
         Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
@@ -165,10 +157,6 @@ def describe_gap_page(
         Section("basis", "What this rests on", _build_basis(diagnosis)),
     ]
     return describe_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
-
-
-def _describe_caption(figure: GapFigure) -> str:
-    return f"{figure.title}. {figure.description}"
 
 
 def _build_verdict(diagnosis: Diagnosis) -> list[Block]:

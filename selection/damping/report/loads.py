@@ -12,10 +12,7 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
-from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
-from damping.report.tables import tabulate_loads
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     choose_length,
     format_between,
@@ -29,6 +26,9 @@ from damping.report.words import (
     format_signed,
     number,
 )
+from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
+from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
+from damping.report.tables import tabulate_loads
 
 
 def find_largest(loads: Loads | None) -> int | None:

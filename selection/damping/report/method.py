@@ -1,9 +1,4 @@
-"""How the numbers were made, with the constants that made them.
-
-What the rows of a record are, and what the simulation assumes of its mode.
-
-Cautions, all in one place: each said once, with the records it holds for.
-"""
+"""How the numbers were made, what the rows of a record are, and every caution with the records it holds for."""
 
 from __future__ import annotations
 
@@ -18,37 +13,31 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
-from damping.report.page import Block, Callout, Heading, List, Table, Text
+from damping.report import count, format_quantity, number
+from damping.report.page import Block, Callout, Heading, List, Table, Text, join_lines, write_blocks
 from damping.report.results import RecordResult, StudyResult, list_failed_chains, weighted
 from damping.report.screens import find_largest
-from damping.report.words import count, format_quantity, number
 
 
 def build_method(study: StudyResult) -> list[Block]:
-    """The method in words."""
-    return [
-        Heading("What is compared"),
-        Text(
-            "At a steady state the damping force in phase with velocity, C(A, ω), balances the applied force in "
-            "quadrature, D = E/(π A) = F sin φ. Each candidate law is a sum of forces g(q, q̇); C is its "
-            "first-harmonic average over a cycle of amplitude A and frequency ω, so that its energy per cycle is π "
-            "A C and its resonant amplitude under a force F solves C(A, ω) = F."
-        ),
-        Text(
-            "Likelihood: the residual of a row is n = (D − C)/√(g² + R²) with g = dC/d ln A and R = F cos φ, the "
-            "relative error of amplitude at resonance and the error of phase far from it. It is normal with the "
-            "row's relative scatter, the record's own uncertainties added in quadrature; where sweeps have several "
-            "rows, a scatter common to a sweep is added, so that rows of one sweep share it."
-        ),
-        _build_laws(study),
-        Heading("Priors"),
-        List(_list_priors()),
-        Heading("Ranking, sampling, prediction"),
-        *(Text(text) for text in _list_steps(study)),
-    ]
+    """The method in words, with the constants that made the numbers."""
+    shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
+    values = {
+        "priors": [(shape.label or shape.name, shape.prior.text) for shape in shapes if shape.prior],
+        "run": Settings(),
+        "total_sd": TOTAL_LOG_SD,
+        "scatter": (SCATTER_MEDIAN, SCATTER_LOG_SD),
+        "doubt": (DOUBT_MEDIAN, DOUBT_LOG_SD, LENGTH),
+        "slopes": SLOPES,
+        "draws": AVERAGE_DRAWS // 1000,
+        "content": 100 * INTERVAL,
+        "level": 100 * study.level,
+    }
+    text = Path(__file__).with_suffix(".txt")
+    return write_blocks(text, values, lambda kind, name, caption: [_tabulate_laws(study, join_lines(caption))])
 
 
-def _build_laws(study: StudyResult) -> Table:
+def _tabulate_laws(study: StudyResult, caption: str) -> Table:
     """Every force that takes part in a candidate, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
     parts = [component(name) for name in dict.fromkeys(names)]
@@ -60,54 +49,7 @@ def _build_laws(study: StudyResult) -> Table:
             "free beside the coefficient": [", ".join(shape.name for shape in part.free_shapes) for part in parts],
         }
     )
-    return Table(table, "Forces of the candidate laws; q is the modal displacement, q' its velocity.")
-
-
-def _list_priors() -> list[str]:
-    shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
-    return [
-        "Each parameter is a known function of a standard normal variable, so the prior of any law is a product of "
-        "N(0, 1).",
-        "Total damping force at the reference (geometric means of the tested resonances): the measured force there "
-        f"times exp(N(0, {TOTAL_LOG_SD:g}²)).",
-        "Share of each force in that total: uniform over all divisions, so coefficients are at least 0 and no force is "
-        "favoured.",
-        " ".join(f"{(shape.label or shape.name).capitalize()}: {shape.prior.text}." for shape in shapes if shape.prior),
-        f"Relative scatter of a row, and of a level: log-normal, median {SCATTER_MEDIAN:g}, standard deviation "
-        f"{SCATTER_LOG_SD:g} of its logarithm.",
-    ]
-
-
-def _list_steps(study: StudyResult) -> list[str]:
-    run, content, level = Settings(), f"{100 * INTERVAL:g}", f"{100 * study.level:g}"
-    return [
-        "Weights: predictions average the laws by their probability on the rows near resonance, where those of the "
-        "ranking rest on every row.",
-        "Ranking: the score is −2 ln Z, Z the marginal likelihood by importance sampling with coefficients at least "
-        "0. Weights are Z times a prior in which each further term is half as probable; a candidate "
-        "whose least-squares coefficient is negative is a simpler law with a force that is not there, and gets "
-        "none. AIC, AICc and BIC come from the relative residuals with the scatter as one more parameter, and do "
-        "not exist where there are too few points.",
-        "Held-out error: each level's resonant amplitude is predicted by the law fitted to the other levels only, "
-        "because points within a sweep share its error.",
-        f"Sampling: {run.ensembles * run.walkers} independent walkers of emcee, each choosing at every step among "
-        f"{run.tries} draws of the proposal that the marginal likelihood was found with, run until every reported "
-        f"quantity has R-hat at most {run.r_hat:g}, an effective size of at least {run.effective_size:g} and a "
-        f"length of at least {run.lengths:g} autocorrelation times, or {run.budget:g} steps; a chain that does not "
-        f"get there is reported as failed and used nowhere. Intervals of parameters hold {content} per cent.",
-        "Prediction: each posterior draw is solved for its resonant amplitude at the frequency of the largest "
-        "tested level (credible band). The predictive band adds, draw by draw and in ln A, the noise of a level and of "
-        "a reading, and how far the slope d ln A/d ln F strays from the law's: an Ornstein-Uhlenbeck process in ln F "
-        f"that forgets itself over {LENGTH:g}, its standard deviation in proportion to |d ln A/d ln F − 1|, log-normal "
-        f"about {DOUBT_MEDIAN:g} of it with standard deviation {DOUBT_LOG_SD:g} of its logarithm, learnt from levels "
-        "with the law's parameters; "
-        f"slopes stay within {SLOPES[0]:.2g} and {SLOPES[1]:g}. Models are averaged "
-        f"by {AVERAGE_DRAWS // 1000} 000 draws in proportion to the weights shown with them. Bands hold {level} per "
-        "cent.",
-        "Linear prediction: the viscous coefficient of the sweep with the largest tested force, so amplitude in "
-        "proportion to force; its excess is 100 (linear/expected − 1), with the ends of the predictive band for its "
-        "interval.",
-    ]
+    return Table(table, caption)
 
 
 def describe_record(result: RecordResult) -> str:

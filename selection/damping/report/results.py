@@ -1,9 +1,4 @@
-"""Everything a study found, as the report and the tables need it.
-
-Draws of the parameters of a law, before and after the test.
-
-What several sections need.
-"""
+"""Everything a study found, as the report and the tables need it, and what several of their parts ask of it."""
 
 from __future__ import annotations
 

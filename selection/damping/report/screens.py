@@ -14,18 +14,7 @@ from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
 from damping.ranking import Candidate
 from damping.records.resonance import number_levels
-from damping.report.loads import build_loads, find_largest, format_percent_ratio
-from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
-from damping.report.results import (
-    RecordResult,
-    StudyResult,
-    Svgs,
-    build_figure,
-    describe_file_stem,
-    name_record,
-    weighted,
-)
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     count,
     format_between,
@@ -38,6 +27,17 @@ from damping.report.words import (
     format_share,
     format_signed,
     number,
+)
+from damping.report.loads import build_loads, find_largest, format_percent_ratio
+from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
+from damping.report.results import (
+    RecordResult,
+    StudyResult,
+    Svgs,
+    build_figure,
+    describe_file_stem,
+    name_record,
+    weighted,
 )
 
 #: Laws with less weight are folded away.

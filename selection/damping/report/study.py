@@ -11,9 +11,18 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
-from damping.plots.style import to_svg
-from damping.report import tables
-from damping.report.figures import Drawn, leading, record_figures
+from damping.plots import Drawn
+from damping.report import (
+    count,
+    format_between,
+    format_force_text,
+    format_joined,
+    format_percent,
+    format_share,
+    number,
+    tables,
+)
+from damping.report.figures import leading, record_figures
 from damping.report.method import build_cautions, build_method, describe_record
 from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, describe_page
 from damping.report.results import (
@@ -26,15 +35,6 @@ from damping.report.results import (
 )
 from damping.report.screens import build_screens
 from damping.report.tables import INTERVAL, record_tables
-from damping.report.words import (
-    count,
-    format_between,
-    format_force_text,
-    format_joined,
-    format_percent,
-    format_share,
-    number,
-)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def _figures(study: StudyResult) -> dict[str, str]:
         drawn |= {
             describe_file_stem(result, name): figure for name, figure in record_figures(result, study.level).items()
         }
-    return {name: to_svg(one.figure, name, one.title, one.description) for name, one in drawn.items()}
+    return {name: figure.to_svg(name) for name, figure in drawn.items()}
 
 
 def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:

@@ -14,9 +14,8 @@ from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import forms
+from damping.report import format_parameter_unit, forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
-from damping.report.words import format_parameter_unit
 
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
