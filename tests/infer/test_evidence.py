@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import simpson
 
 from damping.errors import AnalysisError
-from damping.infer.evidence import STILL, brief_evidence, evidence, find_mode
+from damping.infer.best_fit import fit_law
+from damping.infer.evidence import STILL, brief_evidence, evidence, find_mode, start_at
 from damping.infer.importance import fill_cube
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_posterior
@@ -51,7 +52,7 @@ def test_mode_is_a_maximum(saturn):
     data = saturn("config-2-mode-2")
     c = undoubted(Law(("viscous", "quadratic-displacement")), data)
     posterior = Balanced(c, data)
-    mode, _ = find_mode(posterior, np.zeros(c.dimension))
+    mode, _ = find_mode(posterior, start_at(fit_law(c.law, data), c))
     around = mode + 0.2 * np.random.default_rng(1).standard_normal((200, c.dimension))
     # the search ends where a step gains less than STILL
     assert posterior.log_density(mode[None])[0] >= posterior.log_density(around).max() - STILL

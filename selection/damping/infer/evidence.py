@@ -29,7 +29,7 @@ STEP_PER_SD = 0.3
 STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
 #: Newton steps at most, and the gain of log density below which the mode is reached: draws only begin there.
 MOST_STEPS = 20
-STILL = 0.1
+STILL = 1e-2
 #: Binary digits of the point where the search begins, so that rounding in other units does not move it.
 START_BITS = 24
 #: Prior points of which the best begins the search where the best fit lies out of the prior's range.

@@ -177,7 +177,7 @@ def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArr
 
 
 #: Draws of each round: more where few have not sufficed.
-ROUNDS = (1024, 1024, 2048, 4096, 8192)
+ROUNDS = (1024, 1024, 1024, 2048, 4096, 8192)
 #: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
