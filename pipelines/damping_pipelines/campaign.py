@@ -6,9 +6,6 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from damping.campaign.analysis import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
@@ -19,13 +16,14 @@ from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.campaign_page import describe_campaign_page
+from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import console, number, plain_table
 
 
 def campaign(
-    files: Sequence[Path],
+    sources: Sequence[Path],
     out: Path,
     design: Sequence[str],
     modes: str | None,
@@ -35,7 +33,7 @@ def campaign(
     seed: int,
     max_size: int,
 ) -> None:
-    """Analyse the files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
+    """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
     Raises:
         InputError: bad usage, or files that are not understood.
@@ -43,16 +41,16 @@ def campaign(
     """
     from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
-    refuse_inputs("--out", out, *files, *(path for path in (correct, previous) if path))
-    named = [os.path.realpath(file) for file in files]
+    refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
+    named = [os.path.realpath(file) for file in sources]
     if len(set(named)) < len(named):
         raise InputError("a file is given twice", expected="each once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
-    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
-    inputs = {file.name: digest_file(file) for file in (*files, *([previous] if previous else []))}
-    title = f"Campaign: {', '.join(file.name for file in files)}"
+    found = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    inputs = {file.name: digest_file(file) for file in (*sources, *([previous] if previous else []))}
+    title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
     written["study.toml"] = _describe_study(title, found, seed).encode()
@@ -79,52 +77,16 @@ def _read_design(word: str) -> DesignLevel:
     return DesignLevel(numbers["frequency"], numbers["level"])
 
 
-class _PeakForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    sensor: str
-    unit: str
-    median: Annotated[float, Field(gt=0.0)]
-    low: Annotated[float, Field(gt=0.0)]
-    high: Annotated[float, Field(gt=0.0)]
-
-
-class _LevelForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    level: float
-    input: Annotated[float, Field(gt=0.0)] | None = None
-    tested: bool = False
-    response: list[_PeakForm]
-
-
-class _ModeForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    frequency: Annotated[float, Field(gt=0.0)]
-    at: list[_LevelForm]
-
-
-class _CampaignForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    format: Literal["campaign/1"]
-    modes: list[_ModeForm]
-
-
 def _read_predictions(path: Path) -> list[SensorPrediction]:
     """Every peak of a form ``campaign/1``. InputError for what is none."""
-    try:
-        form = _CampaignForm.model_validate_json(read_bytes(path))
-    except ValidationError as error:
-        raise InputError(str(error.errors()[0]["msg"]), file=path, expected="campaign.json of a campaign") from None
+    form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
         SensorPrediction(
-            mode.frequency, at.input or at.level, at.tested, one.sensor, one.unit, (one.median, one.low, one.high)
+            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, (peak.median, peak.low, peak.high)
         )
         for mode in form.modes
         for at in mode.at
-        for one in at.response
+        for peak in at.response
     ]
 
 

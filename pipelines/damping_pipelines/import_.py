@@ -21,7 +21,7 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
-from damping_pipelines.check import report_findings
+from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from damping_pipelines.terminal import console, plain_table
 
@@ -35,6 +35,55 @@ class RingDown:
     levels: int = LEVELS
     start: float | None = None
     end: float | None = None
+
+
+def import_(
+    file: Path,
+    out: Path,
+    json_out: str | None,
+    max_size: int,
+    despite: Collection[str],
+    ring_down: bool,
+    mode: Path | None,
+    **options: Any,
+) -> None:
+    """:func:`import_file` with what the command line says of the file.
+
+    Raises:
+        InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
+    """
+    parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
+    given = {name: value for name, value in parts.items() if value is not None}
+    stated = _as_stated(**options)
+    if not ring_down and (mode is not None or given):
+        name = "mode" if mode is not None else next(iter(given))
+        raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
+    if ring_down and mode is None:
+        raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
+    decay = RingDown(mode, **given) if mode is not None else None
+    import_file(file, out, stated, decay, json_out, max_size, despite)
+
+
+def _as_stated(
+    file_format: str, column: Sequence[str], unit: Sequence[str], scaling: Sequence[str], scale: Sequence[str], to: str,
+    force: Sequence[float], label: Sequence[str], dataset: Sequence[int], band: str | None, **others: Any,
+) -> Stated:  # fmt: skip
+    """What the options say of a file; ``others`` are fields of ``Stated`` as they are."""
+    of_response, of_force = scalings(scaling)
+    return Stated(
+        format=file_format,
+        columns=pairs("--column", column),
+        scaling=of_response,
+        force_scaling=of_force,
+        units=pairs("--unit", unit),
+        scale=scales(scale),
+        system=to,
+        forces=tuple(force),
+        labels=tuple(label),
+        datasets=tuple(dataset),
+        band=read_band(band),
+        **others,
+    )
 
 
 def import_file(
@@ -105,7 +154,7 @@ def scales(words: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def band(text: str | None) -> tuple[float, float] | None:
+def read_band(text: str | None) -> tuple[float, float] | None:
     """LO:HI in Hz. InputError for what is not understood."""
     if text is None:
         return None

@@ -32,12 +32,10 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
-from damping_pipelines.manifest import digest_file, sole_writer
-from damping_pipelines.provenance import versions
-from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
-from damping_pipelines.study_output import write_study
+from damping_pipelines.manifest import digest_file, sole_writer, versions
+from damping_pipelines.records import report_findings
+from damping_pipelines.study_files import RecordSettings, StudySettings, default_study, read_settings, write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.

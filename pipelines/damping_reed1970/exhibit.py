@@ -22,7 +22,7 @@ from damping_pipelines.terminal import progress
 from damping_reed1970 import data_folder, load_errata
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
-from damping_reed1970.chapter_3.planar_fits import Known
+from damping_reed1970.chapter_3.planar_fits import KnownPosterior
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
 from damping_reed1970.chapter_4.page import write_chapter_4
@@ -207,7 +207,7 @@ def _list_rows(table: pd.DataFrame) -> list[Any]:
     return plain
 
 
-def planar_data(known: Known) -> Any:
+def planar_data(known: KnownPosterior) -> Any:
     """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
 
     Single precision: seven digits are far more than the Monte Carlo error leaves.

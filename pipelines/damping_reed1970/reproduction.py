@@ -6,6 +6,7 @@ import re
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
 from damping.report import count, format_joined, number
-from damping.report.page import Block, Fold, Heading, Section, Table, Text
+from damping.report.page import Block, Fold, Heading, Section, Table, Text, join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 
@@ -82,42 +83,32 @@ def reproduce() -> list[Reproduction]:
 
 def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     """Every printed number: counts by chapter and agreement, the picture, and all rows."""
-    known = KNOWN["reproduction"]
-    close = rows["agreement"].isin(CLOSE)
+    known, close = KNOWN["reproduction"], rows["agreement"].isin(CLOSE)
     told = (rows["erratum"] != "") & ~close
-    silent = int((~(close | told) & (rows["reason"] == "")).sum())
-    blocks: list[Block] = [
-        Text(
-            f"{len(rows)} numbers that the report prints as results were recomputed by its own recipes from its own "
-            f"tables. {int(close.sum())} agree to the print or within half a per cent; {int(told.sum())} of the others "
-            f"carry an erratum, and {int((~close & ~told).sum())} give a reason, mostly the rounding of the numbers "
-            f"they were made from. {silent or 'None'} of them {'are' if silent > 1 else 'is'} off without a reason."
-        ),
-        Table(count_agreements(rows), "Printed numbers by chapter and how well they come out.", key=""),
-        draw_block(
-            "reproduction",
-            "Printed results recomputed",
-            _describe(rows),
-            lambda: draw_reproduction(rows),
-            "Per cent difference between each printed number and its recomputation, by group of ids (count).",
-        ),
-        Fold(
-            f"{known.title}: all {len(rows)} rows",
-            [Table(rows[list(known.columns)], known.said, key="reproduction")],
-        ),
-    ]
+    drawn = tabulate_percent_differences(rows)
+    far = drawn["percent"].abs() > 1.0
+    values = {
+        "numbers": len(rows),
+        "close": int(close.sum()),
+        "told": int(told.sum()),
+        "reasons": int((~close & ~told).sum()),
+        "silent": int((~(close | told) & (rows["reason"] == "")).sum()),
+        "drawn": len(drawn),
+        "groups": drawn["group"].nunique(),
+        "near": int((~far).sum()),
+        "known": int((far & drawn["erratum"].astype(str).ne("")).sum()),
+    }
+
+    def take(kind: str, name: str, rest: str) -> list[Block]:
+        if kind == "figure":
+            title, description, caption = rest.split("\n", 2)
+            return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
+        if kind == "counts":
+            return [Table(count_agreements(rows), rest)]
+        return [Table(rows[list(known.columns)], known.said, key="reproduction")]
+
+    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
-
-
-def _describe(table: pd.DataFrame) -> str:
-    """The figure in words."""
-    rows = tabulate_percent_differences(table)
-    close = int((rows["percent"].abs() <= 1.0).sum())
-    known = int(((rows["percent"].abs() > 1.0) & rows["erratum"].astype(str).ne("")).sum())
-    return (
-        f"{len(rows)} printed numbers in {rows['group'].nunique()} groups against their recomputation: {close} agree "
-        f"within 1 per cent, {known} of the others are known errata."
-    )
 
 
 def count_agreements(rows: pd.DataFrame) -> pd.DataFrame:

@@ -20,8 +20,7 @@ from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping_pipelines.cli_files import MAX_SIZE
-from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from damping.infer.law import Law
 from damping.records.record import record_to_csv
-from damping_pipelines.manifest import publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_plots as plots
 from damping_validation import calibration_tables as tables

@@ -308,8 +308,12 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
     # the schema of a description takes a tenth of a second to load, which no other function needs
-    from damping.signals.reading import check_raw, describe, read_description  # noqa: PLC0415 - see above
-    from damping.signals.uncertainty import condition_steps  # noqa: PLC0415 - see above
+    from damping.signals.reading import (  # noqa: PLC0415 - see above
+        check_raw,
+        condition_steps,
+        describe,
+        read_description,
+    )
 
     _check_kind(frame, pd.DataFrame, "table")
     if isinstance(description, str | Path):

@@ -118,6 +118,14 @@ def test_slopes_are_derivatives_in_log_amplitude(force: Force, A: float, omega: 
 
 
 @every_force
+def test_averages_at_once_are_the_four_of_them(force: Force) -> None:
+    A, omega = np.array([0.3061, 1.7]), np.array([17.09, 0.8])
+    parts = (force.quadrature, force.slope, force.in_phase, force.in_phase_slope)
+    for together, alone in zip(force.averages(A, omega), parts, strict=True):
+        np.testing.assert_allclose(together + 0.0 * A, alone(A, omega) + 0.0 * A, rtol=1e-14, atol=1e-16)  # rounding
+
+
+@every_force
 @every_state
 def test_energy_is_never_negative_and_is_the_area_of_the_loop(force: Force, A: float, omega: float) -> None:
     energy = float(energy_per_cycle(force, A, omega))

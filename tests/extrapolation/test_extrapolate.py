@@ -62,7 +62,7 @@ def mode() -> Path:
 
 
 @pytest.mark.sampling
-def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys):
+def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys, few_laws):
     """Two levels say nothing of twice the force."""
     path, out = tmp_path / "onset.csv", tmp_path / "loads.json"
     rows = [(3.0, 0.2997), (4.0, 0.33)]

@@ -10,7 +10,6 @@ import pytest
 
 from damping.errors import AnalysisError
 from damping.gap.diagnose import MOST_ROWS, diagnose
-from damping.gap.problem import guess_unit, setting
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -96,30 +95,6 @@ def test_constant_amplitude(lab):
     found, said = answer(lab.record(held, lab.linear(held), 4), lab.mode())
     assert "constant amplitude in sweep A, B, C" in said
     assert found.leading.effects == ()
-
-
-@pytest.mark.parametrize("factor", [4.448, 1 / 4.448, 9.81, 1 / 9.81])
-def test_forces_in_a_wrong_unit_are_guessed_and_said(lab, honest, factor):
-    record = honest(force=factor)
-    guess = guess_unit(setting(record, lab.mode()).problem.rows, setting(record, lab.mode()).problem.simulation)
-    # 1 per cent of noise, 2 of mass: the unit is told from all others of the table, the nearest of which is 8 % off
-    np.testing.assert_allclose(guess.factor, factor, rtol=1e-3, atol=0.0)  # 4.448 for 4.44822
-    if factor in (4.448, 1 / 9.81):  # a diagnosis in either direction
-        found, said = answer(record, lab.mode())
-        assert ("4.448 times too large" if factor > 1.0 else "9.807 times too small") in said
-        assert "check the unit" in said
-        assert found.leading.effects == ()  # all else is as simulated
-
-
-@pytest.mark.parametrize("name", ["amplitude-scale", "viscous-coefficient", "residual-modes", "planar-coupling"])
-def test_no_effect_is_taken_for_a_wrong_unit(lab, name):
-    start = setting(lab.measured(name), lab.mode())
-    assert guess_unit(start.problem.rows, start.problem.simulation) is None
-
-
-def test_a_small_factor_is_a_gain_and_no_unit(lab, honest):
-    start = setting(honest(amplitude=1.8, amplitude_sd=1.8), lab.mode())
-    assert guess_unit(start.problem.rows, start.problem.simulation) is None
 
 
 def test_sweeps_that_never_reach_resonance(lab, honest):

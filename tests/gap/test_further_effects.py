@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.contract import Drive, Terms
@@ -57,6 +58,29 @@ def test_a_frequency_that_moves_is_the_envelope_integrated():
     H = receptance(2 * np.pi * hertz, rate=2 * np.pi * rate)
     # octaves a minute are a rate that changes by 10 % over the band, and the envelope leaves out a''
     np.testing.assert_allclose(np.abs(H), np.abs(a), rtol=0.03, atol=0.0)
+
+
+def test_a_swept_motion_remembers_the_damping_of_the_rows_before():
+    """Octaves at twelve times what a resonance can follow, damping that triples with amplitude: the motion in full."""
+    omega, rate = OMEGA * np.linspace(0.9, 1.1, 31), 12.0 * XI**2 * OMEGA  # rad/s of each rad/s
+    own, growth = VISCOUS / MASS, 2.0 / 0.2  # the damping is three times as large at an amplitude of 0.2
+
+    def follow(t, y):
+        w, (a, v) = omega[0] * 0.85 * np.exp(rate * t), y
+        loss = own * (1.0 + growth * abs(a))
+        return [v, 2.0 - loss * (v + 1j * w * a) - (OMEGA**2 - w * w + 1j * rate * w) * a - 2j * w * v]
+
+    times = np.log(omega / (0.85 * omega[0])) / rate
+    start = [2.0 / (OMEGA**2 - (0.85 * omega[0]) ** 2), 0.0]
+    a = solve_ivp(follow, (0.0, times[-1]), np.array(start, complex), t_eval=times, rtol=1e-8, atol=1e-10).y[0]
+    damping = make("displacement-velocity", coefficient=1.0)
+    A = np.abs(a)
+    per_loss = damping.quadrature(1.0, OMEGA) / OMEGA  # of c q' with c = A, which the law is on average
+    terms = replace(TERMS, forces=(*TERMS.forces, replace(damping, coefficient=VISCOUS * growth / per_loss)))
+    drive = Drive(np.full(31, 2.0 * MASS), omega, sweep=np.ones(31), rate=rate * omega)
+    P = np.ravel(predict(terms, np.log(A), drive).P)
+    # the amplitude is read off at 31 rows and taken to change evenly between them
+    np.testing.assert_allclose(np.exp(P), a, rtol=0.0, atol=0.004 * A.max())
 
 
 def test_a_slow_sweep_is_a_steady_state():

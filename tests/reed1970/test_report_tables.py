@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from saturn_records import RECORD_NAMES, describe_mode_text, record_text, report_record
 
 import damping_reed1970 as report_tables
 from damping.errors import InputError
@@ -25,6 +24,7 @@ from damping_reed1970 import (
     load_printed_results,
     load_table,
 )
+from tests.reed1970.saturn_records import RECORD_NAMES, describe_mode_text, record_text, report_record
 
 FOLDER = data_folder() / "saturn-v"
 CORRECTIONS = load_corrections().to_dict("records")

@@ -31,7 +31,7 @@ from damping.report.figures import leading, record_figures
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
 from damping.report.study import render
 from damping.report.tables import record_tables
-from damping_pipelines.study_output import add_damping_ratio
+from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -63,7 +64,7 @@ def draw_tail_displacement(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
     figure, axes = single("tail displacement (in)")
     median, low, high = (PLANES.phi * amplitude for amplitude in tail.amplitude)
     draw_band(axes, tail.omega, (median, low, high), "planar oscillator fitted to the tail, 90 % band")
-    joined = {"color": MUTED, "linestyle": DASH, "linewidth": 0.9, "label": "printed points joined"}
+    joined: dict[str, Any] = {"color": MUTED, "linestyle": DASH, "linewidth": 0.9, "label": "printed points joined"}
     axes.plot(measured["omega"], measured["tail"], **joined)
     draw_printed(axes, measured["omega"], measured["tail"], "printed (Table 3.III)")
     draw_from_zero(axes)

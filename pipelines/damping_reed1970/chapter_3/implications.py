@@ -31,7 +31,7 @@ from damping_reed1970.chapter_3.planar_fits import (
     LEVEL,
     SECOND_PLANE,
     Fits,
-    Known,
+    KnownPosterior,
     comparison,
     phasors,
     second_plane_probability,
@@ -145,7 +145,7 @@ def fitted_planes(fit: PlanarFit) -> PrincipalPlanes:
 REPORT = "theta = 28, M = 21"
 
 
-def tabulate_implications(fits: Fits, known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_implications(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Columns ``question, value, low, high`` (interval where there is one, else NaN) and ``says``."""
     rows = [
         *_list_angle(fits, known),
@@ -164,7 +164,7 @@ def _row(question: str, value: float, says: str, low: float = np.nan, high: floa
     return question, float(value), float(low), float(high), says
 
 
-def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_angle(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """The angle of 28 degrees and the mass of 21 against both free."""
     low, median, high = _interval(known["A2", "free"], "theta")
     inside = "inside" if low <= 28.0 <= high else "outside"
@@ -196,7 +196,7 @@ def _chi_square(held: PlanarFit, free: PlanarFit, text: str, two: str) -> Row:
     return _row(f"chi-square of {text} over {two}", compared["chi_square"], says)
 
 
-def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_planes(known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """One plane or two, and where the second is."""
     odds = float(np.exp(known["A2", "free"].evidence.log_z - known["A2", "one plane"].evidence.log_z))
     rows = [_row("Bayes factor of two planes over one", odds, "planar coupling is needed")]
@@ -209,7 +209,7 @@ def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
     return rows
 
 
-def _list_in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _list_in_phase(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """Motion in phase with the force that is left in the modal motion, and all of it in the tail."""
     C_t = load_table("3_III", "corrected")["correction_Ct2_in"].mean()
     gain = comparison(fits["A2", "constant", "free + in phase"], fits["A2", "constant", "free"])
@@ -263,6 +263,6 @@ def _list_noise(fits: Fits) -> list[Row]:
     return [_row("correlation of neighbouring residuals (free)", free.correlation, says)]
 
 
-def _interval(known: Known, name: str) -> tuple[float, float, float]:
+def _interval(known: KnownPosterior, name: str) -> tuple[float, float, float]:
     low, median, high = np.quantile(known.parameters[name], [0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL)])
     return float(low), float(median), float(high)

@@ -27,7 +27,7 @@ from damping_reed1970.chapter_3.implications import (
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
     Fits,
-    Known,
+    KnownPosterior,
     PlanarBand,
     band,
     fit_table,
@@ -71,7 +71,7 @@ class Chapter3:
     effect: pd.DataFrame
     curves: pd.DataFrame
     fits: Fits
-    posteriors: Mapping[tuple[str, str], Known]
+    posteriors: Mapping[tuple[str, str], KnownPosterior]
     bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]

@@ -14,8 +14,10 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.plots import AVERAGE, LINEAR, WIDTH, plain_log, styled
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS, nine_term_design
@@ -212,3 +214,39 @@ def _tabulate_inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> p
         rows.append({"terms": name, "sd_percent": 100.0 * sd / GENERATOR["A2w"]})
     table = pd.DataFrame(rows)
     return table.assign(over_true_terms=table["sd_percent"] / table["sd_percent"].iloc[0])
+
+
+_METHODS = {
+    "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
+    "best subset, BIC": (AVERAGE, "s", (0, (4, 2))),
+    "best subset, BIC, coefficients > 0": ("#009e73", "D", "-"),
+}
+
+
+@styled
+def draw_false_terms(selection: pd.DataFrame) -> Figure:
+    """Draw how often a term is selected that is not there, and the energy error at twice the amplitude, against noise.
+
+    Args:
+        selection: ``terms, method, noise_percent, share_false, energy_error_percent``.
+    """
+    sets = list(selection["terms"].unique())
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, len(sets), sharex=True, sharey="row", squeeze=False)
+    for column, terms in enumerate(sets):
+        share, error = panels[0, column], panels[1, column]
+        for method, (colour, marker, line) in _METHODS.items():
+            rows = selection[(selection["terms"] == terms) & (selection["method"] == method)]
+            style = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
+            share.plot(rows["noise_percent"], rows["share_false"], label=method.replace(">=", "≥"), **style)
+            error.plot(rows["noise_percent"], rows["energy_error_percent"], **style)
+        share.set_title(f"chosen among\n{terms}")
+        share.set(xscale="log", ylim=(0.0, 1.0))
+        error.set(yscale="log")
+        plain_log(error.xaxis)
+        plain_log(error.yaxis)
+        error.set_xlabel("noise of the energy (per cent)")
+    panels[0, 0].set_ylabel("share of runs\nwith a false term")
+    panels[1, 0].set_ylabel("energy error\nat 2 A (per cent)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=1, fontsize=7.5)
+    return figure

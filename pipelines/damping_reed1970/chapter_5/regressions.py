@@ -12,8 +12,14 @@ from math import pi
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
+from damping.plots import ALERT, WIDTH, styled
 from damping.regression.fit import Fit, fit
 from damping.regression.program import deviations_of
 from damping.regression.subsets import best_subsets
@@ -235,3 +241,47 @@ def _surface(fitted: Fit, A: FloatArray, omega: FloatArray, terms: np.ndarray | 
     rows = [np.ravel(axis) for axis in np.meshgrid(A, omega, indexing="ij")]
     grid = nine_term_design(rows[0], rows[1], np.ones(rows[0].size)).columns[:, list(terms)]
     return np.asarray(grid @ fitted.coefficients).reshape(A.size, omega.size)
+
+
+@styled
+def draw_energy_surfaces(result: EnergySurface) -> Figure:
+    """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    top = float(result.points["energy_in_lb"].max())
+    law = " + ".join(_describe_pretty(term) for term in result.law)
+    titles = (
+        f"{law}\nrms error {result.rms_errors[0]:.1f} in-lb",
+        f"nine terms\nrms error {result.rms_errors[1]:.1f} in-lb",
+    )
+    levels = np.asarray(MaxNLocator(12).tick_values(0.0, 1.2 * top))
+    for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
+        drawn = _draw_surface(axes, result, surface, levels)
+        axes.set_title(title, fontsize=8.5)
+        axes.set_ylabel("amplitude (in)")
+    panels[1].set_xlabel("frequency ω (rad/s)")
+    bar = figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95)
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _draw_surface(axes: Axes, result: EnergySurface, surface: FloatArray, levels: FloatArray) -> QuadContourSet:
+    drawn = axes.contourf(result.omega, result.amplitude, surface, levels, cmap="cividis", extend="max")
+    if (surface < 0.0).any():
+        below = [float(surface.min()) - 1.0, 0.0]
+        axes.contourf(result.omega, result.amplitude, surface, below, colors=["white"])
+        axes.contourf(result.omega, result.amplitude, surface, below, colors="none", hatches=["////"])
+        axes.contour(result.omega, result.amplitude, surface, [0.0], colors=ALERT, linewidths=1.2)
+        below_zero = Patch(facecolor="white", edgecolor=ALERT, hatch="////", label="energy < 0")
+        axes.legend(handles=[below_zero], loc="upper left", frameon=True, fontsize=7.5)
+    axes.scatter(
+        result.points["omega_rad_s"], result.points["amplitude_in"], c=result.points["energy_in_lb"], cmap="cividis",
+        vmin=levels[0], vmax=levels[-1], s=34, edgecolors="white", linewidths=1.1, zorder=4,
+    )  # fmt: skip
+    axes.grid(visible=False)
+    return drawn
+
+
+def _describe_pretty(term: str) -> str:
+    """A term with its powers raised: A²ω."""
+    return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")

@@ -54,6 +54,11 @@ class Drive(NamedTuple):
 OfDrive = Callable[[Drive], Any]
 
 
+def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
+    """The sum of such changes; 0 of none."""
+    return sum((part(drive) for part in parts), start=0.0)
+
+
 class Reading(NamedTuple):
     """What an instrument makes of amplitudes; ln in, ln and its slope out. ``unread`` is the inverse, kept finite."""
 
@@ -71,7 +76,8 @@ class Terms:
         compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
-            are not linear. rate: d omega/dt beside the known one, rad/s^2, in the direction of the sweep.
+            are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
+            known one goes. ringing: how what rings is read, see `damping.effects.hurried`.
     """
 
     M: Floats
@@ -88,7 +94,9 @@ class Terms:
     offset: tuple[OfDrive, ...] = ()
     readings: tuple[Reading, ...] = ()
     beside: tuple[OfDrive, ...] = ()
-    rate: Floats = 0.0
+    moving: tuple[OfDrive, ...] = ()
+    law: Floats = 0.0
+    ringing: Floats = 0.0
 
     def with_force(self, force: Force) -> Terms:
         """The same with one more force."""

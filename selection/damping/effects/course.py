@@ -169,20 +169,43 @@ LEVEL_OFFSET = Effect(
 )
 
 
+#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
+BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
+
+
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |d omega/dt| over the squared bandwidth, in the direction of the rows or against it."""
+    """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
+
+    Shapes: the power of frequency with which it goes, 0 for an even rate and 1 for octaves, and how what rings is read.
+    """
     unit = (scales.bandwidth * scales.omega_n) ** 2
 
     def side(sign: float) -> Form:
-        def change(terms: Terms, size: Floats) -> Terms:
-            return replace(terms, rate=terms.rate + sign * size * unit)
+        def change(terms: Terms, size: Floats, law: Floats, ringing: Floats) -> Terms:
+            return moving(terms, sign * size * unit, law, ringing)
 
-        def report(size: Floats) -> dict[str, Floats]:
-            return {"rate": sign * size * unit / RAD_S_PER_HZ}
+        def report(size: Floats, law: Floats, ringing: Floats) -> dict[str, Floats]:
+            return {"rate": sign * size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
 
-        return Form("sweep-rate", change, report, 0.1, largest=30.0, label=f"{sign:+.0f}", sizes=(0.1, 0.4, 1.5))
+        shapes = (BETWEEN, BETWEEN)
+        return Form("sweep-rate", change, report, 0.1, shapes, _MOST_RATE, label=f"{sign:+.0f}", sizes=_RATES)
 
     return side(1.0), side(-1.0)
+
+
+#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
+_RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
+_MOST_RATE = 30.0
+
+
+def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
+    """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
+    centre = terms.omega_n
+
+    def part(drive: Drive) -> Floats:
+        return np.asarray(rate * drive.up * (drive.omega / centre) ** law)
+
+    return replace(terms, moving=(*terms.moving, part), ringing=ringing)
 
 
 SWEEP_RATE = Effect(
@@ -190,7 +213,7 @@ SWEEP_RATE = Effect(
     kind="instrument",
     sentence="the frequency moved too fast for a steady state",
     forms=rate_forms,
-    simulate=lambda terms, table: replace(terms, rate=terms.rate + RAD_S_PER_HZ * table["rate"]),
-    shapes=(Shape("rate", TIME**-2.0),),
+    simulate=lambda terms, table: moving(terms, RAD_S_PER_HZ * table["rate"], table["law"], table["ringing"]),
+    shapes=(Shape("rate", TIME**-2.0), Shape("law", default=0.0), Shape("ringing", default=0.0)),
     need="sweep",
 )

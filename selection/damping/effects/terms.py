@@ -16,13 +16,13 @@ needs no solution of the steady state; with P'(u) its own steady amplitude is fo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import wofz
 
 from damping.arrays import ComplexArray, FloatArray, Floats
-from damping.effects.contract import Drive, OfDrive, Terms
+from damping.effects.contract import Drive, Terms, add_parts
+from damping.effects.hurried import hurried
 
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
@@ -48,7 +48,7 @@ class _Receptance(NamedTuple):
 
 def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
-    offset = _total(terms.offset, drive)
+    offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _unread(terms, u - gain)
     A = np.exp(v)
@@ -59,7 +59,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
             receptance = _receptance(terms, drive, _shares(terms, receptance, A))
     F = drive.F
     if terms.received:
-        F = F * np.exp(_total(terms.received, drive))
+        F = F * np.exp(add_parts(terms.received, drive))
     H = receptance.H
     P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
     by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
@@ -78,11 +78,7 @@ def tuned(terms: Terms, drive: Drive) -> Terms:
     """The terms with omega_n as it is at each row: of its state, and drifting."""
     if not terms.detuned and np.all(drive.ratio == 1.0):
         return terms
-    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(_total(terms.detuned, drive)), detuned=())
-
-
-def _total(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
-    return sum((part(drive) for part in parts), start=0.0)
+    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(add_parts(terms.detuned, drive)), detuned=())
 
 
 def _read(terms: Terms, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -135,36 +131,11 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
         if force.restores:
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A
-    damped = np.exp(_total(terms.damped, drive)) / A
+    damped = np.exp(add_parts(terms.damped, drive)) / A
     return (
-        np.asarray(real + 1j * (imaginary * damped) + _total(terms.beside, drive)),
+        np.asarray(real + 1j * (imaginary * damped) + add_parts(terms.beside, drive)),
         np.asarray(slope_real + 1j * (slope_imaginary * damped)),
     )
-
-
-#: |b/p^2| below which a moving frequency changes nothing that can be computed.
-_SLOW = 1e-8
-
-
-def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
-    """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
-
-    The response to exp(i theta), theta'' = alpha, of the decaying exponential exp(-p s), p = Z/(2 i M omega), is
-    I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis 1932, whose
-    Fresnel integrals w contains); H = I(p)/(2 i M omega), which is 1/Z where alpha = 0.
-    """
-    alpha = terms.rate * drive.up + drive.rate
-    H = 1.0 / Z
-    if not np.any(alpha):
-        return H, H * H
-    per = 1.0 / (2j * terms.M * drive.mass * drive.omega)
-    p, b = per * Z, -0.5j * np.where(alpha == 0.0, 1e-300, alpha)
-    moving = np.abs(b) > _SLOW * np.abs(p) ** 2
-    b = np.where(moving, b, p * p)
-    root = np.sqrt(b)
-    memory = 0.5 * np.sqrt(np.pi) / root * wofz(0.5j * p / root)
-    slope = per * per * (1.0 - p * memory) / (2.0 * b)
-    return np.where(moving, per * memory, H), np.where(moving, slope, H * H)
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:

@@ -29,7 +29,7 @@ from damping.records.mode import Mode
 def refitted_values(fit: ModelFit) -> dict[str, float]:
     """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
     simulation = fit.model.problem.simulation
-    replaced = {part.form.replaces for part in fit.model.parts}
+    replaced = {part.form.replaces for part in fit.model.parts} | {*simulation.swept}
     x = fit.y[: len(simulation.names)]
     values = np.exp(within_tolerance(x) * simulation.tolerance) - 1.0
     return {name: float(v) for name, v in zip(simulation.names, values, strict=True) if name not in replaced}

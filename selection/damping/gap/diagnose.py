@@ -20,10 +20,8 @@ from damping.gap.problem import (
     Setting,
     State,
     exclude_effects,
-    guess_unit,
     record_cautions,
     refuse_other_mode,
-    rescaled,
     setting,
 )
 from damping.gap.rows import read_rows
@@ -177,10 +175,6 @@ def explain(
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
-    guess = guess_unit(rows, start.problem.simulation)
-    if guess is not None:
-        cautions.insert(0, _describe_unit_caution(guess.name, guess.factor))
-        start = replace(start, problem=replace(start.problem, rows=rescaled(rows, guess)))
     known, search = search_hypotheses(start, library)
     return Explained(record, mode, known, search, weigh_hypotheses(search.ranked()), library, tuple(cautions))
 
@@ -291,8 +285,3 @@ def _much_the_same(one: Setting, other: Setting) -> bool:
     a, b = one.problem.rows, other.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
     return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)
-
-
-def _describe_unit_caution(name: str, factor: float) -> str:
-    size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
-    return f"forces seem to be {size} ({name}): that factor was taken out before anything else; check the unit"

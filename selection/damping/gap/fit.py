@@ -9,7 +9,7 @@ Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,6 +105,17 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
         y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
         found.append(_fit(model, y[0], r[0], J[0], weights))
     return _list_distinct(found)
+
+
+def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
+    """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
+    model, place, kept = fit.model, len(fit.model.problem.simulation.names), np.ones(fit.model.size, dtype=bool)
+    for part in model.parts:
+        kept[place : place + part.size] = part.form.effect != name
+        place += part.size
+    parts = tuple(part for part in model.parts if part.form.effect != name)
+    x, z = fit.y[: model.size][kept], fit.y[model.size :]
+    return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
 
 
 def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:

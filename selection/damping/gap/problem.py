@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi
+from math import pi
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects.contract import Effect, Scales
-from damping.effects.terms import predict
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
@@ -21,7 +20,6 @@ from damping.gap.model import Problem, Scatter
 from damping.gap.rows import UNSEEN, Rows, join_states, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
 from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
-from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -87,7 +85,9 @@ def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: 
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
-    problem = Problem(joined, Simulation(mode, further, simulator), scales(joined, mode))
+    swept = ("ringing", "law") if mode.rig.rate else ("ringing",)  # the law of a rate that a column has is its own
+    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator)
+    problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
     return Setting(problem, _scatter(mode, joined), *(all(part) for part in zip(*stated, strict=True)))
 
@@ -134,21 +134,10 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
     return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
 
 
-#: A scale error is looked into beyond this factor; a unit factor is believed within so much of it.
-_SUSPICIOUS = 2.0
-_NEAR = 0.08
 #: A resonance farther from the simulated one than this is that of another mode.
 _ANOTHER_MODE = 0.12
 #: Rows without which a sweep says nothing of a resonance.
 _FEW_ROWS = 3
-
-
-@dataclass(frozen=True)
-class UnitGuess:
-    """The unit factor ``name`` by which recorded forces are too large (``factor`` > 1) or too small."""
-
-    name: str
-    factor: float
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:
@@ -172,30 +161,6 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
         if abs(peak / (mode.frequency * factor) - 1.0) < 0.5 * _ANOTHER_MODE:
             message += f" (are the record's frequencies in {meaning}?)"
     raise AnalysisError(message)
-
-
-def guess_unit(rows: Rows, simulation: Simulation) -> UnitGuess | None:
-    """The unit factor by which forces seem to be off, if amplitudes disagree with the simulation by a plain factor.
-
-    The ratio of recorded force to the one the simulation needs is taken where it depends least on damping, off
-    resonance; it must be beyond 2 (or below 1/2), the same over all rows, and near a factor of ``UNIT_FACTORS``.
-    """
-    found = predict(simulation.terms(np.zeros((1, len(simulation.names)))), rows.u, rows.drive)
-    ratio = found.P.real[0] - rows.u
-    stiff = np.argsort(rows.A / rows.F)[: max(4, len(rows) // 2)]
-    middle = float(np.median(ratio[stiff]))
-    spread = float(np.median(np.abs(ratio[stiff] - middle)))
-    if abs(middle) < log(_SUSPICIOUS) or spread > 0.2 * abs(middle):
-        return None
-    for name, factor in UNIT_FACTORS.items():
-        if abs(abs(middle) - log(factor)) < _NEAR:
-            return UnitGuess(name, factor if middle > 0.0 else 1.0 / factor)
-    return None
-
-
-def rescaled(rows: Rows, guess: UnitGuess) -> Rows:
-    """The rows with the forces that the guess implies."""
-    return replace(rows, F=rows.F / guess.factor)
 
 
 def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:

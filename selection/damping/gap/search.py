@@ -14,9 +14,10 @@ from scipy.special import logsumexp
 
 from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
-from damping.gap.fit import ModelFit, fit_model, fit_roughly, polish_fits
+from damping.gap.directed import ALARM, directed_tests, smallest_p
+from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
-from damping.gap.starts import Start, at_gap, starts
+from damping.gap.starts import SURE, Start, at_gap, choose_forms, starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -34,6 +35,7 @@ _FITTING = 1.6
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
+_MOST_DOUBTING = 4
 #: Modes whose evidence is within this of the best are weighed.
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
@@ -47,22 +49,18 @@ _AGAIN = 6
 _AGAIN_SIMPLE = 3
 #: ... and none of several that is so far behind.
 _LOST_AGAIN = 30.0
-#: Starts of each form that are fitted. From this misfit of the base, in units of noise, starts of other sizes are
-#: added; below it a form is fitted only where its linear gain is more than ``_SLIGHT``.
+#: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
 _STARTS = 4
 #: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
 _MOST_FORMS_BESIDE = 3
 #: Modes of a hypothesis that are gone on from.
 _MOST_BASES = 2
-_FAR = 0.2
 _ROUGH = 1.5
 #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
 _APART = 3.0
-_SLIGHT = 0.2
-#: An effect whose linear gain is this share of the largest, less ``_SURE``, is not worth a fit.
+#: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
 _HOPELESS = 0.01
-_SURE = 50.0
 
 
 @dataclass(frozen=True)
@@ -130,9 +128,27 @@ class Search:
         for size in range(1, self._most_effects()):
             before = len(self.found)
             self._combine(size)
-            if len(self.found) == before or max(map(len, (self.ranked()[0].effects,))) <= size:
+            if len(self.found) == before or len(self.ranked()[0].effects) <= size:
                 break
+        leading = self.ranked()[0]
+        if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
+            self._combine(1, leading)
+        self._shorten()
         return self.ranked()
+
+    def _shorten(self) -> None:
+        """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
+
+        An effect that was added first may have stood for those that came later.
+        """
+        leading = self.ranked()[0]
+        for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
+            if leading.key - {name} not in self.found:
+                fits = [fit_roughly(*drop_effect(fit, name)) for fit in leading.near]
+                effects = tuple(other for other in leading.effects if other != name)
+                self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+        if len(self.ranked()[0].effects) < len(leading.effects):
+            self._shorten()
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
@@ -143,7 +159,7 @@ class Search:
         null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
-            if gains[name] > _HOPELESS * (max(gains.values()) - _SURE):
+            if gains[name] > _HOPELESS * (max(gains.values()) - SURE):
                 self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
@@ -180,26 +196,33 @@ class Search:
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
         return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
 
-    def _combine(self, size: int) -> None:
-        """Add one effect to hypotheses of ``size`` effects, those first that could gain most."""
-        best = self.ranked()[0].log_posterior - _NEAR
+    def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
+        """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
+
+        Beside a ``doubted`` explanation, which fits but for a little, a few are tried that lines say cannot reach it:
+        it may imitate what two do together.
+        """
+        best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
-        quiet = {key for key, one in self.found.items() if key and _leaves_noise(one)}
+        quiet = {key: one.log_posterior for key, one in self.found.items() if key and _leaves_noise(one)}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.found or self.effects[name].denies & key:
                     continue
-                if any(own <= key for own in quiet - {base.key}):
+                if doubted and key & doubted.key:
+                    continue
+                if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained
                 tried = self._starts(base, name)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
-        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:_MOST_FITS]:
+        most = _MOST_DOUBTING if doubted else _MOST_FITS
+        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:most]:
             if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
                 self._extend(base, name, tried)
 
@@ -208,7 +231,7 @@ class Search:
         rough = float(np.sqrt(np.mean(base.plain.r**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
-        promising = _choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
+        promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
         fits: list[ModelFit] = []
         for tried, one in product(promising, near):
@@ -254,15 +277,6 @@ def _leaves_noise(hypothesis: Hypothesis) -> bool:
     return not hypothesis.plain.many_wild and spread(hypothesis.plain.r) < 1.0 + _FITTING / np.sqrt(
         hypothesis.plain.r.size
     )
-
-
-def _choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
-    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
-    ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
-    least = ranked[0][0].gain * _FAR - _SURE
-    beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
-    near = [tried for tried in ranked[:most] if tried[0].gain > least or tried[0].part.form.sizes]
-    return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
 
 
 def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:

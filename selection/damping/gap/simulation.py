@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
+from typing import Any
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.effects.contract import Drive, OfDrive, Terms
+from damping.effects.course import BETWEEN
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import list_parameter_names, make
@@ -39,11 +41,13 @@ class Simulation:
 
     The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
     leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), the frequency of
-    each of the ``further`` states (numbers from 1) whose stiffness is its own, and the parameters of a simulator.
+    each of the ``further`` states (numbers from 1) whose stiffness is its own, what is not known of a ``swept``
+    record's rates (fields of `Terms`, see `damping.effects.course.BETWEEN`), and the parameters of a simulator.
     """
 
     mode: Mode
     further: tuple[int, ...] = ()
+    swept: tuple[str, ...] = ()
     simulator: Simulator | None = None
 
     @property
@@ -51,11 +55,11 @@ class Simulation:
         """Names of the variables."""
         own = () if self.simulator is None else tuple(self.simulator.values)
         states = (f"frequency of state {number + 1}" for number in self.further)
-        return ("frequency", "mass", *self.mode.damping, *states, *own)
+        return ("frequency", "mass", *self.mode.damping, *states, *self.swept, *own)
 
     @property
     def tolerance(self) -> FloatArray:
-        """Relative standard uncertainty of each variable."""
+        """Standard uncertainty of each variable: relative, but for those of ``swept``."""
         stated = self.mode.tolerance
         frequency, mass, damping = stated.frequency, stated.mass, stated.viscous
         if stated.from_record:
@@ -63,7 +67,8 @@ class Simulation:
         own = [] if self.simulator is None else list(self.simulator.tolerances.values())
         if own:  # what the simulator's own parameters leave open is theirs
             frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
-        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *[frequency] * len(self.further), *own])
+        states, swept = [frequency] * len(self.further), [BETWEEN.width] * len(self.swept)
+        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *swept, *own])
 
     def terms(self, x: FloatArray) -> Terms:
         """The terms at variables x (batch, k), as arrays (batch, 1)."""
@@ -77,6 +82,8 @@ class Simulation:
         first = 2 + len(forces)
         own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
         first += len(self.further)
+        rates: dict[str, Any] = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
+        first += len(self.swept)
         return Terms(
             M=self.mode.mass * factor[:, 1],
             omega_n=self.mode.omega_n * factor[:, 0],
@@ -84,6 +91,7 @@ class Simulation:
             simulated=len(forces),
             detuned=tuple(_of_state(state, value) for state, value in own),
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
+            **rates,
         )
 
 

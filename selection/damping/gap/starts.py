@@ -59,6 +59,22 @@ def at_gap(start: Start, gap: float) -> FloatArray:
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 
+#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
+#: gain more than ``_SLIGHT``.
+_FAR = 0.2
+SURE = 50.0
+_SLIGHT = 0.2
+
+
+def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
+    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
+    ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
+    least = ranked[0][0].gain * _FAR - SURE
+    beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
+    near = [tried for tried in ranked[:most] if tried[0].gain > least or tried[0].part.form.sizes]
+    return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
+
+
 def _grid(form: Form) -> FloatArray:
     """All combinations of the shapes' start values, (starts, shapes)."""
     if not form.shapes:

@@ -16,6 +16,7 @@ from damping.regression import CONSTANT, Term, list_columns_of, parse_term
 from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.selecting import Choice, Selected, select
+from damping.regression.subsets import Subsets
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
@@ -179,18 +180,18 @@ def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tup
         return None, (f"no plane: {error}",)
 
 
-def _list_cautions(found: Fit) -> tuple[str, ...]:
+def _list_cautions(fit: Fit) -> tuple[str, ...]:
     """What a reader of the coefficients must know."""
     cautions = []
-    if found.n == found.k:
+    if fit.n == fit.k:
         cautions.append("as many terms as observations: the fit is exact and says nothing of errors")
-    if found.condition_number > 1e4:
-        digits = int(np.log10(found.condition_number))
+    if fit.condition_number > 1e4:
+        digits = int(np.log10(fit.condition_number))
         cautions.append(
-            f"nearly dependent terms: the scaled condition number {found.condition_number:.2g} magnifies errors of the"
+            f"nearly dependent terms: the scaled condition number {fit.condition_number:.2g} magnifies errors of the"
             f" data by up to {digits} powers of ten, whatever the fit's own accuracy"
         )
-    if not found.active.all():
+    if not fit.active.all():
         cautions.append("statistics take the terms that are not held at 0 as given")
     return tuple(cautions)
 
@@ -200,28 +201,28 @@ Form = dict[str, Any]
 
 def tabulate_terms(fit: Fit) -> pd.DataFrame:
     """A row a term: ``name, coefficient, std_error, t_ratio, p_value``."""
-    columns = (fit.names, fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
-    keys = ("name", "coefficient", "std_error", "t_ratio", "p_value")
-    return pd.DataFrame(dict(zip(keys, columns, strict=True)))
+    numbers = {"coefficient": fit.coefficients, "std_error": fit.std_errors, "t_ratio": fit.t_ratios}
+    return pd.DataFrame({"name": fit.names, **numbers, "p_value": fit.p_values})
 
 
 def regress_form(result: Regression) -> Form:
     """The JSON form ``regress/1``; what does not exist is None."""
-    fit, choice = result.selected.fit, result.choice
+    fit, choice, models = result.selected.fit, result.choice, result.selected.models
     form: Form = {
         "format": "regress/1",
         "data": result.data,
         "n": fit.n,
         "response": result.design.response,
         "terms": _list_terms(fit),
-        "one_term_fits": [_one_term(one) for one in result.one_term],
+        "one_term_fits": [_describe_one_term(single) for single in result.one_term],
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
         "steps": _list_steps(result),
         "selection": asdict(choice),
-        "subsets": _list_subsets(result),
-        "proof": _proof(result),
+        "subsets": _list_subsets(models),
+        # None where every subset was fitted, or none searched
+        "proof": asdict(models.proof) if models is not None and models.proof is not None else None,
         "all_terms": _list_terms(result.full),
         "plane": None if result.plane is None else _list_terms(result.plane),
         "variables": [asdict(variable) for variable in result.variables],
@@ -237,7 +238,7 @@ def _list_terms(fit: Fit) -> list[Form]:
     return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
 
 
-def _one_term(fit: Fit) -> Form:
+def _describe_one_term(fit: Fit) -> Form:
     return {
         "name": fit.names[0],
         "coefficient": fit.coefficients[0],
@@ -266,10 +267,8 @@ def _summary(result: Regression) -> Form:
 
 
 def _list_deviations(result: Regression) -> list[Form]:
-    d = result.deviations
-    columns = plain((d.observed, d.fitted, d.deviation, d.percent, result.rows + 1))
-    keys = ("observed", "fitted", "deviation", "percent", "row")
-    return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
+    columns = plain(vars(result.deviations) | {"row": result.rows + 1})
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _list_steps(result: Regression) -> list[Form]:
@@ -287,16 +286,8 @@ def _list_steps(result: Regression) -> list[Form]:
     ]
 
 
-def _proof(result: Regression) -> Form | None:
-    """How many subsets there are, by how many fits none is better than the first, and the least score that one can have
-    (lower is better, adjusted R^2 with its sign changed); None where every subset was fitted, or none searched."""
-    models = result.selected.models
-    return None if models is None or models.proof is None else asdict(models.proof)
-
-
-def _list_subsets(result: Regression) -> list[Form] | None:
+def _list_subsets(models: Subsets | None) -> list[Form] | None:
     """The best subsets, best first; None where subsets were not searched."""
-    models = result.selected.models
     if models is None:
         return None
     columns: Mapping[str, Any] = {"sse": models.sse, "rms_error": models.rms_errors, **asdict(models.criteria)}

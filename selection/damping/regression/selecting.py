@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.arrays import BoolArray, IntArray
 from damping.errors import AnalysisError, InputError
 from damping.regression.design import Basis, Design, decompose
 from damping.regression.fit import NAMES, Fit, check_criterion, fit
@@ -77,7 +77,12 @@ def stepwise(
         AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
             backward elimination no degrees of freedom.
     """
-    _check(design, direction, criterion)
+    if direction not in DIRECTIONS:
+        raise InputError(f"no direction {direction!r}", expected=f"one of {', '.join(DIRECTIONS)}")
+    decompose(design)
+    if direction == "backward" and design.n == design.k:
+        message = f"backward elimination needs more than {design.k} observations to judge {design.k} terms by"
+        raise AnalysisError(message)
     search = _Search(design, criterion, t_stop, fitter)
     if direction == "backward":
         mask = np.ones(design.k, dtype=np.bool_)
@@ -110,10 +115,10 @@ class _Search:
 
     def step(self, action: str, j: int | None, mask: BoolArray, t_ratio: float, reason: str) -> Step:
         """The step to the terms of ``mask``, fitted."""
-        found = self.fitter(self.design.take(np.flatnonzero(mask)))
+        model = self.fitter(self.design.take(np.flatnonzero(mask)))
         term = "" if j is None else self.design.names[j]
-        score = float(found.criteria.score(self.criterion))
-        return Step(action, term, reason, t_ratio, np.inf if np.isnan(score) else score, found)
+        score = float(model.criteria.score(self.criterion))
+        return Step(action, term, reason, t_ratio, np.inf if np.isnan(score) else score, model)
 
     def drop(self, mask: BoolArray, now: Step, held_only: bool) -> Step | None:
         """To the model without the term of least |T| (a term held at 0 first), if that is to be taken."""
@@ -165,17 +170,6 @@ def _describe_shown(criterion: str, before: float, after: float) -> str:
     return f"{sign * before:.6g} -> {sign * after:.6g}"
 
 
-def _check(design: Design, direction: str, criterion: str) -> None:
-    check_criterion(criterion)
-    if direction not in DIRECTIONS:
-        raise InputError(f"no direction {direction!r}", expected=f"one of {', '.join(DIRECTIONS)}")
-    decompose(design)
-    if direction == "backward" and design.n == design.k:
-        raise AnalysisError(
-            f"backward elimination needs more than {design.k} observations to judge {design.k} terms by"
-        )
-
-
 def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
     """Least-squares fit of a design under a_k >= 0 (Lawson and Hanson's active set).
 
@@ -196,56 +190,38 @@ def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
         raise AnalysisError(f"no least-squares fit with coefficients >= 0 was found: {error}") from error
     free = np.flatnonzero(solution > 0.0)
     while len(free):
-        found = fit(design.take(free))
-        if (found.coefficients > 0.0).all():
-            return _with_zeros(found, free, design, basis)
-        free = free[found.coefficients > 0.0]  # a coefficient that is 0 but for rounding
-    return _all_zero(design, basis)
+        fitted = fit(design.take(free))
+        if (fitted.coefficients > 0.0).all():
+            return _with_zeros(fitted, free, design, basis)
+        free = free[fitted.coefficients > 0.0]  # a coefficient that is 0 but for rounding
+    return _with_zeros(None, free, design, basis)
 
 
-def _with_zeros(found: Fit, free: IntArray, design: Design, basis: Basis) -> Fit:
-    """The fit of the free terms, with the others put in at 0."""
+def _with_zeros(fitted: Fit | None, free: IntArray, design: Design, basis: Basis) -> Fit:
+    """The fit of the free terms, with the others put in at 0; without any free term every coefficient is held at 0."""
     k = design.k
-    covariance = np.full((k, k), np.nan)
-    covariance[np.ix_(free, free)] = found.covariance
-    active = np.zeros(k, dtype=np.bool_)
-    active[free] = True
-    return replace(
-        found,
-        names=design.names,
-        coefficients=_put(found.coefficients, free, np.zeros(k)),
-        std_errors=_put(found.std_errors, free, np.full(k, np.nan)),
-        t_ratios=_put(found.t_ratios, free, np.full(k, np.nan)),
-        p_values=_put(found.p_values, free, np.full(k, np.nan)),
-        covariance=covariance,
-        active=active,
-        condition_number=basis.condition_number,
-    )
-
-
-def _put(values: FloatArray, at: IntArray, into: FloatArray) -> FloatArray:
-    into[at] = values
-    return into
-
-
-def _all_zero(design: Design, basis: Basis) -> Fit:
-    """The fit in which the constraint holds every coefficient at 0."""
-    nothing = np.full(design.k, np.nan)
+    active, covariance = np.zeros(k, dtype=np.bool_), np.full((k, k), np.nan)
+    statistics = {"coefficients": np.zeros(k)} | {name: np.full(k, np.nan) for name in _STATISTICS}
+    deviations, leverages = design.observed.copy(), np.zeros(design.n)
+    if fitted is not None:
+        active[free] = True
+        covariance[np.ix_(free, free)] = fitted.covariance
+        for name, values in statistics.items():
+            values[free] = getattr(fitted, name)
+        deviations, leverages = fitted.deviations, fitted.leverages
     return Fit(
         names=design.names,
-        coefficients=np.zeros(design.k),
-        std_errors=nothing,
-        t_ratios=nothing,
-        p_values=nothing,
-        covariance=np.full((design.k, design.k), np.nan),
-        active=np.zeros(design.k, dtype=np.bool_),
+        **statistics,
+        covariance=covariance,
+        active=active,
         observed=design.observed,
-        deviations=design.observed.copy(),
-        leverages=np.zeros(design.n),
+        deviations=deviations,
+        leverages=leverages,
         condition_number=basis.condition_number,
     )
 
 
+_STATISTICS = ("std_errors", "t_ratios", "p_values")
 #: Of so many terms every subset is listed, best first; of more the best ones.
 _MOST_TERMS_LISTED = 9
 _BEST_LISTED = 20
@@ -301,8 +277,8 @@ def select(design: Design, choice: Choice) -> Selected:
         return Selected(design, fitter(design), (), None)
     if choice.method == "best":
         return _best(design, choice)
-    found = stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
-    return Selected(design.take(found.chosen), found.fit, found.steps, None)
+    selection = stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
+    return Selected(design.take(selection.chosen), selection.fit, selection.steps, None)
 
 
 def _best(design: Design, choice: Choice) -> Selected:
@@ -314,6 +290,6 @@ def _best(design: Design, choice: Choice) -> Selected:
     kept = [int(i) for i in np.flatnonzero(models.members[0])]
     chosen = design.take(kept)
     reason = f"not in the subset with the best {NAMES[choice.criterion]} of all {2**design.k - 1}"
-    found, score = fit(chosen), float(models.scores(choice.criterion)[0])
+    best, score = fit(chosen), float(models.scores(choice.criterion)[0])
     dropped = [name for i, name in enumerate(design.names) if i not in kept]
-    return Selected(chosen, found, tuple(Step("drop", name, reason, np.nan, score, found) for name in dropped), models)
+    return Selected(chosen, best, tuple(Step("drop", name, reason, np.nan, score, best) for name in dropped), models)

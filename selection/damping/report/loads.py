@@ -31,13 +31,6 @@ from damping.report.results import RecordResult, StudyResult, Svgs, describe_fil
 from damping.report.tables import tabulate_loads
 
 
-def find_largest(loads: Loads | None) -> int | None:
-    """Index of the largest design force that has a prediction."""
-    if loads is None or not np.isfinite(loads.average.median).any():
-        return None
-    return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
-
-
 def format_percent_ratio(ratio: float) -> str:
     """A damping ratio in per cent: ``0.287 %``."""
     return f"{number(100.0 * ratio)} %" if np.isfinite(ratio) else NOTHING

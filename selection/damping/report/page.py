@@ -256,7 +256,8 @@ Take = Callable[[str, str, str], Iterable[Block]]
 
 def write_blocks(text: Path, values: Mapping[str, Any], take: Take) -> list[Block]:
     """The blocks of a text filled with values; ``take`` gives those of its directives but folds."""
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True)  # the page escapes what it shows
+    # the page escapes what it shows; no value begins a block of its own
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
     filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, **values)
     parts = (part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n")))
     return list(_build_blocks(parts, take))
@@ -284,6 +285,10 @@ def _build_blocks(parts: Iterator[str], take: Take) -> Iterator[Block]:
 def join_lines(text: str) -> str:
     """A text in one line."""
     return re.sub(r" *\n *", " ", text)
+
+
+def _join_value(value: Any) -> Any:
+    return join_lines(value) if isinstance(value, str) else value
 
 
 def _build_cell(value: Any, form: Format) -> Cell:

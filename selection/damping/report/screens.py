@@ -28,7 +28,7 @@ from damping.report import (
     format_signed,
     number,
 )
-from damping.report.loads import build_loads, find_largest, format_percent_ratio
+from damping.report.loads import build_loads, format_percent_ratio
 from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
 from damping.report.results import (
     RecordResult,
@@ -36,6 +36,7 @@ from damping.report.results import (
     Svgs,
     build_figure,
     describe_file_stem,
+    find_largest,
     name_record,
     weighted,
 )
@@ -73,9 +74,12 @@ def count_levels(result: RecordResult) -> int:
 def _build_answer(study: StudyResult) -> list[Block]:
     lead = find_lead(study)
     others = [result for result in study.records if result is not lead]
-    blocks: list[Block] = [Text(_describe_lead(lead), lead=True), Facts(_list_facts(lead))]
-    blocks.append(Text(_describe_conditions(lead, study)))
-    blocks.append(Callout("Before this is used", _list_cautions(study)))
+    blocks: list[Block] = [
+        Text(_describe_lead(lead), lead=True),
+        Facts(_list_facts(lead)),
+        Text(_describe_conditions(lead, study)),
+        Callout("Before this is used", _list_cautions(study)),
+    ]
     if others:
         blocks += [_tabulate_answers(study), List([_describe_conditions(result, study) for result in others])]
     return blocks
@@ -129,8 +133,7 @@ def format_ratio_band(curve: Curve, row: int) -> str:
 
 def _list_facts(result: RecordResult) -> list[tuple[str, str]]:
     best, units = weighted(result)[0], result.mode.units
-    facts = []
-    i, design = find_largest(result.design), result.design
+    facts, i, design = [], find_largest(result.design), result.design
     if i is not None and design is not None:
         band, force = design.average, format_force_text(design.force[i], units.force)
         over = format_signed(design.overprediction[i])
@@ -275,9 +278,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
             "weight": format_share(law.weight),
             "coefficients": _describe_coefficients(result, law),
             "error of amplitude": f"{format_percent(law.average_absolute_percent)} %",
-            "level held out": NOTHING
-            if not np.isfinite(law.held_out_error)
-            else f"{format_percent(law.held_out_error)} %",
+            "level held out": f"{format_percent(law.held_out_error)} %".replace(f"{NOTHING} %", NOTHING),
             "predicts the same": _describe_equivalents(law.equivalents),
         }
         for law in (*shown, *viscous)
@@ -295,7 +296,5 @@ def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
 
 
 def _describe_equivalents(names: Sequence[str]) -> str:
-    if not names:
-        return NOTHING
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return names[0] + more
+    return names[0] + more if names else NOTHING

@@ -4,7 +4,7 @@ The raw table is a CSV file, one row a steady state of one forcing frequency, wi
 which are used. All numbers are in one consistent system of units; names of units are echoed, never converted.
 ``docs/reference/files.md`` has an example with every key and its meaning.
 
-Standard uncertainties that are stated go through the chain (``damping.signals.uncertainty``) into the record's
+Standard uncertainties that are stated go through the chain (``damping.signals.reading``) into the record's
 ``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
 """
 

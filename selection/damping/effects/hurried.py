@@ -1,0 +1,116 @@
+"""Response to a frequency that moves: how far the motion lags behind its steady state, row by row of a sweep."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import wofz
+
+from damping.arrays import BoolArray, ComplexArray, FloatArray
+from damping.effects.contract import Drive, Terms, add_parts
+
+#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
+#: taken to first order: differences of nearly equal numbers say less.
+_SLOW = 1e-8
+_SLOWLY = 1e-3
+#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
+_LOUDEST = 50.0
+
+
+def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+    """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
+
+    With Z = M (i omega - lambda)(i omega - lambda*) the motion Im a exp(i theta), theta'' = alpha, has
+    a = (J - 1/(i omega - lambda*)) F/(2 i M Im lambda), J' = 1 - p J, p = i omega - lambda. Where p moves by i alpha
+    alone, J is I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis
+    1932, whose Fresnel integrals w contains), which is 1/p where alpha = 0. What else changes along a sweep (damping,
+    stiffness) comes with the memory of the rows before (`_remembered`).
+
+    An envelope of first order, 2 i M omega a' + (Z + i M alpha) a = F, turns slower by (omega - Im lambda)^2/(2 omega)
+    beyond resonance; so may what an instrument that tracks the frequency reads of a motion that rings beside it.
+    ``terms.ringing`` is 0 for the motion itself, 1 for that envelope.
+    """
+    if not terms.moving and not np.any(drive.rate):
+        H = 1.0 / Z
+        return H, H * H
+    alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
+    M, omega, share = terms.M * drive.mass + drive.added, drive.omega, terms.ringing
+    loss, squared = Z.imag / (M * omega), Z.real / M + np.square(omega)
+    own = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
+    p = 0.5 * loss + 1j * (omega - own)
+    p, alpha = np.broadcast_arrays(p + share * ((Z - 1j * M * alpha) / (2j * M * omega) - p), alpha)
+    memory = _Memory.of(p, alpha)
+    motion = memory.lewis if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
+    per = (1.0 - share) / (2j * M * own) + share / (2j * M * omega)
+    other = (1.0 - share) / (2j * M * own) / (0.5 * loss + 1j * (omega + own))
+    return per * motion - other, -per * per * memory.by_p(memory.lewis)
+
+
+#: Least square of the frequency that rings over that of the drive: numbers stay finite where nothing does.
+_RINGS = 0.01
+
+
+class _Memory(NamedTuple):
+    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` does not ring."""
+
+    lewis: ComplexArray
+    quiet: ComplexArray
+    beyond: BoolArray
+    p: ComplexArray
+    alpha: FloatArray
+
+    @staticmethod
+    def of(p: ComplexArray, alpha: FloatArray) -> _Memory:
+        """Both solutions; 1/p where the frequency hardly moves."""
+        moving = np.abs(alpha) > _SLOW * np.abs(p) ** 2
+        root = np.sqrt(np.where(moving, -0.5j * alpha, p * p))
+        z = 0.5j * p / root
+        lewis = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / p)
+        squared = z * z
+        ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
+        return _Memory(lewis, np.where(moving, lewis - ringing, lewis), z.imag < 0.0, p, alpha)
+
+    def by_p(self, V: ComplexArray) -> ComplexArray:
+        """Derivative of a solution V by p: i alpha V' = 1 - p V."""
+        slow = np.abs(self.alpha) < _SLOW * np.abs(self.p) ** 2
+        return np.where(slow, -V * V, (1.0 - self.p * V) / (1j * np.where(slow, 1.0, self.alpha)))
+
+    def by_rate(self, V: ComplexArray, by_p: ComplexArray) -> ComplexArray:
+        """Derivative of a solution V by alpha, i V''/2."""
+        slow = np.abs(self.alpha) < _SLOWLY * np.abs(self.p) ** 2
+        return np.where(slow, 1j * V**3, (V + self.p * by_p) / (-2.0 * np.where(slow, 1.0, self.alpha)))
+
+
+def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
+    """J with all that changes along each sweep, (batch, n).
+
+    V is ``lewis`` before resonance and ``quiet`` beyond it: neither rings there, and both change evenly from row to
+    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
+    taken to follow one that went on for ever.
+    """
+    way = np.sign(memory.alpha.reshape(-1, memory.alpha.shape[-1])[0])
+    sweep = np.asarray(drive.sweep)
+    order = np.lexsort((way * drive.omega, sweep))
+    memory = _Memory._make(part[..., order] for part in memory)
+    p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
+    first = np.diff(sweep[order], prepend=np.nan) != 0.0
+    last = _Memory._make(np.roll(part, 1, -1) for part in memory)
+    V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
+    by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
+    by_rate = memory.by_rate(V, by_p)
+    rate = 0.5 * (alpha + last.alpha)
+    time = np.abs((omega - np.roll(omega, 1)) / np.where(rate == 0.0, 1e-300, rate))
+    turned = 0.5 * (p + last.p) * time
+    decay = np.exp(-turned)
+    share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
+    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
+    decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))
+    motion = np.where(first, memory.lewis, V - before * decay - moved * share)
+    for step in 2 ** np.arange(int(len(order) - 1).bit_length()):  # each row reaches twice as far back
+        motion[..., step:] = motion[..., step:] + decay[..., step:] * motion[..., :-step]
+        decay[..., step:] = decay[..., step:] * decay[..., :-step]
+        decay[..., :step] = 0.0
+    unsorted = np.empty_like(motion)
+    unsorted[..., order] = motion
+    return unsorted
