@@ -17,7 +17,6 @@ import json
 import math
 import sys
 from dataclasses import dataclass, replace
-from functools import partial
 from time import process_time
 from typing import Any
 
@@ -86,13 +85,14 @@ def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
     from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
     from damping.infer.importance import more_draws  # noqa: PLC0415 - as above
-    from damping.infer.likelihood import log_posterior  # noqa: PLC0415 - as above
+    from damping.infer.likelihood import Balanced  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
-    density = partial(log_posterior, coordinates=coordinates, data=data)
-    draws, size = more_draws(density, start, wanted, SEED)
-    return Sampled(draws, size, f"{len(draws)} importance draws")
+    posterior = Balanced(coordinates, data)
+    begin = replace(start, draws=posterior.find_variables(start.draws))
+    draws, size = more_draws(posterior.log_density, begin, wanted, SEED)
+    return Sampled(posterior.find_points(draws), size, f"{len(draws)} importance draws")
 
 
 def chains(wanted: int) -> Sampled:
@@ -102,7 +102,7 @@ def chains(wanted: int) -> Sampled:
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
-    settings = Settings(walkers=256, tries=4, first=200, effective_size=wanted, kept=5000)
+    settings = Settings(walkers=256, tries=8, first=80, effective_size=wanted, kept=5000)
     found = sample(coordinates, data, start, lambda x: {}, SEED, settings)
     size = min(d.effective_size for d in found.diagnoses)
     return Sampled(

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
-from damping.gap.diagnose import Diagnosis, diagnose
+from damping.gap.diagnose import Diagnosis, conclude, explain
 from damping.gap.sweeping import simulated_force
+from damping.gap.weighing import Explanation, bound_probabilities
 from damping.predict.steady import phase_resonance
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -35,10 +36,14 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
     if not mode.damping:
         return ()
     try:
-        diagnosis = diagnose(record, mode)
+        explained = explain(record, mode)
     except AnalysisError:  # a record that no simulation can be compared with
         return ()
-    return describe_disagreement(loads, diagnosis)
+    most = bound_probabilities(explained.hypotheses, explained.setting.noise_known)
+    possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
+    if not any(_predict_outside(explanation, loads)[1].any() for explanation in possible):
+        return ()  # whatever is still to be said of their probabilities
+    return describe_disagreement(loads, conclude(explained))
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tuple[str, ...]:
@@ -57,9 +62,7 @@ def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]
     for explanation in diagnosis.hypotheses:
         if explanation.probability < ALIVE:
             break
-        corrected = corrected_mode(explanation.hypothesis.best, CATALOGUE)
-        amplitude = simulate_resonance(corrected, loads)
-        outside = (amplitude < band.low) | (amplitude > band.high)
+        amplitude, outside = _predict_outside(explanation, loads)
         if outside.any():
             at = int(outside.nonzero()[0][-1])
             cause = " and ".join(explanation.effects) or "no effect"
@@ -71,6 +74,12 @@ def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]
                 f" {amplitude[at]:.4g} {units.length}".rstrip(),
             )
     return ()
+
+
+def _predict_outside(explanation: Explanation, loads: Loads) -> tuple[FloatArray, BoolArray]:
+    """Amplitude of the simulation corrected by an explanation, and whether it leaves the band, (forces,) each."""
+    amplitude = simulate_resonance(corrected_mode(explanation.hypothesis.best, CATALOGUE), loads)
+    return amplitude, (amplitude < loads.average.low) | (amplitude > loads.average.high)
 
 
 def simulate_resonance(mode: Mode, loads: Loads) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -45,8 +46,9 @@ from damping.regression.design import list_required_columns, take_columns
 from damping.regression.program import regression
 from damping.regression.selecting import Choice
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
-from damping.signals.description import Description
-from damping.signals.reading import check_raw, condition_steps, describe, read_description
+
+if TYPE_CHECKING:
+    from damping.signals.description import Description
 
 #: Seed of everything sampled, that of the command line.
 SEED = 1970
@@ -305,11 +307,19 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         InputError: a description or a table that contradicts itself.
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
+    # the schema of a description takes a tenth of a second to load, which no other function needs
+    from damping.signals.reading import (  # noqa: PLC0415 - see above
+        check_raw,
+        condition_steps,
+        describe,
+        read_description,
+    )
+
     _check_kind(frame, pd.DataFrame, "table")
     if isinstance(description, str | Path):
         described = read_description(description)
     else:
-        described = description if isinstance(description, Description) else describe(description)
+        described = describe(description) if isinstance(description, Mapping) else description
     steps = condition_steps(check_raw(frame, described), described)
     name = described.title or "conditioned"
     return ConditionResult(Record(steps[-1].after, name), name, steps)

@@ -13,18 +13,20 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from damping.arrays import plain
-from damping.gap.corrected import EffectPosterior
-from damping.gap.diagnose import Diagnosis
-from damping.records.audit import Audit
-from damping.records.record import Record
 from damping.regression.printout import printout
-from damping.regression.program import Regression, regress_form, tabulate_terms
+from damping.regression.program import regress_form, tabulate_terms
 from damping.report import forms
-from damping.signals.chain import ConditioningStep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from damping.gap.corrected import EffectPosterior
+    from damping.gap.diagnose import Diagnosis
+    from damping.records.audit import Audit
+    from damping.records.record import Record
+    from damping.regression.program import Regression
+    from damping.signals.chain import ConditioningStep
 
 #: Rows of the ranking or of a record that a summary shows.
 MOST_SHOWN = 12

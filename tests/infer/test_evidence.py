@@ -7,10 +7,11 @@ import pytest
 from scipy.integrate import simpson
 
 from damping.errors import AnalysisError
-from damping.infer.evidence import brief_evidence, evidence, find_mode
-from damping.infer.importance import fill_cube
+from damping.infer.best_fit import fit_law
+from damping.infer.evidence import STILL, brief_evidence, evidence, find_mode, start_at
+from damping.infer.importance import FULL_DRAWS, fill_cube
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import log_posterior
+from damping.infer.likelihood import Balanced, log_posterior
 from damping.infer.observations import Observations
 
 
@@ -50,9 +51,27 @@ def test_two_forces_against_prior_sampling(saturn):
 def test_mode_is_a_maximum(saturn):
     data = saturn("config-2-mode-2")
     c = undoubted(Law(("viscous", "quadratic-displacement")), data)
-    mode, _ = find_mode(c, data)
-    around = mode + 1e-2 * np.random.default_rng(1).standard_normal((200, c.dimension))
-    assert log_posterior(mode, c, data)[0] >= log_posterior(around, c, data).max()
+    posterior = Balanced(c, data)
+    mode, _ = find_mode(posterior, start_at(fit_law(c.law, data), c))
+    around = mode + 0.2 * np.random.default_rng(1).standard_normal((200, c.dimension))
+    # the search ends where a step gains less than STILL
+    assert posterior.log_density(mode[None])[0] >= posterior.log_density(around).max() - STILL
+
+
+def test_balanced_variables_have_the_same_density(saturn):
+    """p(z) = p(x) |dx/dz|, the Jacobian by central differences; and the way there is the way back."""
+    data = saturn("config-2-mode-2")
+    c = Coordinates.of(Law(("viscous", "coulomb", "slip")), data)
+    posterior = Balanced(c, data)
+    z = 0.5 * np.random.default_rng(2).standard_normal((20, c.dimension))
+    x, step = posterior.find_points(z), 1e-5 * np.eye(c.dimension)
+    np.testing.assert_allclose(posterior.find_variables(x), z, rtol=0.0, atol=1e-12)  # rounding
+    slopes = [(posterior.find_points(z + h) - posterior.find_points(z - h)) / 2e-5 for h in step]
+    jacobian = np.abs(np.linalg.det(np.stack(slopes, axis=-1)))
+    # differences of 1e-5 err by rounding, 1e-11
+    np.testing.assert_allclose(
+        posterior.log_density(z), log_posterior(x, c, data) + np.log(jacobian), rtol=0.0, atol=1e-8
+    )
 
 
 def test_an_impossible_law_says_so(saturn):
@@ -72,12 +91,12 @@ def test_a_seed_gives_the_same_digits(saturn):
 def test_fewer_draws_give_the_same_within_their_error(saturn):
     data = saturn("config-2-mode-1")
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
-    brief, full = brief_evidence(c, data), evidence(c, data, seed=5)
+    brief, full = brief_evidence(c, data), evidence(c, data, seed=5, wanted=4.0 * FULL_DRAWS)
     assert len(brief.draws) < len(full.draws)
     assert abs(brief.log_z - full.log_z) < 5.0 * np.hypot(brief.standard_error, full.standard_error)
 
 
 def test_points_fill_the_cube_evenly():
     """Means over 2^10 points are ten times closer to a half than the deviation of as many random ones, .009."""
-    points = fill_cube(6, 10, seed=3)
+    points = fill_cube(6, 1024, np.random.default_rng(3))
     np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.0009)

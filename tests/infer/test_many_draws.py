@@ -19,7 +19,7 @@ def test_draws_are_worth_what_is_wanted():
     start = importance(normal, np.array([1.0, -0.5]), np.array([[0.09, 0.018], [0.018, 0.01]]))
     x, worth = more_draws(normal, start, 20_000, seed=3)
     assert 20_000 <= worth <= len(x)
-    # 4 standard errors of 20 000 independent draws; Sobol points err less
+    # 4 standard errors of 20 000 independent draws; points that fill space err less
     error = 4.0 / np.sqrt(20_000)
     np.testing.assert_allclose(x.mean(axis=0), [1.0, -0.5], rtol=0.0, atol=error * 0.3)
     np.testing.assert_allclose(x.std(axis=0), [0.3, 0.1], rtol=error, atol=0.0)

@@ -92,7 +92,7 @@ def test_importance_of_a_known_density() -> None:
             [np.log(a) - 0.5 * np.sum((x - m) ** 2, axis=1) / s**2 - np.log(2 * np.pi * s**2) for a, m, s in parts]
         )
 
-    found = importance(density, np.zeros(2), 0.04 * np.eye(2), seed=3)
+    found = importance(density, np.zeros(2), 0.04 * np.eye(2), seed=3, wanted=2500.0)
     assert abs(found.log_z - np.log(4.0)) < 5.0 * found.standard_error
     assert found.standard_error < 0.02
     share = np.mean(found.draws[:, 0] > 0.75)

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import kurtosis, norm
 
-from damping.infer.chains import ChainStart, Target, run, sample
+from damping.infer.chains import Target, run, sample
 from damping.infer.evidence import evidence
 from damping.infer.importance import importance
 from damping.infer.law import Coordinates, Law
@@ -94,7 +94,7 @@ def test_closed_form(law, saturn):
     mean, covariance, log_density = conjugate(columns, log_A - known, 0.02)
     names = ["-ln c omega", "1/p"][: len(mean)]
     start = importance(log_density, np.zeros(len(mean)), np.eye(len(mean)))
-    found = chains_of(log_density, len(mean), ChainStart(start.draws, start.proposal), names, seed=1)
+    found = chains_of(log_density, len(mean), start, names, seed=1)
     truth = {n: exact(m, s) for n, m, s in zip(names, mean, np.sqrt(np.diag(covariance)), strict=True)}
     assert largest_difference(found, truth) < LARGEST
 
@@ -166,7 +166,7 @@ def test_a_wrong_target_fails(wrong, nested):
     c, data, other, _, _ = nested
     start = evidence(c, data)
     target = Target(partial(wrong, c=c, data=data), c.dimension, c.parameters)
-    found = run(target, ChainStart(start.draws, start.proposal), lambda x: {}, seed=5)
+    found = run(target, start, lambda x: {}, seed=5)
     assert found.converged, found.failure
     values = c.parameters(found.x)
     assert largest_difference({n: of_chains(v) for n, v in values.items()}, other) > 2.0 * LARGEST

@@ -23,11 +23,11 @@ from functools import partial
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from damping.arrays import FloatArray
-from damping.infer.chains import Chains, ChainStart, Settings, Target, run
-from damping.infer.importance import Evidence, fill_cube, importance
+from damping.infer.chains import Chains, Settings, Target, run
+from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
 
@@ -49,7 +49,7 @@ LAG_SD = 0.1
 VARIABLES = ("omega_p", "omega_y", "theta", "M", "xi", "sigma")
 
 #: Prior points looked at, as a power of 2: 2048 leave no peak of the posterior unseen.
-_STARTS_POWER = 11
+_STARTING_POINTS = 2048
 #: Prior points followed down to their mode, the best ones.
 _STARTS = 4
 _STEP = 1e-5  # of a standard normal variable, in difference quotients
@@ -167,7 +167,7 @@ def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidenc
 
 def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
     """The best of several quasi-Newton descents from prior points."""
-    points = np.clip(ndtri(fill_cube(prior.dimension, _STARTS_POWER, seed=0)), -3.0, 3.0)
+    points = np.clip(np.random.default_rng(0).standard_normal((_STARTING_POINTS, prior.dimension)), -3.0, 3.0)
     best = np.argsort(-log_posterior(points, prior, data), kind="stable")[:_STARTS]
 
     def value_and_gradient(x: FloatArray) -> tuple[float, FloatArray]:
@@ -185,5 +185,5 @@ def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Set
     """Sample the planar oscillator until every parameter is known (see ``chains.Settings``)."""
     evidence = planar_evidence(prior, data, seed)
     target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
-    chains = run(target, ChainStart(evidence.draws, evidence.proposal), lambda x: {}, seed, settings)
+    chains = run(target, evidence, lambda x: {}, seed, settings)
     return PlanarPosterior(prior, chains, evidence)

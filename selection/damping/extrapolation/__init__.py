@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -60,6 +59,8 @@ class Extrapolation:
     Attributes:
         plan: laws and weights. members: the laws that take part, with draws. loads: predictions at the forces asked.
         mode: of the structure, None where nothing of it is known. seed: of everything drawn.
+        levels: further levels that are tried, then the design force, the largest one asked for and allowed; or none.
+        spreads: draws of each member at the forces asked for, then at ``levels``.
     """
 
     plan: Plan
@@ -67,34 +68,25 @@ class Extrapolation:
     loads: Loads
     mode: Mode | None
     seed: int
-
-    @cached_property
-    def _levels(self) -> FloatArray:
-        """Further levels that are tried, and the design force: the largest force asked for and allowed; or none."""
-        design, tested = min(float(self.loads.force.max()), self.plan.limit), self.plan.data.tested_force
-        return np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
-
-    @cached_property
-    def _spreads(self) -> list[Spread]:
-        """Draws at the forces asked for, then at ``_levels``."""
-        force = np.concatenate([self.loads.force, self._levels])
-        return draw_spreads(self.members, force, self.plan.data, _repeatability(self.mode), self.seed)
+    levels: FloatArray
+    spreads: tuple[Spread, ...]
 
     def predict_at(self, forces: np.ndarray) -> Loads:
         """Predictions at other forces (forces,), of the same draws."""
-        return _predict(self.plan, self.members, forces, self.loads.level, self.seed, self.mode)
+        plan, repeatability = self.plan, _repeatability(self.mode)
+        return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability)
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
-        spreads = [s.at(slice(len(self.loads.force))) for s in self._spreads]
+        spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
         return vary_priors(self.members, spreads, self.loads.force, self.loads.level, self.seed)
 
     def choose_next_level(self) -> NextLevel | None:
         """The further level that would most shrink the band at the largest force asked for; None within the test."""
-        if not self._levels.size:
+        if not self.levels.size:
             return None
-        spreads = [s.at(slice(len(self.loads.force), None)) for s in self._spreads]
-        *tried, design = self._levels
+        spreads = [s.at(slice(len(self.loads.force), None)) for s in self.spreads]
+        *tried, design = self.levels
         return choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level, self.seed)
 
 
@@ -138,7 +130,12 @@ def extrapolate_loads(
             (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws
         )
         members = _list_sampled(posteriors, done)
-    return Extrapolation(plan, members, _predict(plan, members, asked, level, seed, mode), mode, seed)
+    design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
+    levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
+    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed)
+    at_asked = [spread.at(slice(len(asked))) for spread in spreads]
+    loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
+    return Extrapolation(plan, members, loads, mode, seed, levels, tuple(spreads))
 
 
 #: What is asked, as messages name it.
@@ -192,12 +189,6 @@ def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, s
         return None, said + "left out"
     said += f"importance draws worth {law.evidence.effective_draws:.0f} are used"
     return replace(instead, cautions=(said,)), said
-
-
-def _predict(
-    plan: Plan, members: Sequence[Member], forces: np.ndarray, level: float, seed: int, mode: Mode | None
-) -> Loads:
-    return predict(members, forces, plan.data, level, seed, plan, _repeatability(mode))
 
 
 def _repeatability(mode: Mode | None) -> float:

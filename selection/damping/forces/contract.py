@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import ClassVar, NoReturn
 
 import numpy as np
@@ -181,7 +183,13 @@ def absolute(x: Floats) -> Floats:
 
 def ones(*arrays: Floats) -> FloatArray:
     """Ones of the broadcast shape of ``arrays``."""
-    return np.ones(np.broadcast_shapes(*(np.shape(array) for array in arrays)))
+    shapes = [np.shape(array) for array in arrays]
+    return np.ones(shapes[0] if len(shapes) == 1 else np.broadcast_shapes(*shapes))
+
+
+def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:
+    """Their sum, zeros of the shape of A and omega where there are none."""
+    return reduce(add, values) if values else zeros(A, omega)
 
 
 @dataclass(frozen=True)
@@ -212,11 +220,11 @@ class Sum(Force):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""
-        return sum((force.quadrature(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.quadrature(A, omega) for force in self.forces], A, omega)
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dC/d ln A."""
-        return sum((force.slope(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.slope(A, omega) for force in self.forces], A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """Sum of the parts' g."""
@@ -253,11 +261,11 @@ class Sum(Force):
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' S."""
-        return sum((force.in_phase(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.in_phase(A, omega) for force in self.forces], A, omega)
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dS/d ln A."""
-        return sum((force.in_phase_slope(A, omega) for force in self.forces), start=zeros(A, omega))
+        return _add([force.in_phase_slope(A, omega) for force in self.forces], A, omega)
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:

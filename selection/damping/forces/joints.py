@@ -78,18 +78,19 @@ class Slip(Force):
         Psi is the part of a half cycle that the joint sticks: pi while it never slips. dC/d ln A = 4 k A1^2/(pi A)
         above A1, dS/d ln A = S - (4/pi) k A1 sin psi.
         """
-        slipping = np.maximum(A, self.limit)
-        held = self.limit / slipping
+        held = self._held(A)
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
-        saturation = (4.0 / pi) * self.stiffness * self.limit
-        C = saturation * (1.0 - held) * ones(omega)
         S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
-        return C, saturation * held * (self.limit < A), S, S - saturation * sine
+        return self.quadrature(A, omega), self.slope(A, omega), S, S - self.scale(A, omega) * sine
+
+    def _held(self, A: Floats) -> Floats:
+        """A1/A, 1 while the joint sticks."""
+        return self.limit / np.maximum(A, self.limit)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C: see `averages`."""
-        return self.averages(A, omega)[0]
+        return self.scale(A, omega) * (1.0 - self._held(A)) * ones(omega)
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
@@ -97,7 +98,7 @@ class Slip(Force):
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """dC/d ln A: see `averages`."""
-        return self.averages(A, omega)[1] * ones(omega)
+        return self.scale(A, omega) * self._held(A) * (self.limit < A) * ones(omega)
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """S: see `averages`."""

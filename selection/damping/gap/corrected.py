@@ -20,7 +20,7 @@ from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
 from damping.gap.model import Part
 from damping.gap.simulation import within_tolerance
-from damping.infer.chains import Chains, ChainStart, Target, run
+from damping.infer.chains import Chains, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
@@ -154,7 +154,7 @@ def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     k = leading.model.size
     start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
     target = Target(density, k, partial(parameters, leading))
-    chains = run(target, ChainStart(start.draws, start.proposal), lambda x: {}, seed)
+    chains = run(target, start, lambda x: {}, seed)
     values = parameters(leading, chains.x.reshape(-1, k))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)

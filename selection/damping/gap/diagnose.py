@@ -140,13 +140,50 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
+    return conclude(explain(record, mode, effects, states, simulate))
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What effects can explain of a gap, before anything is said of it.
+
+    Attributes:
+        record, mode: what is compared. setting: with the noise that was found. search: finished. hypotheses: weighed.
+        library: effects that were tried. cautions: what the record cannot say.
+    """
+
+    record: Record
+    mode: Mode
+    setting: Setting
+    search: Search
+    hypotheses: tuple[Explanation, ...]
+    library: Mapping[str, Effect]
+    cautions: tuple[str, ...]
+
+
+@np.errstate(all="ignore")  # as above
+def explain(
+    record: Record,
+    mode: Mode,
+    effects: Mapping[str, Effect] | None = None,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+) -> Explained:
+    """Fit and weigh every hypothesis; arguments and errors as of `diagnose`."""
     refuse_rows([(record, mode), *states])
     start = setting(record, mode, states, simulate)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     known, search = search_hypotheses(start, library)
-    hypotheses = weigh_hypotheses(search.ranked())
+    return Explained(record, mode, known, search, weigh_hypotheses(search.ranked()), library, tuple(cautions))
+
+
+@np.errstate(all="ignore")  # as above
+def conclude(explained: Explained) -> Diagnosis:
+    """What is to be said of a gap: doubts, levels held out, places, trends."""
+    record, mode, known, search = explained.record, explained.mode, explained.setting, explained.search
+    library, hypotheses = explained.library, explained.hypotheses
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
     held_out = hold_levels_out(known, search, leading.best)
@@ -155,7 +192,7 @@ def diagnose(
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
     in_library = estimate_in_library(describe_doubts(tests, leading, gap, held_out), leading, known.dispersion)
     hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
-    cautions += levels + list_ends(leading.best) + describe_held_out(leading, gap, held_out)
+    cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
     return Diagnosis(

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, softmax
 
 from damping.arrays import FloatArray
 from damping.effects.contract import Effect
@@ -58,17 +58,22 @@ def blend_probabilities(
     hypotheses: tuple[Explanation, ...], in_library: float, noise_known: bool
 ) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
-    logarithms = np.array([hypothesis.hypothesis.log_posterior for hypothesis in hypotheses])
-
-    def tempered(temperature: float) -> FloatArray:
-        weights = np.exp((logarithms - logarithms.max()) / temperature)
-        return np.asarray(weights / weights.sum())
-
     doubt = max(1.0 - in_library / float(expit(IN_LIBRARY)), 0.0)  # beyond that of an effect that leaves noise only
-    p = (1.0 - doubt) * tempered(TEMPERATURE if noise_known else TEMPERATURE_UNSTATED) + doubt * tempered(
-        TEMPERATURE_OUTSIDE
-    )
+    inside, outside = _temper(hypotheses, noise_known)
+    p = (1.0 - doubt) * inside + doubt * outside
     return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
+
+
+def bound_probabilities(hypotheses: tuple[Explanation, ...], noise_known: bool) -> FloatArray:
+    """The most that `blend_probabilities` can make of each, however likely the cause is in the library."""
+    return np.maximum(*_temper(hypotheses, noise_known))
+
+
+def _temper(hypotheses: tuple[Explanation, ...], noise_known: bool) -> tuple[FloatArray, FloatArray]:
+    """Probabilities if the cause is in the library, and if it is not."""
+    logarithms = np.array([hypothesis.hypothesis.log_posterior for hypothesis in hypotheses])
+    inside = softmax(logarithms / (TEMPERATURE if noise_known else TEMPERATURE_UNSTATED))
+    return inside, softmax(logarithms / TEMPERATURE_OUTSIDE)
 
 
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more

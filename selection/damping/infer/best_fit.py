@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -30,8 +31,9 @@ from damping.infer.observations import Observations
 REWEIGHTINGS = 12
 #: Share of the force below which a coefficient is rounding.
 NOTHING = 1e-12
-#: Relative change of the sum of squares at which reweighting stops.
+#: Relative change of the sum of squares at which reweighting stops, at the end and while shapes are searched.
 STEADY = 1e-12
+SEARCHED = 1e-7
 #: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
 SHARE_RANGE = (0.02, 0.98)
 LARGEST_SCORE = 3.0
@@ -127,24 +129,27 @@ def fit_law(law: Law, data: Observations) -> BestFit:
     return fit
 
 
-def fit_laws(laws: Sequence[Law], data: Observations) -> list[BestFit | AnalysisError]:
-    """The best fit of each law, or why there is none: a part of it is never met at the tested amplitudes.
+def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | AnalysisError]:
+    """The best fit of each law to each record, or why there is none: a part is never met at the tested amplitudes.
 
-    Laws with as many terms and shapes are searched together; without dimension, so that units cannot move a fit.
+    All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
+    together; without dimension, so that units cannot move a fit.
     """
-    scaled = data.scaled()
-    groups: dict[tuple[int, int], list[int]] = {}
-    for i, law in enumerate(laws):
-        groups.setdefault((len(law.parts), len(law.free_shapes)), []).append(i)
+    problems = [(Coordinates.of(law, scaled), scaled) for scaled in (r.scaled() for r in records) for law in laws]
+    groups: dict[tuple[int, int, int], list[int]] = {}
+    for i, (pure, scaled) in enumerate(problems):
+        groups.setdefault((len(pure.law.parts), len(pure.law.free_shapes), len(scaled.A)), []).append(i)
     fits: dict[int, BestFit | AnalysisError] = {}
     for members in groups.values():
-        pure = [Coordinates.of(laws[i], scaled) for i in members]
-        for i, one, searched in zip(members, pure, _search_shapes(pure, scaled), strict=True):
-            never = AnalysisError(f"{laws[i].name}: a part of it is never met at the tested amplitudes")
-            fits[i] = _restore_units(one, searched, data) if searched else never
-    return [fits[i] for i in range(len(laws))]
+        for i, searched in zip(members, _search_shapes([problems[i] for i in members]), strict=True):
+            pure, record = problems[i][0], records[i // len(laws)]
+            never = AnalysisError(f"{pure.law.name}: a part of it is never met at the tested amplitudes")
+            fits[i] = _restore_units(pure, searched, record) if searched else never
+    return [fits[i] for i in range(len(problems))]
 
 
+#: A law and a record, both without dimension.
+Problem = tuple[Coordinates, Observations]
 #: Shapes of a best fit as standard normal variables (shapes,), its coefficients (parts,), and the squares it leaves.
 Searched = tuple[FloatArray, FloatArray, float]
 
@@ -170,18 +175,18 @@ def _place(points: FloatArray, coordinates: Coordinates) -> FloatArray:
     return x
 
 
-def _search_shapes(laws: Sequence[Coordinates], data: Observations) -> list[Searched | None]:
-    """The shapes of least squares of laws with as many terms and shapes; None of a law with a part that is never met.
+def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
+    """The shapes of least squares of laws with as many terms, shapes and rows; None of one with a part never met.
 
     The best of a grid over the prior; then grids around the best, each a neighbour's distance wide.
     """
-    free = len(laws[0].law.free_shapes)
-    axes = {i: [ndtri(SHAPE_GRID)] * free for i in range(len(laws))}
+    free = len(problems[0][0].law.free_shapes)
+    axes = {i: [ndtri(SHAPE_GRID)] * free for i in range(len(problems))}
     best: dict[int, Searched | None] = {}
     low, high = ndtri(EXTREME[0]), ndtri(EXTREME[1])
     while axes:
         points = {i: np.array(list(product(*axis)), dtype=float) for i, axis in axes.items()}
-        for i, (solved, squares) in _solve_all(points, laws, data).items():
+        for i, (solved, squares) in _solve_all(points, problems, STEADY if not free else SEARCHED).items():
             k, before = int(np.argmin(squares)), best.get(i)
             if np.isnan(squares).any():
                 best[i] = None
@@ -194,23 +199,49 @@ def _search_shapes(laws: Sequence[Coordinates], data: Observations) -> list[Sear
             axes[i] = [np.linspace(start, end, REFINED_POINTS) for start, end in spans]
             if all(end - start < SHAPE_STEP for start, end in spans):
                 del axes[i]
-    return [best[i] for i in range(len(laws))]
+    ends = {i: searched[0][None] for i, searched in best.items() if searched is not None}
+    if free and ends:
+        for i, (solved, squares) in _solve_all(ends, problems, STEADY).items():
+            best[i] = ends[i][0], solved[0], float(squares[0])
+    return [best[i] for i in range(len(problems))]
 
 
 def _solve_all(
-    points: dict[int, FloatArray], laws: Sequence[Coordinates], data: Observations
+    points: dict[int, FloatArray], problems: Sequence[Problem], steady: float
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
     """Coefficients >= 0 (points, parts) and the squares left (points,) of each law at its points (points, shapes)."""
-    most = max(1, MOST // (len(data.A) * max(len(x) for x in points.values())))
+    most = max(1, MOST // (len(problems[0][1].A) * max(len(x) for x in points.values())))
     solved: dict[int, tuple[FloatArray, FloatArray]] = {}
     for first in range(0, len(points), most):
         some = list(points)[first : first + most]
-        units = [_tabulate_units(points[i], laws[i], data) for i in some]
+        units = [_tabulate_units(points[i], *problems[i]) for i in some]
         columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
-        ends = np.cumsum([len(points[i]) for i in some])[:-1]
-        carried, squares = _solve(columns, slopes, data)
+        number = [len(points[i]) for i in some]
+        by_name = zip(*(_Rows.of(problems[i][1]) for i in some), strict=True)
+        rows = _Rows(*(np.repeat(own, number, axis=0) for own in by_name))
+        carried, squares = _solve(columns, slopes, rows, steady)
+        ends = np.cumsum(number)[:-1]
         solved |= dict(zip(some, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
     return solved
+
+
+class _Rows(NamedTuple):
+    """D, R^2, and the known variance of D - C, constant and over g^2: (rows,) of a record, (k, rows) of problems."""
+
+    D: FloatArray
+    across: FloatArray
+    known: FloatArray
+    of_growth: FloatArray
+
+    @classmethod
+    def of(cls, data: Observations) -> _Rows:
+        known = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
+        return cls(data.D, data.R**2, known, data.sd_amplitude**2)
+
+    def find_variance(self, g: FloatArray) -> FloatArray:
+        """Variance of D - C: circular scatter of the phasor, and the record's own uncertainties."""
+        spread = np.maximum(g**2 + self.across, 1e-12 * self.D**2)
+        return np.asarray(SCATTER_MEDIAN**2 * spread + g**2 * self.of_growth + self.known)
 
 
 def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[float, float]:
@@ -219,7 +250,7 @@ def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[floa
     return float(below[-1] if below.size else low), float(above[0] if above.size else high)
 
 
-def _solve(columns: FloatArray, slopes: FloatArray, data: Observations) -> tuple[FloatArray, FloatArray]:
+def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) -> tuple[FloatArray, FloatArray]:
     """Coefficients >= 0 (k, parts) on columns C and dC/d ln A (k, rows, parts), and the squares they leave (k,).
 
     A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients; NaN: a
@@ -230,16 +261,16 @@ def _solve(columns: FloatArray, slopes: FloatArray, data: Observations) -> tuple
     scale = np.where(met, scale, 1.0)
     columns = np.where(met[:, None, :], columns / scale[:, None, :], 1.0)  # so that equations can be solved
     slopes = slopes / scale[:, None, :]
-    g = np.broadcast_to(np.abs(data.D), columns.shape[:2])
+    g = np.abs(rows.D)
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     for _ in range(REWEIGHTINGS):
-        weight = 1.0 / np.sqrt(_variance(g, data))
-        carried = solve_nonnegative(columns * weight[:, :, None], data.D * weight)
+        weight = 1.0 / np.sqrt(rows.find_variance(g))
+        carried = solve_nonnegative(columns * weight[:, :, None], rows.D * weight)
         carried[carried < NOTHING * carried.max(axis=1, keepdims=True)] = 0.0
         g = np.einsum("kij,kj->ki", slopes, carried)
-        left = data.D - np.einsum("kij,kj->ki", columns, carried)
-        previous, squares = squares, np.sum(left**2 / _variance(g, data), axis=1)
-        if np.all((np.abs(squares - previous) <= STEADY * squares) | ~np.isfinite(squares)):
+        left = rows.D - np.einsum("kij,kj->ki", columns, carried)
+        previous, squares = squares, np.sum(left**2 / rows.find_variance(g), axis=1)
+        if np.all((np.abs(squares - previous) <= steady * squares) | ~np.isfinite(squares)):
             break
     squares = np.where(np.isfinite(squares), squares, np.inf)
     return carried / scale, np.where(met.all(axis=1), squares, np.nan)
@@ -286,10 +317,3 @@ def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
             best[better] = 0.0
             best[np.flatnonzero(better)[:, None], among] = fit[better]
     return best
-
-
-def _variance(g: FloatArray, data: Observations) -> FloatArray:
-    """Variance of D - C of each row: circular scatter of the phasor, and the record's own uncertainties."""
-    spread = g**2 + data.R**2
-    known = g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-    return np.asarray(SCATTER_MEDIAN**2 * np.maximum(spread, 1e-12 * data.D**2) + known)

@@ -13,18 +13,16 @@ says so (``converged`` is False) and nothing uses it silently.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.infer.diagnostics import Convergence, assess_convergence
-from damping.infer.evidence import Evidence
-from damping.infer.importance import Proposal
+from damping.infer.importance import Evidence, Proposal
 from damping.infer.law import Coordinates
-from damping.infer.likelihood import log_posterior
+from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 
 if TYPE_CHECKING:
@@ -73,14 +71,6 @@ class Target:
     log_density: Callable[[FloatArray], FloatArray]
     dimension: int
     parameters: Quantities
-
-
-@dataclass(frozen=True)
-class ChainStart:
-    """What is known of the posterior before: ``draws`` (n, dimension), and a ``proposal`` close to it."""
-
-    draws: FloatArray
-    proposal: Proposal
 
 
 @dataclass(frozen=True)
@@ -157,21 +147,27 @@ def sample(
     """Sample a damping law. Arguments as in ``run``.
 
     Args:
-        start: weighted draws near the posterior, on which the walkers begin, and the proposal adapted to them.
+        start: draws of the posterior, on which the walkers begin and which the proposal is fitted to.
         quantities: what must have converged beside the law's parameters.
     """
-    density = partial(log_posterior, coordinates=coordinates, data=data)
-    target = Target(density, coordinates.dimension, coordinates.parameters)
-    chains = run(target, ChainStart(start.draws, start.proposal), quantities, seed, settings)
-    return Posterior(coordinates, log_z=start.log_z, **vars(chains))
+    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+
+    def inform(z: FloatArray) -> Mapping[str, FloatArray]:
+        x = posterior.find_points(z)
+        return {**coordinates.parameters(x), **quantities(x)}
+
+    target = Target(posterior.log_density, coordinates.dimension, inform)
+    begin = replace(start, draws=posterior.find_variables(start.draws))
+    chains = run(target, begin, lambda z: {}, seed, settings)
+    x = posterior.find_points(chains.x.reshape(-1, coordinates.dimension)).reshape(chains.x.shape)
+    return Posterior(coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 
 
-def run(
-    target: Target, start: ChainStart, quantities: Quantities, seed: int, settings: Settings | None = None
-) -> Chains:
+def run(target: Target, start: Evidence, quantities: Quantities, seed: int, settings: Settings | None = None) -> Chains:
     """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:
+        start: draws of the density, on which the walkers begin and which the proposal is fitted to.
         quantities: what must have converged beside the parameters themselves.
         seed: of the moves and of the choice of starting points.
     """

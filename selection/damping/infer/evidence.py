@@ -11,14 +11,13 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.special import ndtri
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_law
-from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, fill_cube, importance
+from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, importance
 from damping.infer.law import Coordinates
-from damping.infer.likelihood import log_posterior
+from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations, round_bits
 
 #: First step of a difference quotient, and the least and largest: of a standard normal variable.
@@ -28,13 +27,13 @@ STEP_RANGE = (1e-5, 1e-2)
 STEP_PER_SD = 0.3
 #: Shares of a Newton step, tried at once.
 STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
-#: Newton steps at most, and the gain of log density below which the mode is reached.
+#: Newton steps at most, and the gain of log density below which the mode is reached: draws only begin there.
 MOST_STEPS = 20
-STILL = 1e-6
+STILL = 1e-2
 #: Binary digits of the point where the search begins, so that rounding in other units does not move it.
 START_BITS = 24
-#: Prior points (a power of two) of which the best begins the search where the best fit lies out of the prior's range.
-STARTS_POWER = 9
+#: Prior points of which the best begins the search where the best fit lies out of the prior's range.
+STARTS = 512
 #: Stands for an impossible law in the search, which needs finite numbers.
 BARRIER = 1e8
 
@@ -46,7 +45,7 @@ Estimate = Callable[..., Evidence]
 def evidence(
     coordinates: Coordinates, data: Observations, seed: int = 0, fit: BestFit | None = None, wanted: float = FULL_DRAWS
 ) -> Evidence:
-    """Marginal likelihood of a law, with weighted draws of its posterior.
+    """Marginal likelihood of a law, with weighted draws of its posterior; the proposal is over balanced variables.
 
     Args:
         fit: the law's best fit on these observations, where it is known. wanted: effective draws, by default enough
@@ -56,10 +55,9 @@ def evidence(
         AnalysisError: the law cannot carry the measured forces.
     """
     start = start_at(fit or fit_law(coordinates.law, data), coordinates)
-    coordinates, data = coordinates.scaled(data.reference), data.scaled()
-    mode, covariance = find_mode(coordinates, data, start)
-    density = partial(log_posterior, coordinates=coordinates, data=data)
-    return importance(density, mode, covariance, seed, wanted=wanted)
+    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    drawn = importance(posterior.log_density, *find_mode(posterior, start), seed, wanted=wanted)
+    return replace(drawn, draws=posterior.find_points(drawn.draws))
 
 
 #: The same of few draws: for fleets, and for a first look at which laws matter.
@@ -73,32 +71,30 @@ def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
     return round_bits(replace(fit, coordinates=coordinates).variables, START_BITS)
 
 
-def find_mode(
-    coordinates: Coordinates, data: Observations, start: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Posterior mode in the standard normal variables (d,), and the inverse Hessian (d, d), no wider than the prior.
+def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mode over the balanced variables (d,), and the inverse Hessian (d, d), no wider than the prior.
 
     Args:
-        start: where the search begins, by default at the best fit.
+        start: x where the search begins.
 
     Raises:
         AnalysisError: the law cannot carry the measured forces at any parameter value tried.
     """
-    negative = negative_log_posterior(coordinates, data)
-    x = start_at(fit_law(coordinates.law, data), coordinates) if start is None else start
-    if not negative(x[None, :])[0] < BARRIER:
-        points = np.asarray(ndtri(fill_cube(coordinates.dimension, STARTS_POWER, 0)))
-        x = points[np.argmin(negative(points))]
-    if not negative(x[None, :])[0] < BARRIER:
-        raise AnalysisError(f"{coordinates.law.name}: no coefficient makes it carry the measured forces")
-    return descend(x, negative)
+    negative = make_negative(posterior.log_density)
+    z = posterior.find_variables(start[None])[0]
+    if not negative(z[None, :])[0] < BARRIER:
+        points = np.random.default_rng(0).standard_normal((STARTS, start.size))
+        z = points[np.argmin(negative(points))]
+    if not negative(z[None, :])[0] < BARRIER:
+        raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
+    return descend(z, negative)
 
 
-def negative_log_posterior(coordinates: Coordinates, data: Observations) -> Negative:
-    """Minus the log posterior, a large finite number where the law is impossible."""
+def make_negative(log_density: Negative) -> Negative:
+    """Minus a log density, a large finite number where it is -inf."""
 
     def negative(x: FloatArray) -> FloatArray:
-        value = -log_posterior(x, coordinates, data)
+        value = -log_density(x)
         return np.where(np.isfinite(value), value, BARRIER + np.sum(x**2, axis=-1))
 
     return negative
@@ -115,7 +111,7 @@ def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
         if not values[best] < value - STILL:
             break
         x = tried[best]
-    return x, expand(x, negative, widths)[2]
+    return x, covariance
 
 
 def expand(x: FloatArray, negative: Negative, widths: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:

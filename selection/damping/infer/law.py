@@ -144,15 +144,18 @@ class Coordinates:
             result.append(values)
         return result
 
-    def coefficients(self, x: FloatArray) -> list[FloatArray]:
-        """Leading coefficient of each component (stiffness of a slip joint), in the units of the record."""
+    def find_parts(self, x: FloatArray) -> list[tuple[Component, FloatArray, dict[str, FloatArray]]]:
+        """Each component, its leading coefficient in the units of the record (stiffness of a slip joint) and shapes."""
         amplitude, omega, force = self.reference
-        total = force * np.exp(TOTAL_LOG_SD * x[..., 0])
-        shares = self.shares(x)
+        total, shares = force * np.exp(TOTAL_LOG_SD * x[..., 0]), self.shares(x)
         return [
-            shares[..., i] * total / part.build(1.0, **shapes).scale(amplitude, omega)
+            (part, shares[..., i] * total / part.build(1.0, **shapes).scale(amplitude, omega), shapes)
             for i, (part, shapes) in enumerate(zip(self.law.parts, self.shapes(x), strict=True))
         ]
+
+    def coefficients(self, x: FloatArray) -> list[FloatArray]:
+        """Leading coefficient of each component."""
+        return [coefficient for _, coefficient, _ in self.find_parts(x)]
 
     def force(self, x: FloatArray) -> Sum:
         """The damping force of the law; its parameters have shape (..., 1) so that they broadcast with rows."""
@@ -160,7 +163,7 @@ class Coordinates:
         return Sum(
             tuple(
                 part.build(column(c), **{name: column(value) for name, value in shapes.items()})
-                for part, c, shapes in zip(self.law.parts, self.coefficients(x), self.shapes(x), strict=True)
+                for part, c, shapes in self.find_parts(x)
             )
         )
 
@@ -190,7 +193,7 @@ class Coordinates:
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""
         values: dict[str, FloatArray] = {}
-        for part, coefficient, shapes in zip(self.law.parts, self.coefficients(x), self.shapes(x), strict=True):
+        for part, coefficient, shapes in self.find_parts(x):
             values[part.name] = coefficient
             values |= {f"{part.name} {name}": value for name, value in shapes.items()}
         row, level = self.scatter(x)

@@ -17,13 +17,15 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import stray_covariance
-from damping.infer.law import Coordinates
+from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates
 from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
@@ -39,9 +41,19 @@ _FEW = 32
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
     """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
+    return _residuals(*_averages(force, data), data)
+
+
+def _averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
+    """C and what it grows with amplitude at each row, (..., rows) each."""
     with np.errstate(all="ignore"):
-        C = force.quadrature(data.A, data.omega)
-        grown = C if data.amplitude_is_input else force.slope(data.A, data.omega)
+        C = np.asarray(force.quadrature(data.A, data.omega))
+        return C, C if data.amplitude_is_input else np.asarray(force.slope(data.A, data.omega))
+
+
+def _residuals(C: FloatArray, grown: FloatArray, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """As `residuals`, of averages."""
+    with np.errstate(all="ignore"):
         g = grown * np.minimum(1.0, np.abs(data.D / C))
         spread = g**2 + data.R**2
         n = (data.D - C) / np.sqrt(spread)
@@ -64,7 +76,14 @@ def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int
 
 def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     force = coordinates.force(x)
-    n, h, known = residuals(force, data)
+    return _weigh(x, force, *_averages(force, data), coordinates, data)
+
+
+def _weigh(
+    x: FloatArray, force: Sum, C: FloatArray, grown: FloatArray, coordinates: Coordinates, data: Observations
+) -> FloatArray:
+    """Log likelihood of rows with averages ``C`` and ``grown``; ``force``: of the law at ``x``, up to a factor."""
+    n, h, known = _residuals(C, grown, data)
     variance = coordinates.scatter(x)[0][:, None] ** 2 + known
     with np.errstate(all="ignore"):
         value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
@@ -79,12 +98,16 @@ def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations)
 def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, force: Sum) -> FloatArray:
     """Covariance of ln A of the levels about the law: their scatter and straying of the exponent, (points, s, s).
 
-    ``force``: of the law at ``x``.
+    ``force``: of the law at ``x``, up to a factor.
     """
-    z = np.log(data.tested_force)
-    strays = stray_covariance(z, z, float(np.log(coordinates.reference[2])))
+    strays = _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
     shared = scatter_covariance(*coordinates.scatter(x), data)
     return shared + coordinates.doubt(x, force)[:, None, None] ** 2 * strays
+
+
+@lru_cache(maxsize=256)  # the same of every law of a record
+def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
+    return stray_covariance(np.array(z), np.array(z), origin)
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
@@ -108,17 +131,23 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
     """
     root = np.sqrt(hh)
     B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
-    fine = np.asarray(np.isfinite(B).all(axis=(1, 2)))
-    factor = np.linalg.cholesky(np.where(fine[:, None, None], B, np.eye(hh.shape[1])))
+    fine = np.isfinite(B).all(axis=(1, 2))
+    B[~fine] = np.eye(hh.shape[1])
+    factor = np.linalg.cholesky(B)
+    pivots = np.diagonal(factor, axis1=1, axis2=2)
     u = np.where(root > 0.0, hn / root, 0.0)
-    white = np.linalg.solve(factor, u[..., None])[..., 0]
-    half_log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    white = np.empty_like(u)
+    for j in range(u.shape[1]):  # forward substitution, of all points at once
+        white[:, j] = (u[:, j] - np.einsum("nk,nk->n", factor[:, j, :j], white[:, :j])) / pivots[:, j]
     within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
-    return np.asarray(np.where(fine, -0.5 * np.sum(within + white**2, axis=1) - half_log_det, -np.inf))
+    value = -0.5 * np.sum(within + white**2, axis=1) - np.sum(np.log(pivots), axis=1)
+    return np.asarray(np.where(fine, value, -np.inf))
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
+    if len(data.sweeps) == len(data.sweep):  # one row each, in any order
+        return values[:, np.argsort(data.sweep)]
     if len(data.sweeps) <= _FEW:
         return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
     order = np.argsort(data.sweep, kind="stable")
@@ -152,3 +181,54 @@ def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -
     inside = np.all(np.abs(x) < REACH, axis=-1)
     x = np.clip(x, -REACH, REACH)
     return np.where(inside, log_prior(x) + log_likelihood(x, coordinates, data), -np.inf)
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """The posterior of a law over variables z in which a few ellipsoids cover it.
+
+    z is x but for the first, x_1 = t + s z_1, with t and s functions of x_2, x_3, ... : at x_1 = t the law carries the
+    measured forces as nearly as it can, sum w C D/sum w C^2 = 1 with w = 1/(D^2 + R^2), and s is the relative scatter
+    of a resonance over its prior's median. Data fix the total force to within scatter, whatever the others are: a thin
+    bent sheet over x, a straight one over z. The density is p(z) = p(x) s.
+    """
+
+    coordinates: Coordinates
+    data: Observations
+
+    def log_density(self, z: FloatArray) -> FloatArray:
+        """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
+        return by_blocks(self._log_density, z, len(self.data.A))
+
+    def find_points(self, z: FloatArray) -> FloatArray:
+        """x at z, (points, dimension)."""
+        return by_blocks(lambda block: self._balance(block)[0], z, len(self.data.A))
+
+    def find_variables(self, x: FloatArray) -> FloatArray:
+        """z at x, (points, dimension)."""
+        x_1 = x[:, 0]
+        without, _, _, _, s = self._balance(np.column_stack([np.zeros(len(x)), x[:, 1:]]))
+        return np.column_stack([(x_1 - without[:, 0]) / s, x[:, 1:]])
+
+    def _balance(self, z: FloatArray) -> tuple[FloatArray, Sum, FloatArray, FloatArray, FloatArray]:
+        """x at z; the law there but for the factor exp(x_1); its C and growth without that factor; and s."""
+        x = np.clip(z, -REACH, REACH)
+        x[:, 0] = 0.0
+        force = self.coordinates.force(x)
+        C, grown = _averages(force, self.data)
+        data, (row, level) = self.data, self.coordinates.scatter(x)
+        weight = C / (data.D**2 + data.R**2)
+        with np.errstate(all="ignore"):
+            t = np.log(np.sum(weight * data.D, axis=1) / np.sum(weight * C, axis=1)) / TOTAL_LOG_SD
+        known = np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2)
+        s = np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN
+        x[:, 0] = np.clip(np.nan_to_num(t), -REACH, REACH) + s * z[:, 0]
+        return x, force, C, grown, s
+
+    def _log_density(self, z: FloatArray) -> FloatArray:
+        x, force, C, grown, s = self._balance(z)
+        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(x[:, 0]) < REACH)
+        x[:, 0] = np.clip(x[:, 0], -REACH, REACH)
+        factor = np.exp(TOTAL_LOG_SD * x[:, :1])
+        value = log_prior(x) + _weigh(x, force, factor * C, factor * grown, self.coordinates, self.data) + np.log(s)
+        return np.where(inside, value, -np.inf)

@@ -222,15 +222,13 @@ def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
     assert row.evidence is not None
     assert row.coordinates is not None
     tail = 50.0 * (1.0 - INTERVAL)
+    values = row.coordinates.parameters(row.evidence.draws)
+    draws = np.array([of for name, of in values.items() if name not in ("doubt", "scatter", "level_scatter")])
+    quantiles = np.percentile(draws, [tail, 50.0, 100.0 - tail], axis=1)
     rows = []
-    for name, draws in row.coordinates.parameters(row.evidence.draws).items():
-        if name in ("doubt", "scatter", "level_scatter"):
-            continue
-        low, value, high = np.percentile(draws, [tail, 50.0, 100.0 - tail])
-        error = float(np.std(draws))
+    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), draws.std(axis=1).tolist(), strict=False):
         force, _, shape = name.partition(" ")
-        t_ratio = float(value / error) if error > 0.0 else np.nan
-        rows.append(Coefficient(force, shape, float(value), error, t_ratio, float(low), float(high)))
+        rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
     # coefficients first, each force's shapes after it in the table of a reader
     return tuple(sorted(rows, key=lambda c: bool(c.shape)))
 

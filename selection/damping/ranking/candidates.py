@@ -70,18 +70,26 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    beyond = {id(f): float(np.log(resonant_amplitude(f.force, force, omega))) for f in fits}
+    beyond: dict[int, float] = {}
+
+    def find_beyond(fit: BestFit) -> float:
+        if id(fit) not in beyond:
+            beyond[id(fit)] = float(np.log(resonant_amplitude(fit.force, force, omega)))
+        return beyond[id(fit)]
+
+    def predict_alike(fit: BestFit, other: BestFit) -> bool:
+        if not np.all(np.abs(fit.n - other.n) < INDISTINCT * noise):
+            return False
+        ends = find_beyond(fit), find_beyond(other)
+        return abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
+
     groups: list[list[BestFit]] = []
-    for f in sorted(fits, key=lambda f: len(f.law.parts)):
-        for group in groups:
-            near = np.all(np.abs(f.n - group[0].n) < INDISTINCT * noise)
-            further = abs(beyond[id(f)] - beyond[id(group[0])])
-            none_resonates = np.isnan(beyond[id(f)]) and np.isnan(beyond[id(group[0])])
-            if near and (further < INDISTINCT * noise.max() or none_resonates):
-                group.append(f)
-                break
+    for fit in sorted(fits, key=lambda fit: len(fit.law.parts)):
+        group = next((group for group in groups if predict_alike(fit, group[0])), None)
+        if group is None:
+            groups.append([fit])
         else:
-            groups.append([f])
+            group.append(fit)
     return groups
 
 
@@ -108,18 +116,17 @@ def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray 
     None of a law that cannot carry the forces of the other sweeps. More than ``MOST_FOLDS`` sweeps are left out in as
     many groups, neighbours in the record in different ones.
     """
-    errors = [np.full(len(data.sweeps), np.nan) for _ in laws]
-    carried = np.full(len(laws), True)
     folds = min(len(data.sweeps), MOST_FOLDS)
-    for fold in range(folds):
-        keep = np.arange(len(data.sweeps)) % folds != fold
-        left_out = data.keep_sweeps(~keep)
-        for i, fit in enumerate(fit_laws(laws, data.keep_sweeps(keep))):
+    left_out = [np.arange(len(data.sweeps)) % folds == fold for fold in range(folds)]
+    fits = fit_laws(laws, *(data.keep_sweeps(~out) for out in left_out))
+    errors: list[FloatArray | None] = []
+    for i in range(len(laws)):
+        of_law, own = fits[i :: len(laws)], np.full(len(data.sweeps), np.nan)
+        for out, fit in zip(left_out, of_law, strict=True):
             if isinstance(fit, BestFit):
-                errors[i][~keep] = percent_errors(fit.force, left_out)
-            else:
-                carried[i] = False
-    return [error if fitted else None for error, fitted in zip(errors, carried, strict=True)]
+                own[out] = percent_errors(fit.force, data.keep_sweeps(out))
+        errors.append(own if all(isinstance(fit, BestFit) for fit in of_law) else None)
+    return errors
 
 
 def root_mean_square(errors: FloatArray) -> float:

@@ -30,10 +30,10 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.forces.shapes import PURE
 from damping.infer.best_fit import fit_law
-from damping.infer.evidence import descend, negative_log_posterior, start_at
+from damping.infer.evidence import descend, make_negative, start_at
 from damping.infer.importance import BRIEF_DRAWS, importance
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import log_posterior, log_prior
+from damping.infer.likelihood import Balanced, log_prior
 from damping.infer.observations import Observations
 from damping.ranking import prior_masses
 
@@ -172,21 +172,17 @@ def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
 def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[[float], float]:
     """ln of a record's evidence as a function of the prior probability at which the shape is held."""
     own = Coordinates.of(law, data)
-    start = start_at(fit_law(law, data), own)
-    coordinates, scaled = own.scaled(data.reference), data.scaled()
-    place = coordinates.names.index(name)
-    negative = negative_log_posterior(coordinates, scaled)
+    posterior = Balanced(own.scaled(data.reference), data.scaled())
+    start = posterior.find_variables(start_at(fit_law(law, data), own)[None])[0]
+    place = own.names.index(name)
 
     def log_z(probability: float) -> float:
         held = float(ndtri(probability))
 
-        def insert(x: FloatArray) -> FloatArray:
-            return np.insert(x, place, held, axis=-1)
+        def density(z: FloatArray) -> FloatArray:
+            return posterior.log_density(np.insert(z, place, held, axis=-1)) - log_prior(np.array([[held]]))
 
-        def density(x: FloatArray) -> FloatArray:
-            return log_posterior(insert(x), coordinates, scaled) - log_prior(np.array([[held]]))
-
-        mode, covariance = descend(np.delete(start, place), lambda x: negative(insert(x)))
+        mode, covariance = descend(np.delete(start, place), make_negative(density))
         return importance(density, mode, covariance, seed, wanted=BRIEF_DRAWS).log_z
 
     return log_z
