@@ -4,12 +4,15 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
 
-.PHONY: help study test guard lint types docs package lowest bench clean
+.PHONY: help study test slow coverage guard speed lint types docs package lowest bench clean
 
 help:
 	@echo "make study   install into $(VENV) and run the Saturn V study: results/saturn-v/report.html"
 	@echo "make test    install into $(VENV) and run the tests"
+	@echo "make slow    what takes too long for every change: repeated kills, statistics of many trials"
+	@echo "make coverage the tests with the lines of the library that none of them runs"
 	@echo "make guard   coverage of the bands and the blind diagnosis in small, against committed floors"
+	@echo "make speed   commands beside the tree at the tag set last: none 1.5 times slower"
 	@echo "make docs    the documentation: docs/_build/index.html"
 	@echo "make package wheel and sdist, tried in empty environments"
 	@echo "make lowest  a part of the tests with the lowest versions of everything that is needed"
@@ -41,8 +44,17 @@ study: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
 
+slow: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup -m slow
+
+coverage: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup --cov --cov-report=term-missing:skip-covered
+
 guard: $(VENV)/.installed-dev
 	$(BIN)/python -m damping_validation.guard
+
+speed: $(VENV)/.installed
+	$(BIN)/python -m benchmarks --guard
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

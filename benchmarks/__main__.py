@@ -9,8 +9,10 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import sys
 from dataclasses import asdict
 from pathlib import Path
+from time import perf_counter
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # before numpy starts its threads: ours and peers have one each
@@ -27,15 +29,20 @@ def main() -> None:
     options.add_argument(
         "--page", action="store_true", help="make the page of the tables that are there, measure nothing"
     )
-    options.add_argument("--guard", action="store_true", help="fail where a command is 1.5 times slower than it was")
+    options.add_argument(
+        "--guard", action="store_true", help="fail where a command is 1.5 times slower than at the last tag"
+    )
     options.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SPEED))
     chosen = options.parse_args()
     if chosen.guard:
         from benchmarks import commands  # noqa: PLC0415 - as above
 
-        raise SystemExit(0 if commands.guard(chosen.out / "commands.csv") else 1)
+        raise SystemExit(0 if commands.guard() else 1)
     chosen.out.mkdir(parents=True, exist_ok=True)
-    for name in [] if chosen.page else chosen.names or SPEED:
+    names = [] if chosen.page else chosen.names or SPEED
+    start = perf_counter()
+    for number, name in enumerate(names, start=1):
+        print(f"[{perf_counter() - start:4.0f} s] {number}/{len(names)} {name}", file=sys.stderr, flush=True)
         found = importlib.import_module(f"benchmarks.{name}").measure()
         if name == "cost":
             table = _page.cost_table(found)

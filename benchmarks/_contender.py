@@ -46,7 +46,7 @@ def plain(x: Any) -> float:
     """Log posterior density at one point, up to a constant: arithmetic alone, which for three rows beats arrays."""
     x1, x2, x3 = x
     share = 0.5 * math.erfc(-x2 / math.sqrt(2.0))
-    scatter = 0.02 * math.exp(0.75 * x3)
+    scatter = 0.011 * math.exp(0.8 * x3)
     total, value = REFERENCE[0] * math.exp(x1), -0.5 * (x1 * x1 + x2 * x2 + x3 * x3)
     for F, viscous, case_iv in zip(FORCE, VISCOUS, CASE_IV, strict=True):
         linear, square = total * share * viscous, total * (1.0 - share) * case_iv
@@ -146,7 +146,7 @@ def pymc(part: int) -> Sampled:
         linear, square = total * share * np.array(VISCOUS), total * (1.0 - share) * np.array(CASE_IV)
         C = linear + square
         n = (np.array(FORCE) - C) / ((linear + 2.0 * square) * pt.minimum(1.0, np.array(FORCE) / C))
-        pm.Potential("rows", pm.logp(pm.Normal.dist(0.0, 0.02 * pt.exp(0.75 * x[2])), n).sum())
+        pm.Potential("rows", pm.logp(pm.Normal.dist(0.0, 0.011 * pt.exp(0.8 * x[2])), n).sum())
 
         clock: list[float] = []
 
@@ -181,7 +181,7 @@ def numpyro(part: int) -> Sampled:
         linear, square = total * share * viscous, total * (1.0 - share) * case_iv
         C = linear + square
         n = (F - C) / ((linear + 2.0 * square) * jnp.minimum(1.0, F / C))
-        numpyro.factor("rows", norm.logpdf(n, 0.0, 0.02 * jnp.exp(0.75 * x[2])).sum())
+        numpyro.factor("rows", norm.logpdf(n, 0.0, 0.011 * jnp.exp(0.8 * x[2])).sum())
 
     def run(draws: int) -> tuple[np.ndarray, float]:
         start = process_time()

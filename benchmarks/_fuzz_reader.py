@@ -25,16 +25,16 @@ with atheris.instrument_imports(include=["damping.records", "damping.errors", "t
 
 with atheris.instrument_imports(
     include=[
-        "damping_pipelines.settings",
+        "damping_pipelines.study_files",
         "damping.signals.reading",
         "damping_pipelines.export",
         "damping_pipelines.manifest",
     ]
 ):
     from damping.signals.reading import read_description, read_raw
-    from damping_pipelines.export import tabulate_form
+    from damping_pipelines.export import read_answer, tabulate_form
     from damping_pipelines.manifest import MANIFEST, open_folder
-    from damping_pipelines.settings import default_study, read_settings
+    from damping_pipelines.study_files import default_study, read_settings
 
 from damping.errors import AnalysisError, InputError
 
@@ -60,7 +60,7 @@ def _imported(kind: str) -> Callable[[Path], object]:
 def _mat(path: Path) -> None:
     """What the process that reads MAT files does; the library may fail in any way, but must end."""
     with suppress(Exception):  # as in the program, where it is a process of its own that fails
-        list(worker._mat(str(path), "mat5", _NAMES, _MOST_BYTES, {}, {}, {}))
+        list(worker._mat(str(path), "mat5", _NAMES, worker.Contents(_MOST_BYTES)))
 
 
 READERS: dict[str, Callable[[Path], object]] = {
@@ -74,7 +74,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "csv": _imported("csv"),
     "lock-in": _imported("lock-in"),
     "mat": _mat,
-    "form": tabulate_form,
+    "form": lambda path: tabulate_form(read_answer(path)),
     "manifest": lambda path: open_folder(path.rename(path.with_name(MANIFEST)).parent),
 }
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks._rows import Row, seconds
 from benchmarks.cost import Growth
-from damping.plots.style import ALERT, AVERAGE, WIDTH, plain_log, styled
+from damping.plots import ALERT, AVERAGE, WIDTH, plain_log, styled
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:
@@ -106,8 +106,8 @@ _PAGE = """# Speed
 By `make bench` (`python -m benchmarks [NAME ...]`; each name is a module of `benchmarks/`, which says what is done and
 how the peer is used). Ours and the peer run in one process, or in processes one after the other, with one thread each.
 Ratios are of processor time, which other work on the machine disturbs least; it was busy while these were taken, which
-the wall times show. `python -m benchmarks --guard` fails where a command, beside the import of its stack, has become
-1.5 times slower than in the table at the tag set last.
+the wall times show. `python -m benchmarks --guard` runs commands by turns with the tree at the tag set last, and fails
+where one has become 1.5 times slower.
 
 | work | peer | ours | peer | ratio | goal | met | on the wall | |
 |---|---|---|---|---|---|---|---|---|

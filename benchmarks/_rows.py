@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from time import perf_counter, process_time
@@ -68,10 +68,11 @@ class Process:
     printed: str
 
 
-def run_process(command: Sequence[str]) -> Process:
+def run_process(command: Sequence[str], changes: Mapping[str, str] = {}) -> Process:
     """Run a command to its end with one thread of linear algebra. RuntimeError if it fails."""
     start = perf_counter()
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **changes}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # nobody compiles everything at every start
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
         assert process.stdout is not None
         printed = process.stdout.read().decode()

@@ -1,4 +1,4 @@
-"""Studies with two candidate laws instead of nineteen and one figure, each in a process of its own that may be killed.
+"""Studies with two laws to rank and to predict with and one figure, each in a process of its own that may be killed.
 
 A server: for each line ``SETTINGS<tab>OUT<tab>SEED`` on standard input it starts ``damping study`` as the leader of a
 new session, answers with its process id, and with its exit status when it has ended. Packages are imported once, and
@@ -11,6 +11,10 @@ import os
 import sys
 from multiprocessing import get_context
 
+import arviz  # noqa: F401 - what a study imports once it needs it, before the processes part
+import matplotlib.figure  # noqa: F401
+import netCDF4  # noqa: F401
+
 from damping.infer.law import Law
 from damping.report import figures
 from damping.report import study as build
@@ -22,7 +26,8 @@ LAWS = ("viscous", "velocity-squared")
 
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
-    vars(study)["candidate_laws"] = lambda *_: [Law((name,)) for name in LAWS]
+    for name in ("candidate_laws", "load_candidates"):
+        vars(study)[name] = lambda *_: [Law((law,)) for law in LAWS]
     build.record_figures = lambda result, level: {"ranking": figures._draw_ranking(result)}
     vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:

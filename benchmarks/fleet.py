@@ -26,12 +26,11 @@ import psutil
 from matplotlib.figure import Figure
 
 from benchmarks._structures import simulated_levels, structures
-from damping.plots.style import AVERAGE, LINEAR, WIDTH, styled, to_svg
+from damping.plots import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
 from damping_pipelines.fleet import command
 from damping_pipelines.fleet.analyse import analyse
-from damping_pipelines.fleet.dataset import row_of
-from damping_pipelines.fleet.inputs import FleetResult, FleetTask
+from damping_pipelines.fleet.dataset import FleetResult, FleetTask, row_of
 from damping_pipelines.fleet.runners import distributed
 from damping_pipelines.store import write_text
 from damping_validation.truths import OMEGA

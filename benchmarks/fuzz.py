@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 #: Of one reader; the packages that are imported take 290 of them.
 MEMORY_MB = 600

@@ -22,7 +22,7 @@ from types import TracebackType
 
 from damping.errors import InputError
 from damping_pipelines.manifest import MANIFEST, digest, open_folder, verify
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 SEEDS = (1, 2)
 SETTINGS = """title = "Short"

@@ -80,6 +80,16 @@ def measure() -> list[Row]:
                     f"{peer.rate:.0f} a second; means and sds within {away:.1f} standard errors",
                 )
             )  # fmt: skip
+        warm = peers["numpyro"]
+        assert warm.rate is not None
+        rows.append(
+            Row(
+                f"two-term posterior to {WANTED} effective samples, by {by}", own.whole,
+                f"{PEERS['numpyro']}, compiled and warmed up before",
+                warm.time.times(WANTED / warm.rate / warm.time.processor),
+                remark=f"{own.how}, start-up included; {warm.rate:.0f} effective draws a second",
+            )
+        )  # fmt: skip
     return rows
 
 

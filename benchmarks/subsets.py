@@ -12,10 +12,10 @@ import pandas as pd
 import statsmodels.api as sm
 
 from benchmarks._rows import Row, middle, timed
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import Design, design_of, take_columns
 from damping.regression.subsets import Subsets, all_subsets
-from damping.regression.terms import list_columns_of, parse_terms
-from damping_reed1970.tables import load_table
+from damping_reed1970 import load_table
 
 TERMS = parse_terms("A^2*omega, A^2, A^3*omega^2, A^3*omega, A^4*omega, A, A^3, A^4, A^2*omega^2")
 GOAL = 40.0

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
+
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    sys.dont_write_bytecode = False  # each of the processes that tests start would compile everything anew: 2 s a time
 
 import damping_pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
 import numpy as np
 import pandas as pd
 import pytest
+import typer.main
 
 from damping.forces.contract import Force
 from damping.infer.law import Law
@@ -24,18 +34,28 @@ from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
+from damping_reed1970 import data_folder
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_6 import printed_laws
 from damping_reed1970.exhibit import source_tables
 from damping_reed1970.studies import Studies, compute_studies
-from damping_reed1970.tables import data_folder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 assert damping_pipelines.__doc__  # imported for its effect
+typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
 #: Names under which systems install the browser.
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the slow tests to ``make slow``, which asks for them by ``-m``."""
+    if "slow" in config.option.markexpr:
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    items[:] = [item for item in items if item not in slow]
+    config.hook.pytest_deselected(items=slow)
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:
@@ -182,6 +202,55 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Callable[[bytes | str, 
     return write
 
 
+#: Stands for the process that every read of an array file starts with its imports: they are done once here, and each
+#: read is a child with the limits of its own.
+READER = """
+import json, os, sys, traceback
+import h5py, scipy.io
+import worker
+for line in sys.stdin:
+    words, *streams = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        for number, path in enumerate(streams, start=1):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+        sys.argv, code = ["worker", *words], 1
+        try:
+            worker.main()
+            code = 0
+        except Exception:
+            traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Array files are read by children of one process, started when a first file is read."""
+    started: list[subprocess.Popen[str]] = []
+    folder = tmp_path_factory.mktemp("reader")
+    streams = [folder / "out", folder / "err"]
+
+    def run(command: list[str], env: dict[str, str], **_: object) -> subprocess.CompletedProcess[bytes]:
+        python, _safe, script, *words = command
+        if not started:
+            environment = env | {"PYTHONPATH": str(Path(script).parent)}
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+            started.append(subprocess.Popen([python, "-c", READER], env=environment, **pipes))
+        print(json.dumps([words, *map(str, streams)]), file=started[0].stdin, flush=True)
+        code = int(started[0].stdout.readline())
+        return subprocess.CompletedProcess(command, code, *(stream.read_bytes() for stream in streams))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("damping.formats.arrays.subprocess", SimpleNamespace(**vars(subprocess) | {"run": run}))
+        yield
+    for process in started:
+        process.stdin.close()
+        process.wait()
+
+
 @pytest.fixture(scope="session")
 def real() -> Path:
     """Folder of the measured records, which are not part of the project."""
@@ -224,6 +293,33 @@ def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
         return Run(int(stopped.value.code or 0), captured.out, captured.err)
 
     return run
+
+
+class OneProcess(ThreadPoolExecutor):
+    """Stands for the processes of a study, whose start takes longer than what short studies do in them."""
+
+    def __init__(self, **_: object) -> None:
+        super().__init__(1)
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study samples in this process."""
+    monkeypatch.setattr("damping_pipelines.study.ProcessPoolExecutor", OneProcess)
+
+
+#: What stands for all candidates of a ranking, and of a prediction.
+RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
+PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+
+
+@pytest.fixture
+def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws to rank and two to predict with, whatever the command: where it is not the laws that are tested."""
+    for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
+        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
+    for module in ("damping.extrapolation", "damping_pipelines.study"):
+        monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
 
 
 @pytest.fixture(scope="session")

@@ -6,9 +6,6 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from damping.campaign.analysis import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
@@ -18,14 +15,15 @@ from damping.formats.columns import read_columns
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.campaign_page import describe_campaign_page
-from damping_pipelines.manifest import digest, publish
+from damping.report.campaign_page import render_campaign_page
+from damping_pipelines.forms import CampaignForm, read_form
+from damping_pipelines.manifest import digest_file, publish
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import console, number, plain_table
 
 
 def campaign(
-    files: Sequence[Path],
+    sources: Sequence[Path],
     out: Path,
     design: Sequence[str],
     modes: str | None,
@@ -35,7 +33,7 @@ def campaign(
     seed: int,
     max_size: int,
 ) -> None:
-    """Analyse the files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
+    """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
     Raises:
         InputError: bad usage, or files that are not understood.
@@ -43,23 +41,23 @@ def campaign(
     """
     from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
-    refuse_inputs("--out", out, *files, *(path for path in (correct, previous) if path))
-    named = [os.path.realpath(file) for file in files]
+    refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
+    named = [os.path.realpath(file) for file in sources]
     if len(set(named)) < len(named):
         raise InputError("a file is given twice", expected="each once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
-    found = analyse(files, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
-    inputs = {file.name: digest(file.read_bytes()) for file in (*files, *([previous] if previous else []))}
-    title = f"Campaign: {', '.join(file.name for file in files)}"
-    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in found.modes}
-    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in found.modes}
-    written["study.toml"] = _describe_study(title, found, seed).encode()
-    written["campaign.json"] = to_json(found.to_json()).encode()
-    written["report.html"] = describe_campaign_page(found, title, seed, versions(), inputs).encode()
+    answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    inputs = {file.name: digest_file(file) for file in (*sources, *([previous] if previous else []))}
+    title = f"Campaign: {', '.join(file.name for file in sources)}"
+    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
+    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
+    written["study.toml"] = _describe_study(title, answer, seed).encode()
+    written["campaign.json"] = to_json(answer.to_json()).encode()
+    written["report.html"] = render_campaign_page(answer, title, seed, versions(), inputs).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
-    _show(found, out)
+    _show(answer, out)
 
 
 def _read_design(word: str) -> DesignLevel:
@@ -79,52 +77,16 @@ def _read_design(word: str) -> DesignLevel:
     return DesignLevel(numbers["frequency"], numbers["level"])
 
 
-class _PeakForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    sensor: str
-    unit: str
-    median: Annotated[float, Field(gt=0.0)]
-    low: Annotated[float, Field(gt=0.0)]
-    high: Annotated[float, Field(gt=0.0)]
-
-
-class _LevelForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    level: float
-    input: Annotated[float, Field(gt=0.0)] | None = None
-    tested: bool = False
-    response: list[_PeakForm]
-
-
-class _ModeForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    frequency: Annotated[float, Field(gt=0.0)]
-    at: list[_LevelForm]
-
-
-class _CampaignForm(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-    format: Literal["campaign/1"]
-    modes: list[_ModeForm]
-
-
 def _read_predictions(path: Path) -> list[SensorPrediction]:
     """Every peak of a form ``campaign/1``. InputError for what is none."""
-    try:
-        form = _CampaignForm.model_validate_json(read_bytes(path))
-    except ValidationError as error:
-        raise InputError(str(error.errors()[0]["msg"]), file=path, expected="campaign.json of a campaign") from None
+    form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
         SensorPrediction(
-            mode.frequency, at.input or at.level, at.tested, one.sensor, one.unit, (one.median, one.low, one.high)
+            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, (peak.median, peak.low, peak.high)
         )
         for mode in form.modes
         for at in mode.at
-        for one in at.response
+        for peak in at.response
     ]
 
 
@@ -159,38 +121,38 @@ def _frequencies(text: str | None) -> list[float]:
     return frequencies
 
 
-def _describe_study(title: str, found: Campaign, seed: int) -> str:
+def _describe_study(title: str, answer: Campaign, seed: int) -> str:
     """Settings of a study of all modes."""
     quoted = title.replace("\\", "/").replace('"', "'")
     lines = [f'title = "{quoted}"', f"seed = {seed}", "level = 0.9", ""]
-    for mode in found.modes:
+    for mode in answer.modes:
         lines += ["[[records]]", f'name = "{mode.name}"', f'title = "{mode.name}, {mode.frequency:.4g} Hz"']
         lines += [f'record = "modes/{mode.name}/record.csv"', f'mode = "modes/{mode.name}/mode.toml"']
         lines += [f"design_forces = [{', '.join(f'{force!r}' for force in mode.design_forces)}]", ""]
     return "\n".join(lines)
 
 
-def _show(found: Campaign, out: Path) -> None:
+def _show(answer: Campaign, out: Path) -> None:
     to = console()
     to.print("What was understood (--correct FILE.toml says otherwise):")
-    for what, text, _ in found.summary.rows:
+    for what, text, _ in answer.summary.rows:
         to.print(f"  {what}: {text}")
-    for note in found.summary.notes:
+    for note in answer.summary.notes:
         to.print(f"- {note}")
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
     table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
-    for mode in found.modes:
+    for mode in answer.modes:
         for at in mode.places:
             table.add_row(*_list_row(mode.name, at))
     to.print(table)
-    for mode in found.modes:
+    for mode in answer.modes:
         for name, why in mode.left_out.items():
             to.print(f"- {mode.name} without {name}: {why}")
         for notch in mode.notches:
             to.print(f"- {notch}")
         for finding in mode.findings:
             to.print(f"- {mode.name}: {finding}")
-    for outcome in found.outcomes:
+    for outcome in answer.outcomes:
         to.print(f"- {outcome}")
     to.print(f"written to {out}")
 
@@ -198,7 +160,7 @@ def _show(found: Campaign, out: Path) -> None:
 def _list_row(mode: str, at: At) -> list[str]:
     """A row of the table on the terminal."""
     ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
-    largest = max(at.response, key=lambda one: one.band[0], default=None)
+    largest = max(at.response, key=lambda response: response.band[0], default=None)
     peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
     sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
     return [mode, sensor, number(at.frequency), number(at.level), *ratio, *peak]

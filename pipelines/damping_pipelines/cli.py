@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 from typer.exceptions import TyperException
 
 import damping_pipelines
@@ -26,7 +27,7 @@ from damping_pipelines import cli_files as files
 from damping_pipelines.cli_files import (
     DEFAULT_SEED,
     MAX_SIZE,
-    MOST_PROCESSES,
+    NONE,
     Amplitudes,
     Despite,
     Forces,
@@ -37,6 +38,7 @@ from damping_pipelines.cli_files import (
     Plot,
     RecordArgument,
     Seed,
+    delegate,
 )
 from damping_pipelines.exhibits import exhibit_commands
 
@@ -87,191 +89,83 @@ def begin() -> None:
 
 
 @app.command()
+@delegate("study", "run_study")
 def study(
-    settings: Annotated[
-        Path | None, typer.Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
+    settings_file: Annotated[
+        Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Where results go.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed; overrides the settings.")] = None,
-    png: Annotated[bool, typer.Option("--png", help="Figures as PNG beside the SVG.")] = False,
-    pdf: Annotated[bool, typer.Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
-    despite: Despite = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help="Where results go.")] = None,
+    seed: Annotated[int | None, Option(help="Seed; overrides the settings.")] = None,
+    png: Annotated[bool, Option("--png", help="Figures as PNG beside the SVG.")] = False,
+    pdf: Annotated[bool, Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
+    despite: Despite = NONE,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
-    from damping_pipelines.study import run_study
-
-    run_study(settings, out, seed, png=png, pdf=pdf, despite=tuple(despite or ()))
 
 
 @app.command()
+@delegate("records")
 def check(
     record: RecordArgument,
-    mode: Annotated[
-        Path | None, typer.Option("--mode", metavar="MODE.toml", help="The mode that the record is to be of.")
-    ] = None,
+    mode: Annotated[Path | None, Option(metavar="MODE.toml", help="The mode that the record is to be of.")] = None,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Ask whether a record is what it seems to be: units, phases, cuts, copies; ends 1 where no answer can be right."""
-    from damping_pipelines.check import check as run
-
-    run(record, mode, json_out, max_size)
 
 
 @app.command()
+@delegate("rank")
 def rank(
     record: RecordArgument,
     mode: ModeOption,
     json_out: Json = None,
     plot: Plot = None,
     seed: Seed = DEFAULT_SEED,
-    despite: Despite = None,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """List every candidate damping law, best first."""
-    from damping_pipelines.rank import Asked
-    from damping_pipelines.rank import rank as run
-
-    run(Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ())))
 
 
 @app.command()
+@delegate("rank")
 def extrapolate(
     record: RecordArgument,
     mode: ModeOption,
-    force: Forces = None,
-    amplitude: Amplitudes = None,
+    force: Forces = NONE,
+    amplitude: Amplitudes = NONE,
     level: Level = 0.9,
     json_out: Json = None,
     plot: Plot = None,
     seed: Seed = DEFAULT_SEED,
-    despite: Despite = None,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands."""
-    from damping_pipelines.rank import Asked
-    from damping_pipelines.rank import extrapolate as run
-
-    asked = Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ()))
-    run(asked, tuple(force or ()), tuple(amplitude or ()), level)
 
 
 @app.command()
+@delegate("rank")
 def curve(
     record: RecordArgument,
     mode: ModeOption,
-    amplitude: Amplitudes = None,
-    force: Forces = None,
+    amplitude: Amplitudes = NONE,
+    force: Forces = NONE,
     level: Level = 0.9,
     json_out: Json = None,
     plot: Plot = None,
     seed: Seed = DEFAULT_SEED,
-    despite: Despite = None,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked."""
-    from damping_pipelines.rank import Asked
-    from damping_pipelines.rank import curve as run
-
-    asked = Asked(record, mode, json_out, plot, seed, max_size, tuple(despite or ()))
-    run(asked, tuple(amplitude or ()), tuple(force or ()), level)
-
-
-@app.command()
-def gap(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
-    records: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[RECORD.csv]", help="The measured record; of each --with its own after it."),
-    ] = None,
-    report: Annotated[Path | None, typer.Option("--report", metavar="FILE.html", help="Write the page here.")] = None,
-    model_out: Annotated[
-        Path | None, typer.Option("--model-out", metavar="FILE.toml", help="Write the corrected model here.")
-    ] = None,
-    json_out: Json = None,
-    posterior: Annotated[
-        bool | None,
-        typer.Option("--posterior/--no-posterior", help="Sample the leading explanation (default: one record)."),
-    ] = None,
-    seed: Seed = DEFAULT_SEED,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")
-    ] = None,
-    states: Annotated[
-        list[Path] | None,
-        typer.Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
-    ] = None,
-    simulator: Annotated[
-        str | None, typer.Option("--simulator", metavar="MODULE:FUNCTION", help="A simulation of your own.")
-    ] = None,
-    plot: Plot = None,
-    despite: Despite = None,
-    max_size: MaxSize = MAX_SIZE,
-) -> None:
-    """Diagnose the gap between a simulation and a test."""
-    from damping_pipelines.gap import gap as run
-    from damping_pipelines.gap import pair_states
-
-    record, pairs = pair_states(records or [], states or [])
-    run(
-        model,
-        record,
-        report,
-        model_out,
-        json_out,
-        posterior,
-        seed,
-        max_size,
-        jobs,
-        tuple(despite or ()),
-        pairs,
-        simulator,
-        plot,
-    )
-
-
-@app.command()
-def campaign(
-    sources: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="UFF, HDF5 with a group a run, or tables of free decays.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where results go.")],
-    design: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--design",
-            metavar="LEVEL|FILE.csv",
-            help="Design level in the drive's unit, or a table of frequency and level; repeat. Default: twice the top.",
-        ),
-    ] = None,
-    modes: Annotated[
-        str | None, typer.Option("--modes", metavar="F1,F2,...", help="Frequencies of the modes, Hz; else looked for.")
-    ] = None,
-    correct: Annotated[
-        Path | None,
-        typer.Option("--correct", metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated."),
-    ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option("--limit", metavar="SENSOR=VALUE", help="Largest reading allowed: gives the notch; repeat."),
-    ] = None,
-    previous: Annotated[
-        Path | None,
-        typer.Option("--previous", metavar="campaign.json", help="The answer before these runs: held against them."),
-    ] = None,
-    seed: Seed = DEFAULT_SEED,
-    max_size: MaxSize = MAX_SIZE,
-) -> None:
-    """A laboratory's files, several levels, modes and sensors, to the answer."""
-    from damping_pipelines.campaign import campaign as run
-
-    run(sources, out, tuple(design or ()), modes, correct, tuple(limit or ()), previous, seed, max_size)
 
 
 #: Commands whose options stand elsewhere.
 _FURTHER = {
-    **{name.rstrip("_"): getattr(files, name) for name in ("import_", "export", "compare", "verify", "fleet")},
-    **{name: getattr(files, name) for name in ("regress", "sweep", "condition")},
+    **{name.rstrip("_"): getattr(files, name) for name in ("gap", "campaign", "import_", "export", "compare")},
+    **{name: getattr(files, name) for name in ("verify", "fleet", "regress", "sweep", "condition")},
     **exhibit_commands(),
 }
 for _name, _command in _FURTHER.items():

@@ -7,91 +7,27 @@ import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from damping.errors import InputError
 from damping.infer.observations import MOST_ROWS, Observations
 from damping.ranking.sharing import read_rows
-from damping.records.text import describe_shortened, unguarded
-from damping_pipelines.comparison import MOST_STUDIES, RecordSummary, StudySummary, TopOfTest, describe_comparison_page
-from damping_pipelines.forms import LoadsForm, RankForm
-from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify
-from damping_pipelines.provenance import versions
+from damping.records.text import describe_shortened
+from damping_pipelines.comparison import RecordSummary, StudySummary, TopOfTest, describe_comparison_page
+from damping_pipelines.forms import DampedRow, PosteriorRow, StudyForm, StudyRecordForm, describe_invalid, read_form
+from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
 from damping_pipelines.store import refuse_inputs, write_text
 
+#: Studies on a page: more columns of weights are not read.
+MOST_STUDIES = 8
+_EXPECTED = "a file that a study wrote"
 _RANKING = ["law", "rank", "weight", "held_out_error", "average_absolute_percent"]
 _LOADS = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
 _POSTERIORS = ["law", "parameter", "unit", "low", "median", "high"]
-
-
-class _SummaryTable(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class _Units(_SummaryTable):
-    force: str = ""
-    length: str = ""
-
-
-class _RatioBand(_SummaryTable):
-    median: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-
-class _CurveRow(_SummaryTable):
-    amplitude: float | None = None
-    frequency: float | None = None
-    damping_ratio: _RatioBand = _RatioBand()
-    tested: bool = False
-
-
-class _Curve(_SummaryTable):
-    rows: list[_CurveRow] = []
-
-
-class _PowerLaw(_SummaryTable):
-    """Of the velocity: the first that a study lists."""
-
-    p: float
-    std_error: float | None = None
-
-
-class _Record(_SummaryTable):
-    name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-    title: str = ""
-    units: _Units = _Units()
-    rank: RankForm
-    loads: LoadsForm | None = None
-    curve: _Curve | None = None
-    power_laws: list[_PowerLaw] = []
-
-
-class _Summary(_SummaryTable):
-    format: Literal["study/1"]
-    title: str
-    seed: int
-    level: float
-    records: list[_Record]
-
-
-_Number = Annotated[float | None, BeforeValidator(lambda text: None if text == "" else text)]
-_Text = Annotated[str, BeforeValidator(lambda text: unguarded(str(text)))]
-
-
-class _Posterior(_SummaryTable):
-    """A row of ``NAME-posteriors.csv``."""
-
-    law: _Text
-    parameter: _Text
-    unit: _Text = ""
-    low: _Number
-    median: _Number
-    high: _Number
 
 
 def compare(folders: Sequence[Path], out: Path) -> None:
@@ -105,9 +41,9 @@ def compare(folders: Sequence[Path], out: Path) -> None:
         raise InputError(f"{len(folders)} folders", expected=f"up to {MOST_STUDIES} folders of studies")
     names = _list_names(folders)
     opened = [open_folder(folder) for folder in folders]
-    for one in opened:
-        refuse_inputs("--out", out, one.path / MANIFEST, *(one.path / name for name in one.manifest.outputs))
-    studies = [_study(one, name) for one, name in zip(opened, names, strict=True)]
+    for study in opened:
+        refuse_inputs("--out", out, study.path / MANIFEST, *(study.path / name for name in study.manifest.outputs))
+    studies = [_study(folder, name) for folder, name in zip(opened, names, strict=True)]
     if sum(len(study.records) for study in studies) < 2:
         raise InputError("one record", expected=f"two records or more, of one to {MOST_STUDIES} folders of studies")
     write_text(out, describe_comparison_page(studies, versions()))
@@ -138,7 +74,7 @@ def _describe_shortest(path: Path, among: Sequence[Path]) -> str:
 
 def _study(folder: Folder, name: str) -> StudySummary:
     content = folder.read("summary.json")
-    summary: _Summary = _checked(_Summary, content, folder.path / "summary.json")
+    summary = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
     return StudySummary(
         name=name,
         title=summary.title,
@@ -151,9 +87,9 @@ def _study(folder: Folder, name: str) -> StudySummary:
     )
 
 
-def _record(record: _Record, folder: Folder) -> RecordSummary:
-    ranking = [model.model_dump() | {"law": model.name} for model in record.rank.models]
-    loads = [prediction.model_dump() for prediction in record.loads.predictions] if record.loads else []
+def _record(record: StudyRecordForm, folder: Folder) -> RecordSummary:
+    ranking = [vars(model) | {"law": model.name} for model in record.rank.models]
+    loads = [vars(prediction) for prediction in record.loads.predictions] if record.loads else []
     return RecordSummary(
         title=record.title,
         units=(record.units.force, record.units.length),
@@ -169,14 +105,16 @@ def _record(record: _Record, folder: Folder) -> RecordSummary:
     )
 
 
-def _find_top(rows: Sequence[_CurveRow]) -> TopOfTest | None:
+def _find_top(rows: Sequence[DampedRow]) -> TopOfTest | None:
     """Amplitude, frequency and damping ratio of the largest tested amplitude that has them."""
-    tested = [(row, row.damping_ratio) for row in rows if row.tested]
-    known = [(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high) for row, ratio in tested]
-    full = [values for values in known if None not in values]
-    if not full:
-        return None
-    return TopOfTest(*(float(value or 0.0) for value in max(full, key=lambda values: values[0] or 0.0)))
+    tested = [(row, row.damping_ratio) for row in rows if row.tested and row.damping_ratio]
+    known = (
+        TopOfTest(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high)
+        for row, ratio in tested
+        if row.amplitude is not None and row.frequency is not None
+        if ratio.median is not None and ratio.low is not None and ratio.high is not None
+    )
+    return max(known, key=lambda top: top.amplitude, default=None)
 
 
 def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
@@ -186,9 +124,9 @@ def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
     path = folder.path / name
     try:
         rows = list(csv.DictReader(io.StringIO(folder.read(name).decode()), strict=True))
-        return [_Posterior.model_validate(row).model_dump() for row in rows]
+        return [PosteriorRow.model_validate(row).model_dump() for row in rows]
     except ValidationError as error:
-        raise _wrong(error, path) from None
+        raise describe_invalid(error, path, _EXPECTED) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"not CSV: {error}", file=path) from None
 
@@ -210,19 +148,6 @@ def _read_observations(folder: Folder, name: str) -> Observations | None:
     if not (np.isfinite(numbers).all() and all((values > 0.0).all() for values in sizes)):
         raise InputError("not what a study wrote: numbers that are none", file=path)
     return data
-
-
-def _checked(form: type[_Summary], content: bytes, path: Path) -> _Summary:
-    try:
-        return form.model_validate_json(content)
-    except ValidationError as error:
-        raise _wrong(error, path) from None
-
-
-def _wrong(error: ValidationError, path: Path) -> InputError:
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
-    return InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a file that a study wrote")
 
 
 def _tabulate_frame(rows: list[dict[str, Any]], columns: list[str]) -> pd.DataFrame:

@@ -10,19 +10,7 @@ import pandas as pd
 
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
-from damping.report.page import (
-    Block,
-    Callout,
-    Fold,
-    Footer,
-    Heading,
-    List,
-    Section,
-    Table,
-    Text,
-    describe_page,
-)
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     count,
     format_between,
@@ -34,13 +22,12 @@ from damping.report.words import (
     format_signed,
     number,
 )
+from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, render_page
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0
 #: Laws listed there at most.
 MOST_POOLED = 8
-#: Studies on a page: more columns of weights are not read.
-MOST_STUDIES = 8
 
 
 @dataclass(frozen=True)
@@ -59,12 +46,12 @@ class RecordSummary:
     """What a study found for a record.
 
     Attributes:
-        title: for people. units: of force and length.
+        units: of force and length. exponent: p of a power law with its standard error.
         ranking: ``law, rank, weight, held_out_error, average_absolute_percent``, a row a candidate.
         loads: ``force, median, low, high, linear, linear_overprediction_percent``, a row a design force; may be empty.
         posteriors: ``law, parameter, unit, low, median, high``; may be empty.
-        top: of the test. exponent: p of a power law with its standard error. groups: laws that predict the same on the
-            record, the one listed first, and their weight. observations: for a joint fit, where the study keeps them.
+        groups: laws that predict the same on the record, the one listed first, and their weight.
+        observations: for a joint fit, where the study keeps them.
     """
 
     title: str
@@ -108,7 +95,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         versions=versions,
         inputs={f"{study.name}: summary.json": study.digest for study in studies},
     )
-    return describe_page(f"{len(studies)} studies side by side", sections, footer)
+    return render_page(f"{len(studies)} studies side by side", sections, footer)
 
 
 def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> list[Block]:
@@ -119,41 +106,42 @@ def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> li
         | {"records": ", ".join(study.records)}
         for study in studies
     ]
-    blocks: list[Block] = [Text(lead, lead=True)] if len(studies) > 1 else []
-    blocks.append(_tabulate_records(studies))
-    said = [*_list_leading(studies, shared), *_list_differences(studies)] if len(studies) > 1 else []
-    if said:
-        blocks.append(List(said))
-    return [*blocks, Table(pd.DataFrame(rows), "What is compared")]
+    several = len(studies) > 1
+    lines = [*_list_leading(studies, shared), *_list_differences(studies)] if several else []
+    return [
+        *([Text(lead, lead=True)] if several else []),
+        _tabulate_records(studies),
+        *([List(lines)] if lines else []),
+        Table(pd.DataFrame(rows), "What is compared"),
+    ]
 
 
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
     """One row for each record of each study, with units."""
-    rows = []
-    for study in studies:
-        for name, record in study.records.items():
-            top, unit = record.top, record.units[1]
-            weight = max((w for _, w in record.groups), default=float("nan"))
-            rows.append(
-                {
-                    "study": study.name,
-                    "record": record.title or name,
-                    "tested to": format_length(top.amplitude, unit) if top else NOTHING,
-                    "frequency": format_quantity(top.frequency, "Hz", 4) if top else NOTHING,
-                    "damping ratio there": _describe_ratio(top),
-                    "leading law": _describe_best(record.ranking),
-                    "weight": format_share(weight),
-                    "exponent": _describe_exponent(record.exponent),
-                }
-            )
+    rows = [
+        {"study": study.name, "record": record.title or name}
+        | _describe_top(record.top, record.units[1])
+        | {
+            "leading law": _describe_best(record.ranking),
+            "weight": format_share(max((weight for _, weight in record.groups), default=float("nan"))),
+            "exponent": _describe_exponent(record.exponent),
+        }
+        for study in studies
+        for name, record in study.records.items()
+    ]
     caption = "Every record: damping at the top of its test with its 90 % band; exponent p of F in proportion to A^p."
     return Table(pd.DataFrame(rows), caption)
 
 
-def _describe_ratio(top: TopOfTest | None) -> str:
+def _describe_top(top: TopOfTest | None, unit: str) -> dict[str, str]:
     if top is None:
-        return NOTHING
-    return f"{number(100.0 * top.ratio)} % ({format_between(100.0 * top.low, 100.0 * top.high, '%')})"
+        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), NOTHING)
+    between = format_between(100.0 * top.low, 100.0 * top.high, "%")
+    return {
+        "tested to": format_length(top.amplitude, unit),
+        "frequency": format_quantity(top.frequency, "Hz", 4),
+        "damping ratio there": f"{number(100.0 * top.ratio)} % ({between})",
+    }
 
 
 def _describe_exponent(exponent: tuple[float, float | None] | None) -> str:
@@ -165,16 +153,13 @@ def _describe_exponent(exponent: tuple[float, float | None] | None) -> str:
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:
     """Records that rest on data of their own: of two studies of the same files the first."""
-    seen, kept = set(), []
+    different: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[str, RecordSummary]] = {}
     for study in studies:
+        of = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
             key = (name, tuple(sorted(study.inputs.items())))
-            if key not in seen:
-                seen.add(key)
-                kept.append(
-                    (f"{study.name}: {record.title or name}" if len(studies) > 1 else record.title or name, record)
-                )
-    return kept
+            different.setdefault(key, (of + (record.title or name), record))
+    return list(different.values())
 
 
 def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
@@ -189,20 +174,20 @@ def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
         return [Text("No law was weighed on every record.")]
     among = f"{count(len(records), 'record')} ({format_joined(name for name, _ in records)})"
     if odds >= DECIDES:
-        said = f"One law in all {among} is {odds:.2g} times more probable than a law of its own for each."
+        verdict = f"One law in all {among} is {odds:.2g} times more probable than a law of its own for each."
     elif odds <= 1.0 / DECIDES:
         times = "beyond doubt" if odds == 0.0 else f"{1.0 / odds:.2g} times more probable"
-        said = f"A law of its own for each of {among} is {times} than one law in all."
+        verdict = f"A law of its own for each of {among} is {times} than one law in all."
     else:
-        said = f"Whether one law holds in all {among} cannot be told: the odds are {odds:.2g} to 1."
+        verdict = f"Whether one law holds in all {among} cannot be told: the odds are {odds:.2g} to 1."
     if not complete:
-        said += " Studies that keep no observations were compared by their rankings: run them again for a joint fit."
+        verdict += " Studies that keep no observations were compared by their rankings: run them again for a joint fit."
     shown = table.head(MOST_POOLED)
     caption = (
         "Probability of each law if one holds in all records: one exponent where it has one, fitted jointly, with "
         "coefficients of each record's own"
     )
-    blocks: list[Block] = [Text(said), *([Table(shown, caption, {"weight": format_share})] if len(shown) else [])]
+    blocks: list[Block] = [Text(verdict), *([Table(shown, caption, {"weight": format_share})] if len(shown) else [])]
     return [*blocks, *([_tabulate_shapes([name for name, _ in records], shapes)] if shapes else [])]
 
 
@@ -211,7 +196,7 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     rows = [
         {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
         | {"one value": _describe_interval(shape.pooled)}
-        | {f"alone: {name}": _describe_interval(each) for name, each in zip(names, shape.each, strict=True)}
+        | {f"alone: {name}": _describe_interval(alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
     caption = "Joint fits with one exponent: the odds against an exponent for each, and medians with 90 % intervals"
@@ -242,18 +227,14 @@ def _describe_best(ranking: pd.DataFrame) -> str:
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     """What else than the data differs, by name."""
     differences = []
-    for what, tables in (
-        ("input", [study.inputs for study in studies]),
-        ("version", [study.versions for study in studies]),
-    ):
+    for what in ("input", "version"):
+        tables: list[Mapping[str, str]] = [getattr(study, f"{what}s") for study in studies]
         names = dict.fromkeys(name for table in tables for name in table)
         other = [name for name in names if len({table.get(name) for table in tables}) > 1]
         if other:
             differences.append(f"Not the same {what} in every study: {format_joined(other)}.")
-    for what, values in (("seed", {study.seed for study in studies}), ("level", {study.level for study in studies})):
-        if len(values) > 1:
-            differences.append(f"Not the same {what} in every study.")
-    return differences
+    other = [what for what in ("seed", "level") if len({getattr(study, what) for study in studies}) > 1]
+    return [*differences, *(f"Not the same {what} in every study." for what in other)]
 
 
 def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> list[Block]:
@@ -261,21 +242,14 @@ def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySu
     if len(having) < len(studies):
         missing = [study.name for study in studies if study not in having]
         blocks.append(Text(f"Not in {format_joined(missing)}."))
-    units = {study.records[name].units for study in having}
-    if len(units) > 1:
-        told = [
-            f"{study.name}: {' and '.join(filter(None, study.records[name].units)) or 'not stated'}" for study in having
-        ]
-        blocks.append(
-            Callout("The studies are in different units: amplitudes and coefficients cannot be compared", told)
-        )
-    one_unit = next(iter(units)) if len(units) == 1 else None
-    return [
-        *blocks,
-        *_build_rankings(name, having),
-        *_build_predictions(name, having, one_unit),
-        *_build_posteriors(name, having),
-    ]
+    units = {study.name: study.records[name].units for study in having}
+    comparable = len(set(units.values())) == 1
+    if not comparable:
+        lines = [f"{study}: {' and '.join(filter(None, named)) or 'not stated'}" for study, named in units.items()]
+        warning = "The studies are in different units: amplitudes and coefficients cannot be compared"
+        blocks.append(Callout(warning, lines))
+    predictions = _build_predictions(name, having, comparable=comparable)
+    return [*blocks, *_build_rankings(name, having), *predictions, *_build_posteriors(name, having)]
 
 
 def _build_rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
@@ -283,32 +257,31 @@ def _build_rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
     wide = pd.DataFrame({"law": order.index})
     for study in having:
-        mine = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
-        wide[f"weight: {study.name}"] = mine["weight"].to_numpy(float)
-        wide[f"held-out error (%): {study.name}"] = mine["held_out_error"].to_numpy(float)
+        ranking = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
+        wide[f"weight: {study.name}"] = ranking["weight"].to_numpy(float)
+        wide[f"held-out error (%): {study.name}"] = ranking["held_out_error"].to_numpy(float)
     formats = {column: format_share if column.startswith("weight") else format_percent for column in wide.columns[1:]}
     caption = "Weight of each candidate (posterior probability among the physical ones) and its held-out error"
     return [Heading("Rankings"), Table(wide, caption, formats)]
 
 
-def _build_predictions(name: str, having: Sequence[StudySummary], units: tuple[str, str] | None) -> list[Block]:
+def _build_predictions(name: str, having: Sequence[StudySummary], *, comparable: bool) -> list[Block]:
     table = _tabulate_stacked(name, having, "loads")
     if table.empty:
         return []
     first = table.drop_duplicates("force").set_index("force")["median"]
     table["difference"] = 100.0 * (table["median"] / table["force"].map(first).to_numpy(float) - 1.0)
-    if units is None:
+    if not comparable:
         table["difference"] = np.nan
     table = table.sort_values("force", kind="stable")
     columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
     caption = "Resonant amplitude at design forces; difference: of the median from that of the first study that has it"
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
-    formats = {"linear_overprediction_percent": format_percent, "difference": _describe_signed}
+    formats = {
+        "linear_overprediction_percent": format_percent,
+        "difference": lambda value: format_signed(value).removesuffix(" %"),
+    }
     return [Heading("Predictions"), Table(table[columns], caption, formats, headings)]
-
-
-def _describe_signed(value: float) -> str:
-    return format_signed(value).removesuffix(" %")
 
 
 def _build_posteriors(name: str, having: Sequence[StudySummary]) -> list[Block]:
@@ -318,11 +291,7 @@ def _build_posteriors(name: str, having: Sequence[StudySummary]) -> list[Block]:
     columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
     order = table.sort_values(["law", "parameter"], kind="stable")[columns]
     caption = "Median and 90 per cent interval of each parameter"
-    return [Fold("Parameters of every law", [Table(order, caption, {"unit": _describe_text})])]
-
-
-def _describe_text(value: object) -> str:
-    return str(value) or NOTHING
+    return [Fold("Parameters of every law", [Table(order, caption, {"unit": lambda unit: str(unit) or NOTHING})])]
 
 
 def _tabulate_stacked(name: str, having: Sequence[StudySummary], what: str) -> pd.DataFrame:

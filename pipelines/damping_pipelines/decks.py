@@ -12,59 +12,19 @@ by non-negative least squares over the load levels.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
 
 from damping.errors import AnalysisError, InputError
+from damping_pipelines.forms import DampedRow, DampingForm
 
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
 #: Ratios on one line of an ANSYS ``MDAMP`` command.
 RATIOS_A_LINE = 6
-
-
-class _Form(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class _Ratio(_Form):
-    median: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-
-class _Row(_Form):
-    """A prediction of ``loads/1``, a row of ``curve/1``, or a level of a mode of ``campaign/1``."""
-
-    force: float | None = None
-    amplitude: float | None = None
-    median: float | None = None
-    level: float | None = None
-    frequency: float | None = None
-    damping_ratio: _Ratio | None = None
-    extrapolation_ratio: float | None = None
-    tested: bool | None = None
-    by_model: list[Mapping[str, Any]] = []
-
-
-class _Mode(_Form):
-    name: str
-    at: list[_Row]
-
-
-class DampingForm(_Form):
-    """What a deck is made of: any of the three forms that hold damping ratios."""
-
-    format: str
-    level: float = 0.9
-    predictions: list[_Row] = []
-    rows: list[_Row] = []
-    modes: list[_Mode] = []
 
 
 @dataclass(frozen=True)
@@ -80,7 +40,7 @@ class Point:
     low: float
     force: float
     amplitude: float
-    said: str
+    remark: str
 
 
 @dataclass(frozen=True)
@@ -91,24 +51,18 @@ class LoadLevel:
     points: tuple[Point, ...]
 
 
-def write_deck(code: str, content: bytes, values: Mapping[str, Any], source: str) -> str:
+def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str:
     """The damping of a form as text for a structural code.
 
     Args:
-        code: one of ``CODES``. content: the form as it was read, whose hash goes into the comments. values: the same as
-            plain values. source: its name, for messages.
+        code: one of ``CODES``. content: the form as it was read, whose hash goes into the comments. source: its name.
 
     Raises:
-        InputError: an unknown code, or no form that holds damping ratios.
+        InputError: an unknown code.
         AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
     if code not in CODES:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(CODES))
-    try:
-        form = DampingForm.model_validate(values)
-    except ValidationError as error:
-        where = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise InputError(error.errors()[0]["msg"], file=source, column=where) from None
     levels = _list_levels(form)
     if not levels:
         raise AnalysisError(f"{source}: no level holds a damping ratio; write it with damping curve or extrapolate")
@@ -137,12 +91,12 @@ def _list_levels(form: DampingForm) -> list[LoadLevel]:
     ]
 
 
-def _find_force(row: _Row) -> float | None:
+def _find_force(row: DampedRow) -> float | None:
     """The force of a row; a prediction of ``loads/1`` that was asked by amplitude holds it as its median."""
     return row.median if row.force is None and row.amplitude is not None else row.force
 
 
-def _as_point(mode: str, row: _Row) -> Point | None:
+def _as_point(mode: str, row: DampedRow) -> Point | None:
     """A row as a point; None where it predicts no damping."""
     ratio = row.damping_ratio
     if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
@@ -150,16 +104,19 @@ def _as_point(mode: str, row: _Row) -> Point | None:
     laws = ", ".join(f"{law['name']} ({float(law['weight']):.2f})" for law in row.by_model if law.get("weight"))
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
-    said = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
-    found = _find_force(row)
-    force = np.nan if found is None else found
+    remark = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
+    resonant = _find_force(row)
+    force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, said)
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark)
 
 
 def _describe(level: LoadLevel, which: str, comment: str) -> list[str]:
     """Comments of a table: level, which bound, and each mode."""
-    modes = [f"{comment}   {p.mode}: {p.frequency:.6g} Hz" + (f"; {p.said}" if p.said else "") for p in level.points]
+    modes = []
+    for point in level.points:
+        remark = f"; {point.remark}" if point.remark else ""
+        modes.append(f"{comment}   {point.mode}: {point.frequency:.6g} Hz{remark}")
     return [f"{comment} {level.label}, {which}", *modes]
 
 

@@ -48,10 +48,10 @@ def source_report() -> ExhibitModule:
 
 def exhibit_commands() -> dict[str, Callable[..., Any]]:
     """Commands of all exhibits, by name."""
-    found: dict[str, Callable[..., Any]] = {}
+    commands: dict[str, Callable[..., Any]] = {}
     for module in COMMANDS:
-        found |= import_module(module).COMMANDS
-    return found
+        commands |= import_module(module).COMMANDS
+    return commands
 
 
 def shipped_folder(package: Path, name: str) -> Path:

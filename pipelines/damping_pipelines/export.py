@@ -1,21 +1,13 @@
-"""``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet, figures."""
+"""``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
 
 from __future__ import annotations
 
-import io
-import json
-import shutil
-import subprocess
-import sys
-import tempfile
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import pandas as pd
-from pydantic import Field, TypeAdapter, ValidationError
 
-from damping.errors import AnalysisError, InputError
+from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_write import uff
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
@@ -23,12 +15,9 @@ from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import write_deck
-from damping_pipelines.forms import LoadsForm, RankForm, tabulate_loads_rows, tabulate_ranking_rows
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_bytes, write_text
+from damping_pipelines.forms import AnswerForm, DampingForm, LoadsForm, ParameterForm, RankForm, read_form
+from damping_pipelines.store import refuse_inputs, refuse_twice, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Largest ranking or loads form that is read, bytes (a form of a hundred candidates takes 50 000).
 MAX_FORM_SIZE = 10_000_000
@@ -45,6 +34,7 @@ def export(
     mode: Path | None = None,
     mode_out: Path | None = None,
     text: bool = False,
+    to: str | None = None,
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> None:
     """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
@@ -57,12 +47,18 @@ def export(
         mode: mode whose ``[units]`` are those of the record or the loads.
         mode_out: where the converted mode goes.
         text: values of a universal file as text, not as bytes.
+        to: structural code for which damping is written, in its own format; a form is asked for then.
 
     Raises:
         InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things,
             or of a ranking, which is not converted.
         AnalysisError: a record that a universal file cannot hold, or a mode that cannot be converted.
     """
+    if to is not None:
+        if units or given or mode or mode_out or text:
+            raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
+        export_deck(source, out, to)
+        return
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
         raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)
@@ -98,13 +94,8 @@ def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZ
     """
     refuse_inputs("--out", out, source)
     content = read_bytes(source, max_size)
-    try:
-        values = json.loads(content)
-    except ValueError as error:
-        raise InputError(str(error), file=source, expected="a form curve/1, loads/1 or campaign/1 (JSON)") from None
-    if not isinstance(values, dict):
-        raise InputError("no form", file=source, expected="a form curve/1, loads/1 or campaign/1 (JSON)")
-    write_text(out, write_deck(code, content, values, str(source)))
+    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
+    write_text(out, write_deck(code, content, form, str(source)))
     console().print(f"{out} written: damping for {code}")
 
 
@@ -146,8 +137,8 @@ def _export_form(
     source: Path, out: Path, units: str | None, given: str | None, mode: Path | None, max_size: int
 ) -> None:
     """A form as a table; loads in other units where they are asked for."""
-    form = _form(source, max_size)
-    table = _tabulate_rows(form)
+    form = read_answer(source, max_size)
+    table = tabulate_form(form)
     if units is None:
         _write_table(table, out)
         return
@@ -191,104 +182,50 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
         write_text(out, record_to_csv(table))
 
 
-def to_parquet(table: pd.DataFrame) -> bytes:
-    """A table as a Parquet file."""
-    import_module("pyarrow")  # of the extra [formats]: pandas says less clearly that it is not there
-    buffer = io.BytesIO()
-    table.to_parquet(buffer, engine="pyarrow", index=False)
-    return buffer.getvalue()
-
-
-def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
-    """A figure as a PNG image, the same bytes for the same figure."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return buffer.getvalue()
-
-
-#: Endings of a picture's name.
-PICTURES = (".svg", ".png")
-
-
-def check_picture(path: Path) -> None:
-    """InputError where the name of a picture ends with none of ``PICTURES``; before any work."""
-    if path.suffix.lower() not in PICTURES:
-        raise InputError(f"--plot {path.name!r} is of no known format", expected="a name ending in .svg or .png")
-
-
-def write_picture(path: Path, figure: Any, title: str) -> None:
-    """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
-    from damping.plots.style import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
-
-    check_picture(path)
-    if path.suffix.lower() == ".png":
-        write_bytes(path, to_png(figure))
-    else:
-        write_text(path, to_svg(figure, path.stem, title, title))
-    print(f"{path} drawn", file=sys.stderr)
-
-
-#: Names of the browser that prints, the first that is there.
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-#: What is printed of a page: its answer alone.
-ANSWER_ALONE = """<style>@media print {
-  main > section:not(#answer), nav, footer { display: none }
-  body { zoom: 0.7 }
-}</style></head>"""
-#: Seconds that printing may take.
-LONGEST_PRINT = 60
-
-
-def print_answer(page: str) -> bytes:
-    """The section ``answer`` of a page as PDF, by Chromium.
-
-    Raises:
-        AnalysisError: there is no Chromium, or it cannot print.
-    """
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        raise AnalysisError(f"--pdf: none of {', '.join(BROWSERS)} is installed; print report.html from any browser")
-    with tempfile.TemporaryDirectory() as folder:
-        source, printed = Path(folder) / "report.html", Path(folder) / "report.pdf"
-        write_text(source, page.replace("</head>", ANSWER_ALONE, 1))
-        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
-        done = subprocess.run(
-            [*command, f"--print-to-pdf={printed}", source.as_uri()],
-            capture_output=True,
-            check=False,
-            timeout=LONGEST_PRINT,
-        )
-        if done.returncode or not printed.exists():
-            raise AnalysisError(f"--pdf: {browser} ended with {done.returncode} and no page")
-        return printed.read_bytes()
-
-
-_FORM: TypeAdapter[RankForm | LoadsForm] = TypeAdapter(Annotated[RankForm | LoadsForm, Field(discriminator="format")])
-
-
-def tabulate_form(path: Path, max_size: int = MAX_FORM_SIZE) -> pd.DataFrame:
-    """A form ``rank/1`` or ``loads/1`` as a table.
+def tabulate_form(form: RankForm | LoadsForm) -> pd.DataFrame:
+    """A form as a table.
 
     A ranking has a row for each parameter of each force of each candidate; loads have one for each design force and
     law, the average over laws first (``model`` empty).
-
-    Raises:
-        InputError: the file is no such form; the first thing that is wrong is named.
     """
-    return _tabulate_rows(_form(path, max_size))
+    return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
 
 
-def _tabulate_rows(form: RankForm | LoadsForm) -> pd.DataFrame:
-    return tabulate_ranking_rows(form) if isinstance(form, RankForm) else tabulate_loads_rows(form)
-
-
-def _form(path: Path, max_size: int) -> RankForm | LoadsForm:
+def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> RankForm | LoadsForm:
+    """A form ``rank/1`` or ``loads/1``. InputError with the first thing that is wrong."""
     content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
-    try:
-        return _FORM.validate_json(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"][1:]) or "the form"
-        raise InputError(
-            f"{place}: {first['msg']}", file=path, expected="a form rank/1 or loads/1, as --json writes it"
-        ) from None
+    return read_form(AnswerForm, content, path, "a form rank/1 or loads/1, as --json writes it").root
+
+
+def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
+    """A row for each parameter of each force of each candidate."""
+    rows: list[dict[str, Any]] = []
+    for model in form.models:
+        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name", "equivalents"})}
+        parameters = [(force.name, *item) for force in model.forces for item in force.parameters().items()]
+        for force, parameter, value in parameters or [("", "", ParameterForm())]:
+            part = {"force": force, "parameter": parameter, **value.model_dump()}
+            rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
+    return _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(
+        criterion=form.criterion
+    )
+
+
+def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
+    """A row for each design force and law, the average over laws first (``model`` empty)."""
+    rows: list[dict[str, Any]] = []
+    for prediction in form.predictions:
+        average = prediction.model_dump(exclude={"by_model", "cautions"})
+        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
+        rows += [
+            {"model": law.name, "force": prediction.force, **law.model_dump(exclude={"name"})}
+            for law in prediction.by_model
+        ]
+    return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
+
+
+def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
+    """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
+    types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
+    filled = table.fillna(dict.fromkeys(text, ""))
+    return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})

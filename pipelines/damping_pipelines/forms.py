@@ -1,18 +1,53 @@
-"""The forms ``rank/1`` and ``loads/1`` read back, checked, and as tables."""
+"""Forms that commands wrote, read back and checked: of a ranking, loads, a curve, a campaign and a study."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
 
-import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError
+
+from damping.errors import InputError
+from damping.records.text import unguarded
+
+Positive = Annotated[float, Field(gt=0.0)]
 
 
-class _Part(BaseModel):
+class FormPart(BaseModel):
+    """A part of a form: keys that are not named are passed over, and no number is NaN or infinite."""
+
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class _Value(_Part):
+AnyForm = TypeVar("AnyForm", bound=BaseModel)
+
+
+def read_form(form: type[AnyForm], content: bytes, file: Path, expected: str) -> AnyForm:
+    """A form from its JSON text. InputError with the first thing that is wrong."""
+    try:
+        return form.model_validate_json(content)
+    except ValidationError as error:
+        raise describe_invalid(error, file, expected) from None
+
+
+def describe_invalid(error: ValidationError, file: Path, expected: str) -> InputError:
+    """The first thing that pydantic finds wrong, by its place in the form."""
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"] if "/" not in str(part))  # the name of a form is no place
+    return InputError(f"{place}: {first['msg']}".lstrip(": "), file=file, expected=expected)
+
+
+class IntervalForm(FormPart):
+    """A median with its band."""
+
+    median: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+class ParameterForm(FormPart):
+    """A parameter of a force; the first is its coefficient."""
+
     value: float | None = None
     std_error: float | None = None
     t_ratio: float | None = None
@@ -20,11 +55,11 @@ class _Value(_Part):
     high: float | None = None
 
 
-class _Force(BaseModel):
+class ForceForm(BaseModel):
     """A force of a candidate: its coefficient, and its shape parameters by name as further keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, _Value | float | str | None]
+    __pydantic_extra__: dict[str, ParameterForm | float | str | None]
 
     name: str
     coefficient: float | None = None
@@ -33,19 +68,19 @@ class _Force(BaseModel):
     low: float | None = None
     high: float | None = None
 
-    def parameters(self) -> dict[str, _Value]:
+    def parameters(self) -> dict[str, ParameterForm]:
         """The coefficient, then the shape parameters."""
-        own = _Value(value=self.coefficient, **{name: getattr(self, name) for name in _ERRORS})
-        return {"coefficient": own, **{k: v for k, v in self.__pydantic_extra__.items() if isinstance(v, _Value)}}
+        own = self.model_dump(include={"std_error", "t_ratio", "low", "high"})
+        shapes = {k: v for k, v in self.__pydantic_extra__.items() if isinstance(v, ParameterForm)}
+        return {"coefficient": ParameterForm(value=self.coefficient, **own), **shapes}
 
 
-_ERRORS = ("std_error", "t_ratio", "low", "high")
+class CandidateForm(FormPart):
+    """A law of a ranking."""
 
-
-class _Candidate(_Part):
     rank: int | None
     name: str
-    forces: list[_Force]
+    forces: list[ForceForm]
     score: float | None = None
     weight: float | None = None
     held_out_error: float | None = None
@@ -55,23 +90,24 @@ class _Candidate(_Part):
     equivalents: list[str] = []
 
 
-class RankForm(_Part):
+class RankForm(FormPart):
     """A ranking: candidates, best first."""
 
     format: Literal["rank/1"]
     criterion: str
-    models: Annotated[list[_Candidate], Field(min_length=1)]
+    models: Annotated[list[CandidateForm], Field(min_length=1)]
 
 
-class _Member(_Part):
+class MemberForm(IntervalForm):
+    """A law that takes part in a prediction."""
+
     name: str
     weight: float | None = None
-    median: float | None = None
-    low: float | None = None
-    high: float | None = None
 
 
-class _Prediction(_Part):
+class PredictionForm(FormPart):
+    """A prediction at a design force."""
+
     force: float
     median: float | None
     low: float | None
@@ -80,46 +116,137 @@ class _Prediction(_Part):
     linear_overprediction_percent: float | None = None
     extrapolation_ratio: float | None = None
     cautions: list[str] = []
-    by_model: list[_Member] = []
+    by_model: list[MemberForm] = []
 
 
-class LoadsForm(_Part):
+class LoadsForm(FormPart):
     """Predictions at design forces."""
 
     format: Literal["loads/1"]
     level: float
-    predictions: Annotated[list[_Prediction], Field(min_length=1)]
+    predictions: Annotated[list[PredictionForm], Field(min_length=1)]
 
 
-def tabulate_ranking_rows(form: RankForm) -> pd.DataFrame:
-    """A row for each parameter of each force of each candidate."""
-    rows: list[dict[str, Any]] = []
-    for model in form.models:
-        whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name", "equivalents"})}
-        found = [(force.name, *each) for force in model.forces for each in force.parameters().items()]
-        for force, parameter, value in found or [("", "", _Value())]:
-            part = {"force": force, "parameter": parameter, **value.model_dump()}
-            rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
-    return _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(
-        criterion=form.criterion
-    )
+class AnswerForm(RootModel[Annotated[RankForm | LoadsForm, Field(discriminator="format")]]):
+    """A ranking or loads."""
 
 
-def tabulate_loads_rows(form: LoadsForm) -> pd.DataFrame:
-    """A row for each design force and law, the average over laws first (``model`` empty)."""
-    rows: list[dict[str, Any]] = []
-    for prediction in form.predictions:
-        average = prediction.model_dump(exclude={"by_model", "cautions"})
-        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
-        rows += [
-            {"model": law.name, "force": prediction.force, **law.model_dump(exclude={"name"})}
-            for law in prediction.by_model
-        ]
-    return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
+class DampedRow(FormPart):
+    """A prediction of ``loads/1``, a row of ``curve/1``, or a level of a mode of ``campaign/1``."""
+
+    force: float | None = None
+    amplitude: float | None = None
+    median: float | None = None
+    level: float | None = None
+    frequency: float | None = None
+    damping_ratio: IntervalForm | None = None
+    extrapolation_ratio: float | None = None
+    tested: bool | None = None
+    by_model: list[dict[str, Any]] = []
 
 
-def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
-    """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
-    types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
-    filled = table.fillna(dict.fromkeys(text, ""))
-    return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})
+class DampedMode(FormPart):
+    """A mode of a campaign with its levels."""
+
+    name: str
+    at: list[DampedRow]
+
+
+class DampingForm(FormPart):
+    """Any of the three forms that hold damping ratios."""
+
+    format: str
+    level: float = 0.9
+    predictions: list[DampedRow] = []
+    rows: list[DampedRow] = []
+    modes: list[DampedMode] = []
+
+
+class PeakForm(FormPart):
+    """The peak of a sensor."""
+
+    sensor: str
+    unit: str
+    median: Positive
+    low: Positive
+    high: Positive
+
+
+class PeaksForm(FormPart):
+    """A level of a mode with its peaks; ``input``: where it is not the level."""
+
+    level: float
+    input: Positive | None = None
+    tested: bool = False
+    response: list[PeakForm]
+
+
+class PeaksOfMode(FormPart):
+    """A mode of a campaign with its peaks."""
+
+    frequency: Positive
+    at: list[PeaksForm]
+
+
+class CampaignForm(FormPart):
+    """A campaign as far as its peaks go."""
+
+    format: Literal["campaign/1"]
+    modes: list[PeaksOfMode]
+
+
+class UnitsForm(FormPart):
+    """Units of a record."""
+
+    force: str = ""
+    length: str = ""
+
+
+class CurveForm(FormPart):
+    """Damping against amplitude."""
+
+    rows: list[DampedRow] = []
+
+
+class PowerLawForm(FormPart):
+    """Of the velocity: the first that a study lists."""
+
+    p: float
+    std_error: float | None = None
+
+
+class StudyRecordForm(FormPart):
+    """A record of a study."""
+
+    name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
+    title: str = ""
+    units: UnitsForm = UnitsForm()
+    rank: RankForm
+    loads: LoadsForm | None = None
+    curve: CurveForm | None = None
+    power_laws: list[PowerLawForm] = []
+
+
+class StudyForm(FormPart):
+    """``summary.json`` of a study."""
+
+    format: Literal["study/1"]
+    title: str
+    seed: int
+    level: float
+    records: list[StudyRecordForm]
+
+
+_Number = Annotated[float | None, BeforeValidator(lambda text: None if text == "" else text)]
+_Text = Annotated[str, BeforeValidator(lambda text: unguarded(str(text)))]
+
+
+class PosteriorRow(FormPart):
+    """A row of ``NAME-posteriors.csv``."""
+
+    law: _Text
+    parameter: _Text
+    unit: _Text = ""
+    low: _Number
+    median: _Number
+    high: _Number

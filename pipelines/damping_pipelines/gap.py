@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import sys
@@ -22,10 +21,17 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.check import report_findings
-from damping_pipelines.export import check_picture, write_picture
-from damping_pipelines.provenance import versions
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
+from damping_pipelines.manifest import digest_file, versions
+from damping_pipelines.records import report_findings
+from damping_pipelines.store import (
+    check_picture,
+    refuse_inputs,
+    refuse_twice,
+    write_json,
+    write_picture,
+    write_plain,
+    write_text,
+)
 from damping_pipelines.terminal import console, end_with_parent, progress
 
 FORMAT = "gap/1"
@@ -46,7 +52,7 @@ def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path |
 
 def gap(
     model: Path,
-    record: Path | None,
+    records: Sequence[Path],
     report: Path | None,
     model_out: Path | None,
     json_out: str | None,
@@ -54,29 +60,30 @@ def gap(
     seed: int,
     max_size: int,
     jobs: int | None,
-    despite: Collection[str] = (),
-    states: Sequence[tuple[Path, Path]] = (),
-    simulator: str | None = None,
-    plot: Path | None = None,
+    despite: Collection[str],
+    states: Sequence[Path],
+    simulator: str | None,
+    plot: Path | None,
 ) -> None:
-    """Diagnose one record, or, without ``record``, every case of the folder ``model`` into the folder ``json_out``.
+    """Diagnose one record, or, without ``records``, every case of the folder ``model`` into the folder ``json_out``.
 
-    ``posterior`` is on unless False for one record, and off for a folder. ``states``: model and record of further
-    states of the structure. ``simulator``: ``MODULE:FUNCTION``.
+    ``posterior`` is on unless False for one record, and off for a folder. ``states``: models of further states of the
+    structure, whose records follow the first. ``simulator``: ``MODULE:FUNCTION``.
 
     Raises:
         InputError: bad usage or input.
         AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
+    record, further = pair_states(records, states)
     if record is None:
-        if states or simulator is not None or plot is not None:
+        if further or simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
         _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     if plot is not None:
         check_picture(plot)
     targets = {"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}
-    inputs = (model, record, *chain.from_iterable(states))
+    inputs = (model, record, *chain.from_iterable(further))
     for option, target in targets.items():
         refuse_inputs(option, target, *inputs)
     refuse_twice(targets)
@@ -85,7 +92,7 @@ def gap(
     result = damping.diagnose(
         measured,
         mode,
-        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in states],
+        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in further],
         simulate=None if simulator is None else import_simulator(simulator),
         posterior=posterior is not False,
         seed=seed,
@@ -117,22 +124,22 @@ def import_simulator(name: str) -> Simulate:
         raise InputError(f"--simulator {name!r}", expected="MODULE:FUNCTION")
     sys.path.insert(0, str(Path.cwd()))
     try:
-        found = getattr(importlib.import_module(module), function, None)
+        named = getattr(importlib.import_module(module), function, None)
     except ImportError as error:
         raise InputError(f"--simulator: {error}", expected="a module in the working folder or installed") from None
     finally:
         sys.path.pop(0)
-    if not callable(found):
+    if not callable(named):
         raise InputError(f"--simulator: {module} has no function {function}", expected="MODULE:FUNCTION")
-    simulate: Simulate = found
+    simulate: Simulate = named
     return simulate
 
 
 def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
-    from damping.report.gap_page import describe_gap_page  # noqa: PLC0415 - as above, matplotlib
+    from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - as above, matplotlib
 
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
-    return describe_gap_page(diagnosis, sampled, seed, versions(), digests)
+    digests = {path.name: digest_file(path) for path in inputs}
+    return render_gap_page(diagnosis, sampled, seed, versions(), digests)
 
 
 def _folder(

@@ -21,7 +21,7 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
-from damping_pipelines.check import report_findings
+from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
 from damping_pipelines.terminal import console, plain_table
 
@@ -35,6 +35,55 @@ class RingDown:
     levels: int = LEVELS
     start: float | None = None
     end: float | None = None
+
+
+def import_(
+    file: Path,
+    out: Path,
+    json_out: str | None,
+    max_size: int,
+    despite: Collection[str],
+    ring_down: bool,
+    mode: Path | None,
+    **options: Any,
+) -> None:
+    """:func:`import_file` with what the command line says of the file.
+
+    Raises:
+        InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
+    """
+    parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
+    given = {name: value for name, value in parts.items() if value is not None}
+    stated = _as_stated(**options)
+    if not ring_down and (mode is not None or given):
+        name = "mode" if mode is not None else next(iter(given))
+        raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
+    if ring_down and mode is None:
+        raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
+    decay = RingDown(mode, **given) if mode is not None else None
+    import_file(file, out, stated, decay, json_out, max_size, despite)
+
+
+def _as_stated(
+    file_format: str, column: Sequence[str], unit: Sequence[str], scaling: Sequence[str], scale: Sequence[str], to: str,
+    force: Sequence[float], label: Sequence[str], dataset: Sequence[int], band: str | None, **others: Any,
+) -> Stated:  # fmt: skip
+    """What the options say of a file; ``others`` are fields of ``Stated`` as they are."""
+    of_response, of_force = scalings(scaling)
+    return Stated(
+        format=file_format,
+        columns=pairs("--column", column),
+        scaling=of_response,
+        force_scaling=of_force,
+        units=pairs("--unit", unit),
+        scale=scales(scale),
+        system=to,
+        forces=tuple(force),
+        labels=tuple(label),
+        datasets=tuple(dataset),
+        band=read_band(band),
+        **others,
+    )
 
 
 def import_file(
@@ -60,26 +109,26 @@ def import_file(
     refuse_inputs("--json", json_out, *inputs)
     refuse_twice({"--out": out, "--json": json_out})
     series, summary = read_file(file, stated, max_size=max_size)
-    found = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
-    findings = report_findings(found.record, read_mode(decay.mode) if decay else None, despite)
-    write_text(out, record_to_csv(found.record))
+    imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
+    findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
+    write_text(out, record_to_csv(imported.record))
     if json_out is not None:
-        write_json(json_out, {**import_form(found, out), "audit": findings.to_json()["findings"]})
+        write_json(json_out, {**import_form(imported, out), "audit": findings.to_json()["findings"]})
     if json_out != "-":
-        _print(found, out, console())
+        _print(imported, out, console())
 
 
 def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
     """``KEY=VALUE`` words of a repeated option. InputError for one without ``=`` or a key given twice."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for word in words:
         key, mark, value = word.partition("=")
         if not (mark and key.strip() and value.strip()):
             raise InputError(f"{option} {word!r} is not understood", expected=f"{option} NAME=VALUE")
-        if key.strip() in found:
+        if key.strip() in values:
             raise InputError(f"{option} {key.strip()} is given twice", expected="each once")
-        found[key.strip()] = value.strip()
-    return found
+        values[key.strip()] = value.strip()
+    return values
 
 
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
@@ -94,33 +143,33 @@ def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
 
 def scales(words: Sequence[str]) -> dict[str, float]:
     """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
-    found: dict[str, float] = {}
+    factors: dict[str, float] = {}
     for key, text in pairs("--scale", words).items():
         try:
-            found[key] = float(text)
+            factors[key] = float(text)
         except ValueError:
-            found[key] = math.nan
-        if not math.isfinite(found[key]) or found[key] == 0.0:
+            factors[key] = math.nan
+        if not math.isfinite(factors[key]) or factors[key] == 0.0:
             raise InputError(f"--scale {key}={text} is no factor", expected="a number other than 0")
-    return found
+    return factors
 
 
-def band(text: str | None) -> tuple[float, float] | None:
+def read_band(text: str | None) -> tuple[float, float] | None:
     """LO:HI in Hz. InputError for what is not understood."""
     if text is None:
         return None
     low, mark, high = text.partition(":")
     try:
-        found = (float(low), float(high))
+        limits = (float(low), float(high))
     except ValueError:
         raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz") from None
-    if not mark or not (math.isfinite(found[0]) and math.isfinite(found[1])):
+    if not mark or not (math.isfinite(limits[0]) and math.isfinite(limits[1])):
         raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz")
-    return found
+    return limits
 
 
 def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) -> Imported:
-    if any(one.is_time for one in series):
+    if any(row.is_time for row in series):
         raise InputError(
             "the file holds time histories",
             file=file,
@@ -139,7 +188,7 @@ def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, s
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
     tables = [_levels(history, mode, decay, summary).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
-    labels = [one.label for one in histories]
+    labels = [motion.label for motion in histories]
     if len(set(labels)) < len(labels):
         raise InputError("two time histories have one label", file=file, expected="--label of each, all different")
     return Imported(Record(table, str(file)), summary)
@@ -187,24 +236,24 @@ def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> No
             )
 
 
-def import_form(found: Imported, out: Path) -> dict[str, Any]:
+def import_form(imported: Imported, out: Path) -> dict[str, Any]:
     """The form ``import/1``: what was understood, notes, and the sweeps of the record."""
     return {
         "format": "import/1",
         "record": str(out),
-        "rows": len(found.record),
-        "sweeps": list(found.record.sweeps),
-        "understood": found.summary.table.to_dict(orient="records"),
-        "notes": found.summary.notes,
+        "rows": len(imported.record),
+        "sweeps": list(imported.record.sweeps),
+        "understood": imported.summary.table.to_dict(orient="records"),
+        "notes": imported.summary.notes,
     }
 
 
-def _print(found: Imported, out: Path, to: Console) -> None:
-    title = f"{escape_control(Path(found.record.source).name)}: what was understood"
+def _print(imported: Imported, out: Path, to: Console) -> None:
+    title = f"{escape_control(Path(imported.record.source).name)}: what was understood"
     table = plain_table(title, (), ("what", "understood", "whence"))
-    for row in found.summary.rows:
+    for row in imported.summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)
-    for note in found.summary.notes:
+    for note in imported.summary.notes:
         to.print(f"- {escape_control(note)}")
-    to.print(f"{len(found.record)} rows written to {out}")
+    to.print(f"{len(imported.record)} rows written to {out}")

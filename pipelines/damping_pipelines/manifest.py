@@ -2,23 +2,31 @@
 
 A file is moved into place whole. Between the first move and the last the manifest in the folder, if any, fits no more,
 so a reader that checks it never takes files of two runs for one: it says which file is of another run.
+
+What a result depends on beside its inputs: versions of packages, and the source of this project.
 """
 
 from __future__ import annotations
 
 import hashlib
+import importlib.metadata
 import os
+import platform
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from damping import __version__
 from damping.errors import InputError
 from damping.records.text import read_bytes
+from damping_pipelines.forms import read_form
 from damping_pipelines.store import make_folder, to_json, write_bytes
 
 #: Name of the manifest in its folder.
@@ -68,6 +76,12 @@ _AGAIN = "files of one run; run it again"
 def digest(content: bytes) -> str:
     """SHA-256 in hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
+
+
+def digest_file(path: Path) -> str:
+    """The same of a file of any size, read in blocks."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def publish(
@@ -148,12 +162,7 @@ def open_folder(folder: Path) -> Folder:
         raise InputError("no such folder" if not folder.exists() else "is no folder", file=folder)
     if not path.is_file():
         raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a run that was finished")
-    try:
-        manifest = Manifest.model_validate_json(read_bytes(path, _MAX_SIZE))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{place}: {first['msg']}".lstrip(": "), file=path, expected="a manifest/1") from None
+    manifest = read_form(Manifest, read_bytes(path, _MAX_SIZE), path, "a manifest/1")
     for name in manifest.outputs:
         parts = PurePosixPath(name)
         if parts.is_absolute() or ".." in parts.parts or "\\" in name or "\0" in name or not parts.parts:
@@ -165,10 +174,10 @@ def open_folder(folder: Path) -> Folder:
 
 def verify(folder: Path) -> Folder:
     """The folder with every one of its files checked. InputError for the first that is missing or of another run."""
-    found = open_folder(folder)
-    for name in found.manifest.outputs:
-        found.read(name)
-    return found
+    opened = open_folder(folder)
+    for name in opened.manifest.outputs:
+        opened.read(name)
+    return opened
 
 
 @contextmanager
@@ -212,3 +221,38 @@ def _lock(handle: int, folder: Path) -> None:
         raise InputError("another run is writing here", file=folder, expected="another --out, or to wait") from None
     except OSError:  # a file system without locks
         return
+
+
+#: Packages whose numbers results rest on.
+PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
+#: The houses of the project: a result may depend on any module of them.
+HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
+
+
+def versions() -> dict[str, str]:
+    """Versions a result depends on, as shown beside it."""
+    packages = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"damping-selection": __version__, "Python": platform.python_version(), **packages}
+
+
+@cache
+def digest_source() -> str:
+    """SHA-256 of every module of the project, as this process found them when it asked first."""
+    hashed = hashlib.sha256()
+    for house in HOUSES:
+        spec = find_spec(house)
+        for folder in map(Path, spec.submodule_search_locations or ()) if spec else ():
+            for path in sorted(folder.rglob("*.py")):
+                content = path.read_bytes()
+                hashed.update(f"{house}/{path.relative_to(folder).as_posix()} {len(content)}\n".encode() + content)
+    return hashed.hexdigest()
+
+
+def describe_code() -> dict[str, str]:
+    """Versions and the digest of the source: two processes that agree in it compute the same results."""
+    return {**versions(), "source": digest_source()}
+
+
+def digest_code() -> str:
+    """SHA-256 of :func:`describe_code`, which is in the key of every result."""
+    return hashlib.sha256(repr(sorted(describe_code().items())).encode()).hexdigest()

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import damping
 from damping.answers import CurveResult, LoadsResult, RankingResult
@@ -19,11 +20,10 @@ from damping.extrapolation.prediction import PARTS, Band
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.words import choose_length, format_parameter_unit
+from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
-from damping_pipelines.check import report_findings
-from damping_pipelines.export import check_picture, write_picture
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain
+from damping_pipelines.records import report_findings
+from damping_pipelines.store import check_picture, refuse_inputs, refuse_twice, write_picture, write_plain
 from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions, suggest
 
 #: Laws whose coefficients are shown.
@@ -44,7 +44,12 @@ class Asked:
     plot: Path | None
     seed: int
     max_size: int
-    despite: tuple[str, ...]
+    despite: Sequence[str]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What every function of the library on a record is given beside it."""
+        return {"seed": self.seed, "despite": self.despite, "progress": progress}
 
     def read(self) -> tuple[Record, Mode]:
         """Both files, read, checked and audited before any work; findings go to standard error."""
@@ -71,10 +76,11 @@ class Asked:
         return f"damping {command} {self.record} --mode {self.mode}"
 
 
-def rank(asked: Asked) -> None:
-    """Rank the candidates of a record, print the table and write the form."""
+def rank(**files: Any) -> None:
+    """Rank the candidates of a record, print the table and write the form; ``files`` are the fields of ``Asked``."""
+    asked = Asked(**files)
     read, described = asked.read()
-    ranking = damping.rank(read, described, seed=asked.seed, despite=asked.despite, progress=progress)
+    ranking = damping.rank(read, described, **asked.settings)
     if asked.write(ranking):
         print_ranking(ranking, described)
         suggest(f"{asked.name('curve')}   (damping ratio and Q)")
@@ -117,18 +123,18 @@ def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
     return table
 
 
-def extrapolate(asked: Asked, forces: Sequence[float], amplitudes: Sequence[float], level: float) -> None:
+def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float, **files: Any) -> None:
     """Predict resonances at design forces or amplitudes, print the table and write the form."""
-    if bool(forces) == bool(amplitudes):
-        given = "both --force and --amplitude" if forces else "neither --force nor --amplitude"
+    if bool(force) == bool(amplitude):
+        given = "both --force and --amplitude" if force else "neither --force nor --amplitude"
         raise InputError(given, expected="one of them, once or more")
-    check_loads(forces or amplitudes, level, "force" if forces else "amplitude")
+    check_loads(force or amplitude, level, "force" if force else "amplitude")
+    asked = Asked(**files)
     read, described = asked.read()
-    how = {"amplitudes": amplitudes, "seed": asked.seed, "despite": asked.despite, "progress": progress}
-    loads = damping.extrapolate(read, described, forces, level, **how)
+    loads = damping.extrapolate(read, described, force, level, amplitudes=amplitude, **asked.settings)
     if asked.write(loads):
         print_loads(loads)
-        again = " ".join([*(f"--force {f:g}" for f in forces), *(f"--amplitude {a:g}" for a in amplitudes)])
+        again = " ".join([*(f"--force {f:g}" for f in force), *(f"--amplitude {a:g}" for a in amplitude)])
         suggest(
             f"{asked.name('extrapolate')} {again} --json loads.json",
             "damping export loads.json --to nastran --out damping.bdf   (a table a load level)",
@@ -139,8 +145,8 @@ def print_loads(result: LoadsResult) -> None:
     """The tables for people, with the parts of the spread and what the weights rest on."""
     out, notes, mode = console(), Notes(), result.mode
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
-    for said in result.against:
-        out.print(f"{said[0].upper()}{said[1:]}.", style="bold red")
+    for disagreement in result.against:
+        out.print(f"{disagreement[0].upper()}{disagreement[1:]}.", style="bold red")
     by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     factor, length = choose_length(units.length, largest[0])
@@ -159,8 +165,8 @@ def print_loads(result: LoadsResult) -> None:
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
         ratios.add_row(at, number(row["frequency"]), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
         shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
-    for one in (table, ratios, shares):
-        out.print(one)
+    for part in (table, ratios, shares):
+        out.print(part)
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight.")
     out.print(_name_laws(loads.by_model))
     if len(plan.trend.p):
@@ -203,15 +209,14 @@ def _print_what_if(result: LoadsResult) -> None:
         )
 
 
-def curve(asked: Asked, amplitudes: Sequence[float], forces: Sequence[float], level: float) -> None:
+def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **files: Any) -> None:
     """Damping ratio, Q and frequency against amplitude; print the table and write the form."""
-    for values, what in ((amplitudes, "amplitude"), (forces, "force")):
+    for values, what in ((amplitude, "amplitude"), (force, "force")):
         if values:
             check_loads(values, level, what)
+    asked = Asked(**files)
     read, described = asked.read()
-    traced = damping.curve(
-        *(read, described, amplitudes, forces, level), seed=asked.seed, despite=asked.despite, progress=progress
-    )
+    traced = damping.curve(read, described, amplitude, force, level, **asked.settings)
     if asked.write(traced):
         print_curve(traced)
         suggest(f"{asked.name('curve')} --json curve.json", "damping export curve.json --to nastran --out damping.bdf")
@@ -228,13 +233,13 @@ def print_curve(result: CurveResult) -> None:
     table = plain_table(f"{result.mode.name}: damping of the resonance", numbers)
     for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
-        said = [caution for caution in cautions if not caution.startswith("beyond the test")]
+        further = [caution for caution in cautions if not caution.startswith("beyond the test")]
         table.add_row(
             *(number(value) for value in (factor * row["amplitude"], row["force"], row["frequency"])),
             *(number(z, 3) for z in zeta),
             number(row["q"], 3),
             "yes" if row["tested"] else "beyond",
-            notes.numbers(said),
+            notes.numbers(further),
         )
     out.print(table)
     out.print(

@@ -1,4 +1,4 @@
-"""The only writer: every output is written whole or not at all.
+"""The only writer: every output is written whole or not at all. Tables, figures and a page as files.
 
 A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
 sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were. Pipes and
@@ -7,17 +7,25 @@ devices are written to, links followed.
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import shutil
 import stat
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from damping.arrays import plain
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -140,3 +148,75 @@ def _json_chunks(value: Any) -> Iterator[str]:
     """The text of plain data piece by piece: as a whole it can be many times the data."""
     yield from json.JSONEncoder(indent=2, ensure_ascii=False, allow_nan=False).iterencode(value)
     yield "\n"
+
+
+def to_parquet(table: pd.DataFrame) -> bytes:
+    """A table as a Parquet file."""
+    import_module("pyarrow")  # of the extra [formats]: pandas says less clearly that it is not there
+    buffer = io.BytesIO()
+    table.to_parquet(buffer, engine="pyarrow", index=False)
+    return buffer.getvalue()
+
+
+def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
+    """A figure as a PNG image, the same bytes for the same figure."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+#: Endings of a picture's name.
+PICTURES = (".svg", ".png")
+
+
+def check_picture(path: Path) -> None:
+    """InputError where the name of a picture ends with none of ``PICTURES``; before any work."""
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"--plot {path.name!r} is of no known format", expected="a name ending in .svg or .png")
+
+
+def write_picture(path: Path, figure: Any, title: str) -> None:
+    """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
+    from damping.plots import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+
+    check_picture(path)
+    if path.suffix.lower() == ".png":
+        write_bytes(path, to_png(figure))
+    else:
+        write_text(path, to_svg(figure, path.stem, title, title))
+    print(f"{path} drawn", file=sys.stderr)
+
+
+#: Names of the browser that prints, the first that is there.
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+#: What is printed of a page: its answer alone.
+ANSWER_ALONE = """<style>@media print {
+  main > section:not(#answer), nav, footer { display: none }
+  body { zoom: 0.7 }
+}</style></head>"""
+#: Seconds that printing may take.
+LONGEST_PRINT = 60
+
+
+def print_answer(page: str) -> bytes:
+    """The section ``answer`` of a page as PDF, by Chromium.
+
+    Raises:
+        AnalysisError: there is no Chromium, or it cannot print.
+    """
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise AnalysisError(f"--pdf: none of {', '.join(BROWSERS)} is installed; print report.html from any browser")
+    with tempfile.TemporaryDirectory() as folder:
+        source, printed = Path(folder) / "report.html", Path(folder) / "report.pdf"
+        write_text(source, page.replace("</head>", ANSWER_ALONE, 1))
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
+        done = subprocess.run(
+            [*command, f"--print-to-pdf={printed}", source.as_uri()],
+            capture_output=True,
+            check=False,
+            timeout=LONGEST_PRINT,
+        )
+        if done.returncode or not printed.exists():
+            raise AnalysisError(f"--pdf: {browser} ended with {done.returncode} and no page")
+        return printed.read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -33,12 +32,10 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.power_law import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines.check import report_findings
 from damping_pipelines.exhibits import source_report
-from damping_pipelines.manifest import sole_writer
-from damping_pipelines.provenance import versions
-from damping_pipelines.settings import RecordSettings, StudySettings, default_study, read_settings
-from damping_pipelines.study_output import write_study
+from damping_pipelines.manifest import digest_file, sole_writer, versions
+from damping_pipelines.records import report_findings
+from damping_pipelines.study_files import RecordSettings, StudySettings, default_study, read_settings, write_study
 from damping_pipelines.terminal import Advance, end_with_parent, progress
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
@@ -100,20 +97,20 @@ def run_study(
 def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] = ()) -> list[Input]:
     """Read, check and audit every file of the study before any work."""
     inputs = []
-    for one in settings.records:
-        record, mode = read_record(folder / one.record), read_mode(folder / one.mode)
+    for asked in settings.records:
+        record, mode = read_record(folder / asked.record), read_mode(folder / asked.mode)
         findings = report_findings(record, mode, despite)
         measured = prepare(record, mode)
         for line in measured.said:
             print(f"damping: {record.source}: {line}", file=sys.stderr)
-        inputs.append(Input(one, measured.record, measured.mode or mode, observe(measured.record), findings))
+        inputs.append(Input(asked, measured.record, measured.mode or mode, observe(measured.record), findings))
     return inputs
 
 
 def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
     """SHA-256 of the settings and of every input file, by name relative to the settings."""
     names = [path.name, *(name for record in settings.records for name in (record.record, record.mode))]
-    return {name: hashlib.sha256((path.parent / name).read_bytes()).hexdigest() for name in dict.fromkeys(names)}
+    return {name: digest_file(path.parent / name) for name in dict.fromkeys(names)}
 
 
 def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
@@ -128,12 +125,12 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
         plans = _plan(inputs, settings.seed, estimate)
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
         records = tuple(
-            _record_result(one, ranking, plan, tuple(law for task, law in sampled if task.record == number), settings)
-            for number, (one, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
+            _record_result(record, ranking, plan, tuple(law for task, law in sampled if task.record == k), settings)
+            for k, (record, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
         )
         named = {record.name: record.ranking for record in records}
         loads = {record.name: record.design for record in records if record.design}
-        exhibits = tuple(one.finish(named, loads) for one in started)
+        exhibits = tuple(exhibit.finish(named, loads) for exhibit in started)
     return StudyResult(
         title=settings.title,
         seed=settings.seed,
@@ -146,11 +143,11 @@ def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str
 
 
 def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
-    laws = [candidate_laws(map(Law, one.settings.laws)) for one in inputs]
+    laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
         return [
-            rank_laws(one.data, seed, candidates, _prefixed(done, one.settings.name), estimate)
-            for one, candidates in zip(inputs, laws, strict=True)
+            rank_laws(record.data, seed, candidates, _prefixed(done, record.settings.name), estimate)
+            for record, candidates in zip(inputs, laws, strict=True)
         ]
 
 
@@ -160,16 +157,16 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
     Raises:
         AnalysisError: no law can carry the forces of a record with design forces.
     """
-    near = [near_resonance(one.record) for one in inputs]
+    near = [near_resonance(record.record) for record in inputs]
     laws = [load_candidates(data) for data in near]
     plans: list[Plan | None] = []
     with progress("weighing laws", sum(map(len, laws))) as done:
-        for one, data, candidates in zip(inputs, near, laws, strict=True):
+        for record, data, candidates in zip(inputs, near, laws, strict=True):
             try:
-                said = _prefixed(done, one.settings.name)
-                plans.append(plan_loads(data, candidates, seed, said, one.mode.mass, estimate))
+                advance = _prefixed(done, record.settings.name)
+                plans.append(plan_loads(data, candidates, seed, advance, record.mode.mass, estimate))
             except AnalysisError:
-                if one.settings.design_forces:
+                if record.settings.design_forces:
                     raise
                 plans.append(None)
     return plans
@@ -182,14 +179,14 @@ def _prefixed(done: Advance, prefix: str) -> Advance:
 
 def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]) -> Iterable[Task]:
     """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those the settings name, each once, best first."""
-    for number, (one, ranking) in enumerate(zip(inputs, rankings, strict=True)):
-        named = [ranking.find(Law(law)) for law in one.settings.laws]
+    for number, (record, ranking) in enumerate(zip(inputs, rankings, strict=True)):
+        named = [ranking.find(Law(law)) for law in record.settings.laws]
         for candidate in ranking.candidates:
             of_source = any(candidate is other for other in named)
             leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
             if candidate.evidence is not None and (leads or of_source):
-                forces = np.array(one.settings.design_forces)
-                yield Task(number, candidate, one.data, forces, settings.level, settings.seed, of_source)
+                forces = np.array(record.settings.design_forces)
+                yield Task(number, candidate, record.data, forces, settings.level, settings.seed, of_source)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
@@ -219,7 +216,7 @@ def sample_law(task: Task) -> LawPosterior:
 
 
 def _record_result(
-    one: Input,
+    record: Input,
     ranking: Ranking,
     plan: Plan | None,
     posteriors: tuple[LawPosterior, ...],
@@ -227,36 +224,36 @@ def _record_result(
 ) -> RecordResult:
     """Predictions and power laws of one record."""
     predicted, curve, bands = None, None, None
-    backbone = find_backbone(one.record, one.mode, one.audit.implied)
-    asked = np.array(one.settings.design_forces)
+    backbone = find_backbone(record.record, record.mode, record.audit.implied)
+    asked = np.array(record.settings.design_forces)
     if plan:
-        farthest = np.array(FARTHEST) * one.data.tested_force.max()
+        farthest = np.array(FARTHEST) * record.data.tested_force.max()
         predicted = extrapolate_loads(
-            plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=one.mode, plan=plan
+            plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=record.mode, plan=plan
         )
         reached = predict_forces(predicted, list_default_amplitudes(predicted))
         curve = trace_loads(reached, backbone, plan.data)
     if predicted and len(asked):
-        largest = max(asked.max(), one.data.tested_force.max())
-        bands = predicted.predict_at(np.linspace(0.8 * one.data.tested_force.min(), 1.05 * largest, GRID))
+        largest = max(asked.max(), record.data.tested_force.max())
+        bands = predicted.predict_at(np.linspace(0.8 * record.data.tested_force.min(), 1.05 * largest, GRID))
     design = predicted.loads if predicted and len(asked) else None
     return RecordResult(
-        name=one.settings.name,
-        title=one.settings.title or one.mode.name,
-        record=one.record,
-        mode=one.mode,
-        data=one.data,
+        name=record.settings.name,
+        title=record.settings.title or record.mode.name,
+        record=record.record,
+        mode=record.mode,
+        data=record.data,
         ranking=ranking,
         posteriors=posteriors,
         bands=bands,
         design=design,
-        power_laws=_list_power_laws(one.data),
-        findings=one.audit.findings,
+        power_laws=_list_power_laws(record.data),
+        findings=record.audit.findings,
         curve=curve,
         design_curve=trace_loads(design, backbone, plan.data) if design and plan else None,
         backbone=backbone,
         next_level=predicted.choose_next_level() if predicted and design else None,
-        note=one.settings.note,
+        note=record.settings.note,
     )
 
 

@@ -1,1 +1,145 @@
-"""The report of 1970 recomputed: one folder a chapter, with its equations, its figures and its page."""
+"""The report of 1970 recomputed: its tables here; one folder a chapter, with its equations, its figures and its page.
+
+Every table comes as printed, corrected, and as used by the report's own computation.
+
+Source: R. R. Reed, *Determination of Modal Damping for Launch Vehicles Using Experimental Data*, NASA contract
+NAS8-21110. The files and the meaning of every column are described in ``data/saturn-v/README.md``.
+
+Units are lb, in, s.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping_pipelines.exhibits import shipped_folder
+
+Version = Literal["printed", "corrected", "used"]
+Run = Literal["E3", "E4"]
+
+TABLE_NAMES = (
+    "2_I", "2_II", "3_I", "3_II", "3_III", "3_IV", "4_I", "4_II", "4_III", "4_IV", "4_V",
+    "5_I", "5_II", "5_III", "5_IV",
+)  # fmt: skip
+
+
+def data_folder() -> Path:
+    """Folder with ``saturn-v``: the packaged copy where there is one, else the repository's.
+
+    Raises:
+        InputError: neither exists (an incomplete installation).
+    """
+    return shipped_folder(Path(__file__).resolve().parent, "saturn-v").parent
+
+
+def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.DataFrame:
+    """One table of the report; columns carry their units in their names.
+
+    Args:
+        name: ``"3_I"``, ``"3.I"`` or ``"table_3_I"``; see ``TABLE_NAMES``.
+        version: ``"printed"``: every digit as printed. ``"corrected"``: cells that are wrong replaced.
+            ``"used"``: what the report's own computation used: where that is known to differ from the print it is
+            taken (Table 5.III and 5.IV: the recovered inputs), else the corrected cell, else the printed one.
+        run: of Table 5.IV as used, the inputs of the two-term run ``"E3"`` (Eq. 5.3.14) or of the one-term runs
+            ``"E4"`` (Eq. 5.3.15 and the viscous one of section 5.3): the report changed one energy between them.
+
+    Raises:
+        InputError: unknown name, version or run; the message lists the choices.
+    """
+    key = _choose(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
+    _choose(version, get_args(Version), "version of a table")
+    _choose(run, get_args(Run), "run of Table 5.IV")
+    return _load(key, version, run).copy()
+
+
+@lru_cache
+def _load(key: str, version: Version, run: Run) -> pd.DataFrame:
+    """A table, read once."""
+    table = _read(f"tables/table_{key}.csv")
+    if version != "printed":
+        table = _tabulate_corrected(table, key, version, run)
+    return _tabulate_numeric(table)
+
+
+def load_corrections() -> pd.DataFrame:
+    """Cells that are wrong or that the report did not use as printed; all columns are text as written."""
+    return _read("corrections.csv")
+
+
+def load_errata() -> pd.DataFrame:
+    """Misprints, misreadings and derivation errors: ``id, severity, kind, where, as_printed, should_be, proof``.
+
+    ``severity`` is A where results change, B where numbers change, C for minor ones.
+    """
+    return _read("errata.csv")
+
+
+def load_printed_results() -> pd.DataFrame:
+    """Every printed result that can be recomputed: ``id, where, printed`` (text), ``erratum, reason, recipe``."""
+    return _read("printed_results.csv")
+
+
+def load_force_laws() -> pd.DataFrame:
+    """Damping forces summarised in section 6.1, one row a term, coefficients as printed (lb, in, s)."""
+    return _tabulate_numeric(_read("tables/section_6_1.csv"), text=("equation",))
+
+
+def _read(path: str) -> pd.DataFrame:
+    """A CSV of the Saturn V folder, every cell as the text that is there (empty where nothing is)."""
+    return pd.read_csv(data_folder() / "saturn-v" / path, dtype=str, keep_default_na=False)
+
+
+def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
+    """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
+    return table.apply(lambda column: column if column.name in text else _convert_column(column))
+
+
+def _convert_column(column: pd.Series) -> pd.Series:
+    filled = column.where(column != "")
+    numbers = pd.to_numeric(filled, errors="coerce")
+    return numbers if filled.notna().any() and numbers.notna().equals(filled.notna()) else column
+
+
+def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
+    """Copy of a table (as text) with its corrections applied."""
+    table = table.copy()
+    corrections = load_corrections()
+    for row in corrections[corrections["table"] == name].to_dict("records"):
+        used = row["used_by_report"] if version == "used" and row["run"] in ("", run) else ""
+        value = used or row["corrected"]
+        if value:
+            table.loc[_find_rows(table, row["key_columns"], row["key"]), row["column"]] = value
+    return table
+
+
+def _find_rows(table: pd.DataFrame, key_columns: str, key: str) -> pd.Series:
+    """True in the row whose key columns (``a|b``) hold the key (``1|A``)."""
+    parts = zip(key_columns.split("|"), key.split("|"), strict=True)
+    matching = pd.Series(True, index=table.index)
+    for column, value in parts:
+        matching &= table[column] == value
+    return matching
+
+
+def _choose(value: str, choices: tuple[str, ...], what: str) -> str:
+    if value not in choices:
+        raise InputError(f"unknown {what} '{value}'", expected=f"one of {', '.join(choices)}")
+    return value
+
+
+def columns(table: pd.DataFrame, *names: str) -> tuple[FloatArray, ...]:
+    """The named columns as arrays of floats."""
+    return tuple(table[name].to_numpy(dtype=float) for name in names)
+
+
+def by_point(name: str, values: npt.ArrayLike) -> dict[str, float]:
+    """``{name[1]: first value, name[2]: second, ...}``."""
+    return {f"{name}[{k}]": float(value) for k, value in enumerate(np.asarray(values), start=1)}

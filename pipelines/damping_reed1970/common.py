@@ -1,46 +1,29 @@
 """What every chapter needs: figures and tables by name, how well its printed numbers come out, and its page.
 
-The text of a chapter is ``page.txt`` of its folder, a jinja2 template for its numbers. After filling, an empty line
-ends a block. A block is a paragraph unless its first line begins with one of
+The text of a chapter is ``page.txt`` of its folder (:mod:`damping.report.page`) with the directives
 
-- ``##``: a heading,
-- ``*``: a list, an item from each ``*`` to the next,
-- ``[figure NAME]``: a figure of the chapter,
+- ``[figure NAME 3.2]``: a figure of the chapter with its number in the report (none: it goes further than the report);
+  the rest of the line is its title, the lines after it say what it shows,
 - ``[table NAME] caption``: a table of the page,
-- ``[known NAME]``: a table of the report as ``known_tables.toml`` has it,
-- ``[fold] summary``: what follows as far as ``[end]``, behind a line.
+- ``[known NAME]``: a table of the report as ``known_tables.toml`` has it.
 """
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
-from damping.plots.style import to_svg
-from damping.report import words
-from damping.report.figures import Drawn
-from damping.report.page import Block, FigureBlock, Fold, Heading, List, Section, Table, Text
-from damping.report.words import count, format_joined
-
-
-class ChapterFigure(NamedTuple):
-    """A figure: ``counterpart`` is its number in the source report (empty: it goes further than the report)."""
-
-    name: str
-    counterpart: str
-    title: str
-    description: str
-    draw: Callable[[], Figure]
-
+from damping.plots import to_svg
+from damping.report import count, format_joined
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text, join_lines, write_blocks
 
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)
@@ -64,22 +47,17 @@ class DrawnBlock(FigureBlock):
     draw: Callable[[], Figure] = Figure
 
 
-def draw_block(file: str, drawn: Drawn, caption: str = "") -> DrawnBlock:
-    """A figure with its caption: by default its title and description."""
-    svg = to_svg(drawn.figure, file, drawn.title, drawn.description)
-    return DrawnBlock(svg, caption or f"{drawn.title}. {drawn.description}", file, lambda: drawn.figure)
+def draw_block(file: str, title: str, description: str, draw: Callable[[], Figure], caption: str = "") -> DrawnBlock:
+    """Draw a figure with its caption: by default its title and description."""
+    return DrawnBlock(to_svg(draw(), file, title, description), caption or f"{title}. {description}", file, draw)
 
 
-def draw_figure(figure: ChapterFigure, chapter: int) -> DrawnBlock:
-    """Draw a figure; its caption starts with its number in the source report, where it has one."""
-    file = f"chapter-{chapter}-{figure.name}"
-    numbers = figure.counterpart.split(", ")
-    head = figure.title
-    if figure.counterpart:
-        what = "counterpart" if figure.counterpart in NOT_PRINTED else "redrawn"
-        head = f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {_describe_lowered(figure.title)}"
-    svg = to_svg(figure.draw(), file, figure.title, figure.description)
-    return DrawnBlock(svg, f"{head}. {figure.description}", file, figure.draw)
+def describe_counterpart(number: str, title: str) -> str:
+    """The title of a figure after its ``number`` in the source report, where it has one."""
+    if not number:
+        return title
+    numbers, what = number.split(", "), "counterpart" if number in NOT_PRINTED else "redrawn"
+    return f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {title[:1].lower()}{title[1:]}"
 
 
 @dataclass(frozen=True)
@@ -101,7 +79,7 @@ def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mappin
     Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
     """
     own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, "", headings=own | dict(headings or {}), key=describe_file_of(chapter, name))
+    return Table(frame, "", headings=own | dict(headings or {}), key=name_table_file(chapter, name))
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -111,7 +89,7 @@ def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
     return frame.iloc[int(chosen.argmax())]
 
 
-def describe_file_of(chapter: int, name: str) -> str:
+def name_table_file(chapter: int, name: str) -> str:
     """Name of the file of a chapter's table, without its ending."""
     return f"chapter_{chapter}_{name}"
 
@@ -131,9 +109,9 @@ def chapter_of(identity: str) -> int:
 def describe_agreement_text(reproduction: pd.DataFrame) -> str:
     """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
     counts = reproduction["agreement"].value_counts()
-    said = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
+    counted = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
     known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
-    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {said}."
+    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {counted}."
     if known.empty:
         return text
     return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
@@ -145,10 +123,6 @@ def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
             yield block
         elif isinstance(block, Fold):
             yield from _drawn_in(block.blocks)
-
-
-def _describe_lowered(title: str) -> str:
-    return title[:1].lower() + title[1:]
 
 
 #: A table with more rows than this is folded away.
@@ -172,89 +146,48 @@ KNOWN = {
 
 def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     """A table that is known by name with what it says, folded where it is long."""
-    return _build_table(name, frame, KNOWN[name])
-
-
-def _build_table(name: str, frame: pd.DataFrame, known: KnownTable) -> list[Block]:
-    """A table, folded where it is long."""
+    known = KNOWN[name]
     shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
     if len(shown) <= MOST_ROWS:
         return [Table(shown, known.said or known.title, key=name)]
-    said = [Text(known.said)] if known.said else []
-    return [*said, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
+    words = [Text(known.said)] if known.said else []
+    return [*words, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
 
 
-#: Functions of the texts: numbers and lists in words.
-_WORDS = {
-    "between": words.format_between,
-    "count": words.count,
-    "counted": words.format_counted,
-    "joined": words.format_joined,
-    "number": words.number,
-    "percent": words.format_percent,
-    "points_text": words.format_points_text,
-    "signed": words.format_signed,
-}
-_DIRECTIVE = re.compile(r"\[(figure|table|known|fold|end) ?([^\]]*)\] ?(.*)", re.DOTALL)
+def write_chapter(
+    number: int,
+    title: str,
+    text: Path,
+    named: Mapping[str, pd.DataFrame],
+    *,
+    values: Mapping[str, Any],
+    figures: Mapping[str, Callable[[], Figure]],
+    shown: Mapping[str, Table] | None = None,
+    tables: Mapping[str, pd.DataFrame] | None = None,
+    headings: Mapping[str, str] | None = None,
+) -> ReportPart:
+    """The section of a chapter from its text, which may say ``agreement``.
 
-
-@dataclass(frozen=True)
-class Chapter:
-    """What the text of a chapter refers to.
-
-    Attributes:
-        number, title: of the chapter.
-        values: what the template is filled with.
-        figures: redrawn or further.
-        shown: tables of the page by name, without captions.
-        tables: whole tables, written as CSV, by their names within the chapter.
-        named: tables of the report beside ours, by name.
+    Args:
+        number, title: of the chapter. named: tables of the report beside ours, by name.
+        values: what the template is filled with. figures: how each is drawn, by name.
+        tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
+        shown: further tables of the page by name, or such as stand for whole ones, without captions.
     """
+    tables = tables or {}
+    whole = {name: chapter_table(number, name, frame, headings) for name, frame in tables.items()}
+    known = whole | dict(shown or {})
 
-    number: int
-    title: str
-    values: Mapping[str, Any]
-    figures: Sequence[ChapterFigure]
-    shown: Mapping[str, Table]
-    tables: Mapping[str, pd.DataFrame]
-    named: Mapping[str, pd.DataFrame]
+    def take(kind: str, name: str, rest: str) -> list[Block]:
+        if kind == "figure":
+            name, _, counterpart = name.partition(" ")
+            head, _, description = map(join_lines, rest.partition("\n"))
+            caption = f"{describe_counterpart(counterpart, head)}. {description}"
+            return [draw_block(f"chapter-{number}-{name}", head, description, figures[name], caption)]
+        if kind == "known":
+            return build_known_table(name, named[name])
+        return [replace(known[name], caption=join_lines(rest))]
 
-
-def write_chapter(chapter: Chapter, text: Path) -> ReportPart:
-    """The section of a chapter from its text, which may say ``agreement`` and every value of the chapter."""
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True)  # the page escapes what it shows
-    agreement = describe_agreement_text(tabulate_of_chapter(chapter.named["reproduction"], chapter.number))
-    filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, agreement=agreement, **chapter.values)
-    parts = iter([part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n"))])
-    section = Section(f"chapter-{chapter.number}", chapter.title, list(_build_blocks(chapter, parts)))
-    return ReportPart(
-        section, {describe_file_of(chapter.number, name): frame for name, frame in chapter.tables.items()}
-    )
-
-
-def _build_blocks(chapter: Chapter, parts: Iterator[str]) -> Iterator[Block]:
-    """Blocks as far as the end of the text or of a fold."""
-    for part in parts:
-        if part.startswith("## "):
-            yield Heading(_describe_line(part.removeprefix("## ")))
-        elif part.startswith("* "):
-            yield List([_describe_line(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
-        elif directive := _DIRECTIVE.fullmatch(part):
-            kind, name, rest = directive[1], directive[2], _describe_line(directive[3])
-            if kind == "end":
-                return
-            if kind == "fold":
-                yield Fold(rest, list(_build_blocks(chapter, parts)))
-            elif kind == "figure":
-                figure = next(one for one in chapter.figures if one.name == name)
-                yield draw_figure(figure, chapter.number)
-            elif kind == "known":
-                yield from build_known_table(name, chapter.named[name])
-            else:
-                yield replace(chapter.shown[name], caption=rest)
-        else:
-            yield Text(_describe_line(part))
-
-
-def _describe_line(text: str) -> str:
-    return re.sub(r" *\n *", " ", text)
+    agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
+    section = Section(f"chapter-{number}", title, write_blocks(text, {"agreement": agreement, **values}, take))
+    return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})

@@ -19,20 +19,19 @@ from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
+from damping_reed1970 import data_folder, load_errata
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
-from damping_reed1970.chapter_3.planar_fits import Known
+from damping_reed1970.chapter_3.planar_fits import KnownPosterior
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
 from damping_reed1970.chapter_4.page import write_chapter_4
 from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
-from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors
-from damping_reed1970.chapter_6.page import write_chapter_6
+from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
-from damping_reed1970.tables import data_folder, load_errata
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,8 @@ def exhibit(results: ReportResults) -> Exhibit:
     return Exhibit(
         sections=[link_pages(pages, results.tables["reproduction"])],
         pages=pages,
-        figures={name: one.svg for name, one in figures.items()},
-        drawings={name: one.draw for name, one in figures.items()},
+        figures={name: figure.svg for name, figure in figures.items()},
+        drawings={name: figure.draw for name, figure in figures.items()},
         tables={**results.tables, **{name: table for part in parts for name, table in part.tables.items()}},
         summary=summarise(results),
         posteriors=posteriors,
@@ -137,13 +136,13 @@ def split_at_headings(section: Section) -> list[Section]:
 def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Section:
     """The section of the report that leads to the pages, with how well the printed numbers come out."""
     close = int(reproduction["agreement"].isin(CLOSE).sum())
-    said = (
+    summary = (
         f"{len(reproduction)} numbers that the report of 1970 prints as results were recomputed by its own recipes "
         f"from its own tables; {close} agree to the print or within half a per cent. Chapter by chapter, with every "
         "figure redrawn and every erratum proved:"
     )
     links = Links([Link(page.title, f"{page.file}.html") for page in pages])
-    return Section("source-report", "The report of 1970, recomputed", [Text(said), links])
+    return Section("source-report", "The report of 1970, recomputed", [Text(summary), links])
 
 
 def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | None = None) -> dict[str, pd.DataFrame]:
@@ -192,23 +191,23 @@ def summarise(results: ReportResults) -> dict[str, Any]:
         "picked": [
             {"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in studies.levels.items()
         ],
-        **{name: _list_rows(table) for name, table in shown.items()},
+        **{name: _convert_rows(table) for name, table in shown.items()},
     }
     return {
-        "reproduction": _list_rows(tables["reproduction"][list(REPRODUCTION)]),
-        "section_6_1": _list_rows(tables["section_6_1"]),
-        "errata": _list_rows(tables["errata"]),
+        "reproduction": _convert_rows(tables["reproduction"][list(REPRODUCTION)]),
+        "section_6_1": _convert_rows(tables["section_6_1"]),
+        "errata": _convert_rows(tables["errata"]),
         "chapters": chapters,
     }
 
 
-def _list_rows(table: pd.DataFrame) -> list[Any]:
+def _convert_rows(table: pd.DataFrame) -> list[Any]:
     """A table as a list of rows; a number that does not exist is None."""
     plain: list[Any] = json.loads(table.to_json(orient="records", double_precision=15))
     return plain
 
 
-def planar_data(known: Known) -> Any:
+def planar_data(known: KnownPosterior) -> Any:
     """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
 
     Single precision: seven digits are far more than the Monte Carlo error leaves.
@@ -226,8 +225,8 @@ def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
     """By chapter: printed numbers by how well they come out."""
     chapter = reproduction["id"].map(chapter_of)
     return {
-        str(number): {str(name): int(n) for name, n in mine.value_counts().items()}
-        for number, mine in reproduction["agreement"].groupby(chapter)
+        str(number): {str(name): int(n) for name, n in agreements.value_counts().items()}
+        for number, agreements in reproduction["agreement"].groupby(chapter)
     }
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -13,13 +14,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.style import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
-from damping.report.figures import Drawn
-from damping.report.page import Block, Fold, Heading, Section, Table, Text
-from damping.report.words import count, format_joined, number
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5
+from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
+from damping.report import count, format_joined, number
+from damping.report.page import Block, Fold, Heading, Section, Table, Text, join_lines, write_blocks
+from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
-from damping_reed1970.tables import load_printed_results
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 
@@ -84,40 +83,32 @@ def reproduce() -> list[Reproduction]:
 
 def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     """Every printed number: counts by chapter and agreement, the picture, and all rows."""
-    known = KNOWN["reproduction"]
-    close = rows["agreement"].isin(CLOSE)
+    known, close = KNOWN["reproduction"], rows["agreement"].isin(CLOSE)
     told = (rows["erratum"] != "") & ~close
-    silent = int((~(close | told) & (rows["reason"] == "")).sum())
-    blocks: list[Block] = [
-        Text(
-            f"{len(rows)} numbers that the report prints as results were recomputed by its own recipes from its own "
-            f"tables. {int(close.sum())} agree to the print or within half a per cent; {int(told.sum())} of the others "
-            f"carry an erratum, and {int((~close & ~told).sum())} give a reason, mostly the rounding of the numbers "
-            f"they were made from. {silent or 'None'} of them {'are' if silent > 1 else 'is'} off without a reason."
-        ),
-        Table(count_agreements(rows), "Printed numbers by chapter and how well they come out.", key=""),
-        draw_block(
-            "reproduction",
-            Drawn(draw_reproduction(rows), "Printed results recomputed", _describe(rows)),
-            "Per cent difference between each printed number and its recomputation, by group of ids (count).",
-        ),
-        Fold(
-            f"{known.title}: all {len(rows)} rows",
-            [Table(rows[list(known.columns)], known.said, key="reproduction")],
-        ),
-    ]
+    drawn = tabulate_percent_differences(rows)
+    far = drawn["percent"].abs() > 1.0
+    values = {
+        "numbers": len(rows),
+        "close": int(close.sum()),
+        "told": int(told.sum()),
+        "reasons": int((~close & ~told).sum()),
+        "silent": int((~(close | told) & (rows["reason"] == "")).sum()),
+        "drawn": len(drawn),
+        "groups": drawn["group"].nunique(),
+        "near": int((~far).sum()),
+        "known": int((far & drawn["erratum"].astype(str).ne("")).sum()),
+    }
+
+    def take(kind: str, name: str, rest: str) -> list[Block]:
+        if kind == "figure":
+            title, description, caption = rest.split("\n", 2)
+            return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
+        if kind == "counts":
+            return [Table(count_agreements(rows), rest)]
+        return [Table(rows[list(known.columns)], known.said, key="reproduction")]
+
+    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
-
-
-def _describe(table: pd.DataFrame) -> str:
-    """The figure in words."""
-    rows = tabulate_percent_differences(table)
-    close = int((rows["percent"].abs() <= 1.0).sum())
-    known = int(((rows["percent"].abs() > 1.0) & rows["erratum"].astype(str).ne("")).sum())
-    return (
-        f"{len(rows)} printed numbers in {rows['group'].nunique()} groups against their recomputation: {close} agree "
-        f"within 1 per cent, {known} of the others are known errata."
-    )
 
 
 def count_agreements(rows: pd.DataFrame) -> pd.DataFrame:
@@ -214,12 +205,12 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
     numbers = evidence(reproduction)
     sizes = table["severity"].value_counts()
-    said = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
+    by_severity = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
                   (("A", "change results"), ("B", "change numbers but no conclusion"), ("C", "are minor")))  # fmt: skip
     kinds = table["kind"].value_counts()
     blocks: list[Block] = [
         Text(
-            f"{count(len(table), 'entry').replace('entrys', 'entries')}: {said}. By kind: "
+            f"{count(len(table), 'entry').replace('entrys', 'entries')}: {by_severity}. By kind: "
             + format_joined(f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items())
             + ". Each comes with its proof, which needs nothing but the report's own text and tables, and with the "
             "numbers recomputed here: printed → from the printed tables → after correction."
@@ -227,21 +218,21 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     ]
     for key, title in SEVERITIES.items():
         rows = table[table["severity"] == key]
-        shown = pd.DataFrame([shown_row(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
-        one = Table(shown, f"{title}, with proofs.", key="errata")
-        blocks += [Heading(title), one] if key == "A" else [Fold(f"{title}: {len(rows)}", [one])]
+        shown = pd.DataFrame([describe_erratum(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
+        shown_table = Table(shown, f"{title}, with proofs.", key="errata")
+        blocks += [Heading(title), shown_table] if key == "A" else [Fold(f"{title}: {len(rows)}", [shown_table])]
     return ReportPart(Section("errata", "Errata of the report", blocks))
 
 
-def shown_row(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
+def describe_erratum(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
     """An erratum in two cells: where and what, and why, with the numbers recomputed here."""
     where, printed, right, proof = (
         describe_in_symbols(str(erratum[name])) for name in ("where", "as_printed", "should_be", "proof")
     )
-    said = proof[:1].upper() + proof[1:].rstrip(".") + "."
+    reason = proof[:1].upper() + proof[1:].rstrip(".") + "."
     return {
         "erratum": f"{erratum['id']}, {where}. Printed: {printed}. Right: {right}.",
-        "proof": f"{said} Recomputed here: {numbers}." if numbers else said,
+        "proof": f"{reason} Recomputed here: {numbers}." if numbers else reason,
     }
 
 

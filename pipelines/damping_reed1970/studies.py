@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees
+from pathlib import Path
 
 import pandas as pd
 
@@ -13,15 +14,24 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.observations import observe
+from damping.plots import Drawn
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.figures import Drawn
+from damping.report import format_share, number
 from damping.report.gap_figures import gap_figures
-from damping.report.gap_page import describe_following, describe_verdict, list_doubts, list_trends, place, reach
-from damping.report.page import Block, Heading, List, Section, Table, Text
-from damping.report.words import format_share, number
+from damping.report.gap_page import (
+    describe_doubts,
+    describe_following,
+    describe_place,
+    describe_reach,
+    describe_trends,
+    describe_verdict,
+)
+from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
+from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
+from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
@@ -35,8 +45,7 @@ from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
 from damping_reed1970.chapter_5.regressions import EnergySurface, energy_surface
-from damping_reed1970.common import ReportPart, draw_block
-from damping_reed1970.tables import PHI_T2, data_folder, load_table, report_record
+from damping_reed1970.common import DrawnBlock, ReportPart, draw_block
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
 MODES = (1, 2)
@@ -162,7 +171,7 @@ def configuration_1_gap() -> Diagnosis:
     table = pd.DataFrame(
         {
             "sweep": "I",
-            "force": PHI_T2 * motion["force_lb"],
+            "force": PLANES.phi * motion["force_lb"],
             "frequency": motion["omega_rad_s"] / RAD_S_PER_HZ,
             "amplitude": modal["modal_amplitude_A2_in"],
             "phase": modal["modal_phase_rad"],
@@ -186,8 +195,8 @@ def configuration_2_gap() -> Diagnosis:
     Tables 4.I and 4.II. Frequency, mass and damping are those of the lowest level, with the default tolerances of mass
     and damping and, as the resonance was read to 0.001 Hz, of 0.0006 for the frequency.
     """
-    record = report_record("config-2-mode-1")
-    first = record.iloc[0]
+    record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv")
+    first = record.table.iloc[0]
     mode = Mode(
         name="Configuration II, first mode, as sweep A",
         frequency=float(first["frequency"]),
@@ -197,53 +206,42 @@ def configuration_2_gap() -> Diagnosis:
         damping={"viscous": {"coefficient": float(load_table("4_II")["C1_lb_s_per_in"].iloc[0])}},
         source="Tables 4.I and 4.II, sweep A",
     )
-    return diagnose(Record(record, "Tables 4.I and 4.II"), mode)
+    return diagnose(Record(record.table, "Tables 4.I and 4.II"), mode)
 
 
 #: Figures shown of each gap.
-SHOWN = ("overlay", "local", "probabilities")
+SHOWN = ("overlay", "probabilities", "local")
 #: Hypotheses listed of each: more have a probability of a per cent or less.
 _MOST = 8
 
 
 def gaps_part(gaps: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
-    blocks: list[Block] = [
-        Text(
-            "Two gaps between simulation and test whose cause the report found by hand. The diagnosis sees the table "
-            "and the simulation, nothing else."
-        )
-    ]
-    tables: dict[str, pd.DataFrame] = {}
-    for number_, (one, what) in enumerate(
-        ((gaps.configuration_1, _list_planes), (gaps.configuration_2, _list_damping)), 1
-    ):
-        blocks += [Heading(one.mode.name), Text(describe_verdict(one), lead=True)]
-        said = [place(one), *list_doubts(one), *list_trends(one), *what(one)]
-        blocks.append(List([*said, reach(one), describe_following(one)]))
-        for name, drawn in gap_figures(one).items():
-            if name in SHOWN:
-                blocks.append(draw_block(f"gap-configuration-{number_}-{name}", Drawn(*drawn)))
-        key = f"gap_configuration_{number_}"
-        tables[key] = tabulate_hypotheses(one)
-        caption = "The most probable explanations, with the natural logarithm of their evidence"
-        blocks.append(Table(tables[key].head(_MOST), caption, {"probability": format_share}, key=key))
-    blocks += [
-        Heading("How far such a diagnosis can be trusted"),
-        Text(_TRUST),
-        Table(tabulate_blind_rows(load_blind_table()), _BLIND),
-    ]
-    section = Section("gaps", "Two gaps between simulation and test", blocks)
-    return ReportPart(section, tables)
+    diagnoses = {"1": gaps.configuration_1, "2": gaps.configuration_2}
+    further = {"1": _describe_planes(gaps.configuration_1), "2": [_describe_damping(gaps.configuration_2)]}
+    tables = {f"gap_configuration_{number}": tabulate_hypotheses(d) for number, d in diagnoses.items()}
+
+    def take(kind: str, name: str, caption: str) -> list[Block]:
+        if kind == "blind":
+            return [Table(tabulate_blind_rows(load_blind_table()), caption)]
+        diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
+        if kind == "verdict":
+            sentences = [describe_place(diagnosis), *describe_doubts(diagnosis), *describe_trends(diagnosis)]
+            sentences += [*further[name], describe_reach(diagnosis), describe_following(diagnosis)]
+            return [Text(describe_verdict(diagnosis), lead=True), List(sentences)]
+        if kind == "table":
+            formats = {"probability": format_share}
+            return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]
+        drawn = gap_figures(diagnosis)
+        return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
+
+    titles = {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}
+    blocks = write_blocks(Path(__file__).with_name("gaps.txt"), {"titles": titles}, take)
+    return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)
 
 
-_TRUST = (
-    "The same diagnosis answered 1500 generated cases whose effect was withheld from it (the command damping blind): "
-    "goals beside measured values, with 95 per cent intervals. Names of forces whose predictions a record cannot tell "
-    "apart count as wrong in the strict figures of the leading class; the line below each counts them as right where "
-    "the answer says so."
-)
-_BLIND = "Blind check of the gap diagnosis"
+def _draw_gap(file: str, drawn: Drawn) -> DrawnBlock:
+    return draw_block(file, drawn.title, drawn.description, lambda: drawn.figure)
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
@@ -251,13 +249,13 @@ def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "explanation": [" + ".join(hypothesis.effects) or "no effect" for hypothesis in diagnosis.hypotheses],
-            "probability": [each.probability for each in diagnosis.hypotheses],
-            "log_evidence": [each.hypothesis.log_evidence for each in diagnosis.hypotheses],
+            "probability": [hypothesis.probability for hypothesis in diagnosis.hypotheses],
+            "log_evidence": [hypothesis.hypothesis.log_evidence for hypothesis in diagnosis.hypotheses],
         }
     )
 
 
-def _list_planes(diagnosis: Diagnosis) -> list[str]:
+def _describe_planes(diagnosis: Diagnosis) -> list[str]:
     """The second plane in rad/s, if that is the explanation."""
     values = effect_values(diagnosis.leading.best).get("planar-coupling")
     if values is None:
@@ -270,11 +268,14 @@ def _list_planes(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _list_damping(diagnosis: Diagnosis) -> list[str]:
+def _describe_damping(diagnosis: Diagnosis) -> str:
     """How probable it is that damping forces, and no other effects, are missing."""
-    kinds = [{CATALOGUE[name].kind for name in hypothesis.effects} for hypothesis in diagnosis.hypotheses]
-    forces = sum(each.probability for each, kind in zip(diagnosis.hypotheses, kinds, strict=True) if kind == {"force"})
-    return [
+    forces = sum(
+        hypothesis.probability
+        for hypothesis in diagnosis.hypotheses
+        if {CATALOGUE[name].kind for name in hypothesis.effects} == {"force"}
+    )
+    return (
         "Missing forces that grow with amplitude, whichever they are, have probability "
         f"{format_share(forces)} together."
-    ]
+    )

@@ -14,14 +14,13 @@ from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.plots.style import describe_with_unit
+from damping.plots import describe_with_unit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping_pipelines.cli_files import MAX_SIZE
-from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress
 from damping_validation.calibration_plots import real_bands
 
@@ -86,7 +85,7 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
             files[f"{one.name}.png"] = figure(one)
             files[f"{one.name}.csv"] = record_to_csv(tabulate_loads(one.at)).encode()
             files[f"{one.name}-left-out.csv"] = record_to_csv(one.left_out).encode()
-        files["README.md"] = describe_page(results, seed).encode()
+        files["README.md"] = render_page(results, seed).encode()
         publish(out, files, seed=seed, versions=versions(), inputs=inputs)
     print(f"{out / 'README.md'} written")
 
@@ -146,7 +145,7 @@ def figure(band: BandResult) -> bytes:
     return buffer.getvalue()
 
 
-def describe_page(results: list[BandResult], seed: int) -> str:
+def render_page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
     goals = [row for one in results for row in _list_goals(one)]
     checks = pd.concat([one.left_out for one in results], ignore_index=True)

@@ -19,8 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from damping.errors import InputError
-from damping_pipelines.manifest import publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from damping.infer.law import Law
 from damping.records.record import record_to_csv
-from damping_pipelines.manifest import publish, sole_writer
-from damping_pipelines.provenance import versions
+from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_plots as plots
 from damping_validation import calibration_tables as tables
@@ -94,7 +93,7 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
         for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
     files |= {f"{name}.png": png(figure) for name, figure in figures(predictions, ranks).items()}
-    return files | {"README.md": describe_page(predictions, summary, len(results), seed, quick).encode()}
+    return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
 
 
 def all_trials(sizes: Sizes, seed: int) -> list[Trial]:
@@ -169,7 +168,7 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def describe_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
+def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
     """The page: goals beside what was measured, every structure, figures."""
     goals = tables.tabulate_goals(predictions, ranks)
     command = f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else "")

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from scipy.stats import binomtest
 
 from damping.arrays import FloatArray
-from damping.plots.style import (
+from damping.plots import (
     ALERT,
     AVERAGE,
     BEYOND,

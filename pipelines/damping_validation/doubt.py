@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.gap.diagnose import diagnose
-from damping.gap.weighing import list_doubts
+from damping.gap.weighing import describe_doubts
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.blind import make_cases
@@ -43,7 +43,7 @@ def list_answers(folder: Path) -> Iterator[Answer]:
         for missing in left_out:
             library = {effect: own for effect, own in CATALOGUE.items() if effect not in missing}
             found = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"), library)
-            doubts = list_doubts(found.tests, found.leading, found.gap, found.held_out)
+            doubts = describe_doubts(found.tests, found.leading, found.gap, found.held_out)
             yield np.array([1.0, not found.leading.effects, *-doubts]), cause <= set(library)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots.style import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
-from damping.report.page import FigureBlock, Footer, Section, Table, Text, describe_page
+from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
+from damping.report.page import FigureBlock, Footer, Section, Table, Text, render_page
 from damping_pipelines.exhibits import shipped_folder
 from damping_validation.scorer import Figure, Goal
 from damping_validation.verdicts import DETECTABLE, Verdict
@@ -252,7 +252,7 @@ def describe_blind_page(
             "confusion", "What was answered to what", [figures["confusion"], Table(counts, "Cases by truth and answer")]
         ),
     ]
-    return describe_page(f"Blind check of the gap diagnosis: {cases} cases", sections, Footer(seed, {}, {}))
+    return render_page(f"Blind check of the gap diagnosis: {cases} cases", sections, Footer(seed, {}, {}))
 
 
 def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:

@@ -195,7 +195,7 @@ class LoadsResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
-        from damping.plots.design_loads import design_loads, draw_design_loads  # noqa: PLC0415 - as above
+        from damping.plots.curves import design_loads, draw_design_loads  # noqa: PLC0415 - as above
 
         force, units = self.loads.force[np.isfinite(self.loads.force)], self.mode.units
         tested = pd.DataFrame(
@@ -261,7 +261,7 @@ class CurveResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""
-        from damping.plots.damping_curve import damping_curve, draw_damping_curve  # noqa: PLC0415 - as above
+        from damping.plots.curves import damping_curve, draw_damping_curve  # noqa: PLC0415 - as above
 
         about = (self.table, self.curve.level, self.mode.units.length)
         if ax is None:

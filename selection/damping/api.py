@@ -40,14 +40,13 @@ from damping.records.audit import Audit, audit
 from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns, take_columns
 from damping.regression.program import regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 from damping.signals.description import Description
-from damping.signals.reading import check_raw, describe, read_description
-from damping.signals.uncertainty import condition_steps
+from damping.signals.reading import check_raw, condition_steps, describe, read_description
 
 #: Seed of everything sampled, that of the command line.
 SEED = 1970

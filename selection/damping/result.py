@@ -17,9 +17,8 @@ from damping.gap.corrected import EffectPosterior
 from damping.gap.diagnose import Diagnosis
 from damping.records.audit import Audit
 from damping.records.record import Record
-from damping.regression.form import regress_form, tabulate_terms
 from damping.regression.printout import printout
-from damping.regression.program import Regression
+from damping.regression.program import Regression, regress_form, tabulate_terms
 from damping.report import forms
 from damping.signals.chain import ConditioningStep
 
@@ -124,9 +123,9 @@ class DiagnosisResult(Result):
         told = [
             *(f"{said[0].upper()}{said[1:]}." for said in self.against),
             text.describe_verdict(d),
-            text.place(d),
-            *text.list_doubts(d),
-            text.reach(d),
+            text.describe_place(d),
+            *text.describe_doubts(d),
+            text.describe_reach(d),
             text.describe_following(d),
         ]
         return (*told, *(f"Caution: {caution}." for caution in d.cautions))

@@ -7,7 +7,7 @@ import pytest
 
 import damping as dp
 from damping.agreement import simulate_resonance
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_both_say_where_they_disagree(flagship):
     assert diagnosis.sentences[0].startswith("Ranking and diagnosis disagree")
 
 
-def test_the_resonance_of_a_simulation_is_that_of_its_damping(flagship):
+def test_the_resonance_of_a_simulation_is_that_of_its_damping(flagship, few_laws):
     """A = F/(c omega_n) of viscous damping (Eq. 4.1.7)."""
     record, mode = flagship
     loads = dp.extrapolate(record, mode, [30.0, 90.0]).loads

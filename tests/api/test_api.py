@@ -19,7 +19,7 @@ from damping import api, extrapolation, ranking
 from damping.infer.law import Law
 from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 SATURN = data_folder() / "saturn-v"
 RECORD = SATURN / "records" / "config-2-mode-1.csv"

@@ -6,6 +6,7 @@ import ast
 import statistics
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -34,6 +35,12 @@ class Function:
         return self.name.lstrip("_").split("_")[0] in VERBS
 
 
+@cache
+def parse(path: Path) -> ast.Module:
+    """The syntax of a module."""
+    return ast.parse(path.read_text())
+
+
 def modules() -> list[Path]:
     """Every module of the four houses."""
     return sorted(
@@ -47,7 +54,7 @@ def functions(path: Path) -> list[Function]:
     """Functions and methods of a module but for those that Python names (``__init__``) and fields (properties)."""
     return [
         Function(path, node.name, (node.end_lineno or node.lineno) - node.body[0].lineno + 1)
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(parse(path))
         if isinstance(node, ast.FunctionDef)
         and not node.name.startswith("__")
         and not any(isinstance(d, ast.Name) and "property" in d.id for d in node.decorator_list)
@@ -58,7 +65,7 @@ def duplicate_classes() -> dict[str, list[str]]:
     """Class names that are defined more than once, with the modules that define them."""
     found: dict[str, list[str]] = defaultdict(list)
     for path in modules():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parse(path)):
             if isinstance(node, ast.ClassDef):
                 found[node.name].append(str(path.relative_to(ROOT)))
     return {name: paths for name, paths in sorted(found.items()) if len(paths) > 1}
@@ -69,7 +76,7 @@ def tuple_constants() -> list[str]:
     return [
         f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)}"
         for path in modules()
-        for node in ast.parse(path.read_text()).body
+        for node in parse(path).body
         if isinstance(node, ast.Assign)
         and isinstance(node.targets[0], ast.Tuple)
         and any(isinstance(name, ast.Name) and name.id.isupper() for name in node.targets[0].elts)

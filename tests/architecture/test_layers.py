@@ -1,6 +1,7 @@
 """The layer rules of ARCHITECTURE.md, kept by reading every import."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,8 @@ HOUSES = {
     "damping_reed1970": {"damping", "damping_pipelines", "damping_validation"},
     "damping_validation": {"damping", "damping_pipelines"},
 }
+#: One group: every module is parsed once.
+pytestmark = pytest.mark.xdist_group("layers")
 LIBRARY = ROOT / "selection" / "damping"
 MODULES = sorted(LIBRARY.rglob("*.py")) + sorted((ROOT / "pipelines").rglob("*.py"))
 SELECTION = [path for path in MODULES if path.is_relative_to(LIBRARY)]
@@ -52,10 +55,17 @@ def dotted(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts[1:]).removesuffix(".__init__")
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """Every node of a module's syntax."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
+@cache
 def imported(path: Path) -> list[str]:
     """Full names of the project's modules that a file imports, wherever in the file."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -96,7 +106,7 @@ def test_one_place_touches_arviz():
 @pytest.mark.parametrize("path", SELECTION, ids=name)
 def test_the_library_neither_prints_nor_writes(path):
     writers = {"write_text", "write_bytes", "to_csv", "to_netcdf", "savefig", "mkdir", "unlink", "rename", "touch"}
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if not isinstance(node, ast.Call):
             continue
         function = node.func
@@ -116,7 +126,7 @@ def test_only_the_store_opens_files_for_writing():
     for path in MODULES:
         if path in WRITERS:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes(path):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 assert node.func.attr not in ("write_text", "write_bytes"), f"{name(path)}:{node.lineno}"
 

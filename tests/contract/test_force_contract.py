@@ -118,6 +118,14 @@ def test_slopes_are_derivatives_in_log_amplitude(force: Force, A: float, omega: 
 
 
 @every_force
+def test_averages_at_once_are_the_four_of_them(force: Force) -> None:
+    A, omega = np.array([0.3061, 1.7]), np.array([17.09, 0.8])
+    parts = (force.quadrature, force.slope, force.in_phase, force.in_phase_slope)
+    for together, alone in zip(force.averages(A, omega), parts, strict=True):
+        np.testing.assert_allclose(together + 0.0 * A, alone(A, omega) + 0.0 * A, rtol=1e-14, atol=1e-16)  # rounding
+
+
+@every_force
 @every_state
 def test_energy_is_never_negative_and_is_the_area_of_the_loop(force: Force, A: float, omega: float) -> None:
     energy = float(energy_per_cycle(force, A, omega))
@@ -249,3 +257,12 @@ def test_units_are_those_of_the_averages(kind: type[Force]) -> None:
     by_dimension(kind, 4.448, 1.0, 1.0)
     by_dimension(kind, 1.0, 0.0254, 1.0)
     by_dimension(kind, 1.0, 1.0, 1e-3)
+
+
+@pytest.mark.parametrize(("force", "length", "time"), [(4.448, 1.0, 1.0), (1.0, 0.0254, 1.0), (1.0, 1.0, 1e-3)])
+def test_units_of_an_energy_term_are_those_of_its_powers(force: float, length: float, time: float) -> None:
+    before, A, omega = EnergyTerm(0.8, 2.5, 0.5), 1.7, 5.0
+    unit = before.shapes[0].unit.at({})
+    scale = force**unit.force * length**unit.length * time**unit.time
+    after = replace(before, coefficient=0.8 * scale).quadrature(A * length, omega / time)
+    np.testing.assert_allclose(after, force * before.quadrature(A, omega), rtol=1e-12, atol=0.0)  # rounding of powers

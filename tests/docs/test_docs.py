@@ -1,7 +1,7 @@
 """The documentation: it builds without a warning, its links lead somewhere, and every block of every page runs.
 
 Commands run as they stand, each page in a folder of its own, shortened: on every third row of the examples, with two or
-three candidate laws, a diagnosis without chains, and a fleet without processes.
+three candidate laws, a diagnosis without chains, and a fleet and studies without processes.
 """
 
 from __future__ import annotations
@@ -19,18 +19,12 @@ import pandas as pd
 import pytest
 import typer
 
-from damping import api, extrapolation
 from damping.forces import CATALOGUE
-from damping.infer.law import Law
-from damping_pipelines import study
 from damping_pipelines.cli import app, main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
-#: What stands for all candidates of a ranking, and of a prediction.
-RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
-PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
 
 
 class Block(NamedTuple):
@@ -57,18 +51,13 @@ EXECUTED = {page: [b for b in blocks(page) if b.language in ("sh", "python", "to
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
+def folder(tmp_path, monkeypatch, few_laws, one_process) -> Path:
     """A folder with the data and the examples, their records thinned, and few laws to try."""
     (tmp_path / "data").symlink_to(ROOT / "data")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     for record in tmp_path.glob("examples/*/record.csv"):
-        thin = 2 if "two-plane" in str(record) else 3
-        pd.read_csv(record).iloc[::thin].to_csv(record, index=False)
+        pd.read_csv(record).iloc[::3].to_csv(record, index=False)
     monkeypatch.chdir(tmp_path)
-    for module in (api, study):
-        monkeypatch.setattr(module, "candidate_laws", lambda *_: RANKED)
-    for module in (extrapolation, study):
-        monkeypatch.setattr(module, "load_candidates", lambda data: PREDICTING)
     return tmp_path
 
 

@@ -14,7 +14,7 @@ from damping.predict.integrate import steady_state_in_time
 from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 STRUCTURES = {s.name: s for s in structures()}
 M = 0.3
@@ -62,7 +62,7 @@ def mode() -> Path:
 
 
 @pytest.mark.sampling
-def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys):
+def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys, few_laws):
     """Two levels say nothing of twice the force."""
     path, out = tmp_path / "onset.csv", tmp_path / "loads.json"
     rows = [(3.0, 0.2997), (4.0, 0.33)]

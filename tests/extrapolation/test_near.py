@@ -60,7 +60,7 @@ def test_recorded_energies_are_not_touched(swept):
 
 def test_peaks_alone_stay_as_they_are(saturn):
     from damping.records.reading import read_record
-    from damping_reed1970.tables import data_folder
+    from damping_reed1970 import data_folder
 
     record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv")
     data = near_resonance(record)

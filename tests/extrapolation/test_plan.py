@@ -72,7 +72,7 @@ def test_nothing_fits_is_an_analysis_error(peaks):
         plan_loads(data, [Law(("coulomb",))])
 
 
-def test_leaving_higher_levels_out_sees_nothing_of_them():
+def test_leaving_higher_levels_out_sees_nothing_of_them(few_laws):
     data = levels("viscous + velocity-squared", 4)
     table = leave_higher_levels_out(data, 0.9)
     assert table["levels"].tolist() == [2, 2, 3]

@@ -333,7 +333,7 @@ def test_two_lock_in_channels(truth, tmp_path, imported):
         ("f,a\n1,2\n", {"frequency": "f", "omega": "f", "amplitude": "a"}, "both frequency and omega"),
         ("f,a\n1,2\n", {"frequency": "f", "x": "a"}, "x and y need each other"),
         ("f,a\n1,2\n", {"frequency": "f", "response": "a"}, "a response of real values"),
-        ('f,a\n1,"2\n', {"frequency": "f", "amplitude": "a"}, "not CSV"),
+        ('f,a\n1,"2\n', {"frequency": "f", "amplitude": "a"}, "a quote that is opened"),
         ("f,a\n1,2\n1,2\n", {"frequency": "f", "amplitude": "a"}, "has a row twice, at 1 Hz"),
         ("f,a\n1,1e60\n", {"frequency": "f", "amplitude": "a"}, "a magnitude of 1e-50 to 1e"),
         ("f,a\n1,\n2,nan\n", {"frequency": "f", "amplitude": "a"}, "no row of 'a' is a steady state"),

@@ -9,11 +9,12 @@ from damping.gap.diagnose import diagnose
 
 #: Effects that are the same to first order: a second plane is a mode beside and a gain, a delay a lag in a narrow band.
 ALIKE = {"planar-coupling": {"second-mode"}, "phase-lag": {"time-delay"}}
-#: Effects whose gap in ``lab`` is 6 to 31 sigma.
-LARGE = ("planar-coupling", "force-dropout", "phase-lag", "residual-modes", "stiffness-hardening", "slip")
+#: Effects whose gap in ``lab`` is 6 to 31 sigma: an instrument, a structure and a damping force; others of each kind.
+LARGE = ("phase-lag", "residual-modes", "slip")
+FURTHER = ("planar-coupling", "force-dropout", "stiffness-hardening")
 
 
-@pytest.mark.parametrize("name", LARGE)
+@pytest.mark.parametrize("name", [*LARGE, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
 def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
     smaller = {other: effect for other, effect in CATALOGUE.items() if other not in {name} | ALIKE.get(name, set())}
     found = diagnose(lab.measured(name, points=10), lab.mode(), smaller)

@@ -13,8 +13,9 @@ from damping.records.reading import read_record
 from damping_pipelines.cli import main
 
 pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
-#: One effect of each kind, springs beside damping forces.
-NAMES = ("velocity-squared", "stiffness-hardening", "planar-coupling", "phase-lag", "natural-frequency")
+#: A force and a parameter; one effect of each further kind.
+NAMES = ("velocity-squared", "natural-frequency")
+FURTHER = ("stiffness-hardening", "planar-coupling", "phase-lag")
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def written(lab, tmp_path):
     return write
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
 def test_the_corrected_model_has_no_gap(lab, written, name):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)

@@ -97,6 +97,41 @@ def test_residual_grows_without_bound_both_ways(factor, peaks):
     np.testing.assert_allclose(np.abs(n), 1e6, rtol=1e-5)  # (1 - 1e-6)/1e-6
 
 
+def test_known_uncertainties_are_propagated(peaks):
+    """The variance of n of a row on the curve, by differences of n itself in ln A, in the phase and in ln F."""
+    from damping.forces import make
+
+    law, step = make("displacement-velocity", coefficient=2.0), 1e-6
+    data = swept(peaks)
+    data = replace(data, D=law.quadrature(data.A, data.omega), sd_force=np.full(len(data.A), 0.03))
+    F, phase = np.hypot(data.D, data.R), np.arctan2(data.D, data.R)
+    moved = (
+        (data.sd_amplitude, replace(data, A=data.A * (1.0 + step))),
+        (data.sd_phase, replace(data, D=F * np.sin(phase + step), R=F * np.cos(phase + step))),
+        (data.sd_force, replace(data, D=data.D * (1.0 + step), R=data.R * (1.0 + step))),
+    )
+    n, _, known = residuals(law, data)
+    np.testing.assert_allclose(n, 0.0, rtol=0.0, atol=1e-15)
+    expected = sum((sd * residuals(law, other)[0] / step) ** 2 for sd, other in moved)
+    np.testing.assert_allclose(known, expected, rtol=1e-4, atol=0.0)  # one-sided differences of 1e-6
+
+
+def test_rows_of_a_single_sweep_have_the_marginals_of_its_covariance(peaks):
+    data = swept(peaks)
+    c = undoubted(Law(("viscous", "displacement")), data)
+    alone = data.keep_sweeps(np.array([False, True, False]))
+    x = np.random.default_rng(7).standard_normal((4, c.dimension))
+    n, h, known = residuals(c.force(x), alone)
+    row, level = c.scatter(x)
+    assert np.all(level > 0.0)
+    sd = [
+        np.sqrt(np.diag(np.diag(r**2 + k) + s**2 * np.outer(g, g)))
+        for r, k, s, g in zip(row, known, level, h, strict=True)
+    ]
+    found = pointwise_log_likelihood(x, c, alone)
+    np.testing.assert_allclose(found, norm.logpdf(n, scale=sd), rtol=1e-12)  # rounding
+
+
 def test_units_change_nothing(saturn):
     data = saturn("config-1-mode-2-rough")
     pound, inch = 4.4482216152605, 0.0254

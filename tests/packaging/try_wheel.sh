@@ -38,8 +38,8 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 		tests/records/test_mode.py tests/reed1970/test_report_tables.py tests/regression tests/infer/test_likelihood.py
 	rm -r data tests
 	"$bin/damping" --help >/dev/null
-	"$bin/python" -c 'from damping_pipelines.settings import default_study; print(default_study())'
-	data="$("$bin/python" -c 'from damping_reed1970.tables import data_folder; print(data_folder() / "saturn-v")')"
+	"$bin/python" -c 'from damping_pipelines.study_files import default_study; print(default_study())'
+	data="$("$bin/python" -c 'from damping_reed1970 import data_folder; print(data_folder() / "saturn-v")')"
 	"$bin/damping" rank "$data/records/config-2-mode-1.csv" --mode "$data/modes/config-2-mode-1.toml" --json rank.json >/dev/null 2>&1
 	# every house runs: a study of one record, the generator with its scorer
 	cat >study.toml <<-END

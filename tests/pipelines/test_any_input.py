@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from damping_pipelines.cli import main
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 DATA = data_folder() / "saturn-v"
 #: Pieces that readers stumble over.

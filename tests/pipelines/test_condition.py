@@ -16,7 +16,7 @@ from damping.records.keys import read_toml
 from damping.records.mode import read_mode
 from damping.records.reading import read_record, read_table
 from damping.signals import description as schema
-from damping_pipelines.condition import condition
+from damping_pipelines.tables import condition
 
 SIZE = 10**8
 PRINCIPAL = """

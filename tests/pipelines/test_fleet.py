@@ -27,16 +27,30 @@ from damping.records.text import read_bytes
 from damping_pipelines.fleet import command, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.command import fleet
-from damping_pipelines.fleet.dataset import DataSet, row_of
-from damping_pipelines.fleet.inputs import FleetResult, FleetSettings, FleetTask, find_cases, seed_of, tasks_of
+from damping_pipelines.fleet.dataset import (
+    DataSet,
+    FleetResult,
+    FleetSettings,
+    FleetTask,
+    find_cases,
+    row_of,
+    seed_of,
+    tasks_of,
+)
 from damping_pipelines.fleet.page import tabulate_outliers
-from damping_pipelines.manifest import sole_writer, verify
-from damping_pipelines.provenance import digest_code
+from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
 
 RECORDS = 6
 SIZE = 10_000_000
+#: Two laws to rank and one to predict with, in whatever process this runs: where the laws do not matter.
+FEW_LAWS = """from damping import extrapolation
+from damping.infer.law import Law
+from damping_pipelines.fleet import analyse
+analyse.candidate_laws = lambda *data: [Law(("viscous",)), Law(("viscous", "velocity-squared"))]
+extrapolation.load_candidates = lambda *data: [Law(("viscous", "velocity-squared"))]
+"""
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
 
 
@@ -76,7 +90,17 @@ def records(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(records, tmp_path_factory) -> Path:
+def few():
+    """Few candidates in this process; returned is what does the same in another."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+            patch.setattr(name, None)  # so that what it was comes back
+        exec(FEW_LAWS, {})
+        yield FEW_LAWS
+
+
+@pytest.fixture(scope="module")
+def alone(records, few, tmp_path_factory) -> Path:
     """The result of one process, one record after the other."""
     out = tmp_path_factory.mktemp("alone")
     fleet(records, out, fast=True, workers=0, seed=5, max_size=SIZE)
@@ -91,7 +115,7 @@ def one_law(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def cluster(few):
     """A scheduler and two workers as processes on the loopback: its address and the workers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -103,7 +127,7 @@ def cluster():
     common = ["--host", "127.0.0.1", "--no-dashboard"]
     dask = [sys.executable, "-m", "dask"]
     scheduler = subprocess.Popen([*dask, "scheduler", "--port", str(port), *common], **quiet)
-    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", *common]
+    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--preload", few, *common]
     workers = [subprocess.Popen(words, **quiet) for _ in range(2)]
     yield address, workers
     for process in (*workers, scheduler):
@@ -247,7 +271,7 @@ def test_changed_and_removed_records(tmp_path, one_law):
     after = rows_of(out)
     assert [row["name"] for row in after] == ["r0", "r1"]
     with pytest.raises(InputError, match="holds 2 results of other records, settings"):
-        fleet(source, out, **run | {"forces": (1.0,)})
+        fleet(source, out, **run | {"force": (1.0,)})
     assert rows_of(out) == after
     assert after[0] == before[0]
     assert after[1]["key"] != before[1]["key"]
@@ -347,8 +371,8 @@ def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
 def test_chains_where_they_are_asked_for(tmp_path, one_law):
     """Without ``--fast`` the row says so, and the band is that of ``extrapolate``'s chains."""
     write_record(tmp_path / "in", "one", 0)
-    fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(3.0,), max_size=SIZE)
-    fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, forces=(3.0,), max_size=SIZE)
+    fleet(tmp_path / "in", tmp_path / "out", workers=0, force=(3.0,), max_size=SIZE)
+    fleet(tmp_path / "in", tmp_path / "fast", fast=True, workers=0, force=(3.0,), max_size=SIZE)
     (row,), (fast,) = rows_of(tmp_path / "out"), rows_of(tmp_path / "fast")
     assert row["method"] == "importance draws"
     assert row["design_force"] == 3.0
@@ -371,7 +395,7 @@ def test_bad_usage(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="either --scheduler or --workers"):
         fleet(tmp_path / "in", tmp_path / "out", workers=2, scheduler="tcp://127.0.0.1:1", **run)
     with pytest.raises(InputError, match="a force amplitude > 0"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, forces=(-1.0,), **run)
+        fleet(tmp_path / "in", tmp_path / "out", workers=0, force=(-1.0,), **run)
     monkeypatch.setattr(runners, "CONNECT", 0.2)
     with pytest.raises(InputError, match="no scheduler answers"):
         fleet(tmp_path / "in", tmp_path / "out", scheduler="tcp://127.0.0.1:9", **run)
@@ -515,21 +539,16 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
         read_bytes(tmp_path / "in" / "ring.toml")
 
 
-def test_a_job_scheduler_ends_it_in_order(records, alone, tmp_path):
+def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path):
     """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
-    words = [
+    words = ["fleet", records, "--out", tmp_path, "--fast", "--workers", "0", "--seed", "5"]
+    command = [
         sys.executable,
-        "-m",
-        "damping_pipelines.cli",
-        "fleet",
-        records,
-        "--out",
-        tmp_path,
-        "--fast",
-        "--workers",
-        "0",
+        "-c",
+        f"{few}from damping_pipelines.cli import main\nmain()",
+        *map(str, words),
     ]
-    with subprocess.Popen([*map(str, words), "--seed", "5"], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         first = process.stderr.readline()
         process.terminate()
         said = process.stderr.read().splitlines()

@@ -23,10 +23,10 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
-from damping_pipelines.export import export, tabulate_form, to_png
-from damping_pipelines.import_ import RingDown, band, import_file, pairs, scales
-from damping_pipelines.store import write_json
-from damping_reed1970.tables import data_folder
+from damping_pipelines.export import export, read_answer
+from damping_pipelines.import_ import RingDown, import_file, pairs, read_band, scales
+from damping_pipelines.store import to_png, write_json
+from damping_reed1970 import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
 # by definition
@@ -124,8 +124,8 @@ def test_labels_of_files_do_no_harm(tmp_path: Path, capsys: pytest.CaptureFixtur
         (lambda: pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
         (lambda: scales(["force=x"]), "--scale force=x is no factor"),
         (lambda: scales(["force=0"]), "no factor"),
-        (lambda: band("1-2"), "LO:HI in Hz"),
-        (lambda: band("1:inf"), "LO:HI in Hz"),
+        (lambda: read_band("1-2"), "LO:HI in Hz"),
+        (lambda: read_band("1:inf"), "LO:HI in Hz"),
     ],
 )
 def test_options_that_are_not_understood(call, message: str) -> None:
@@ -136,8 +136,8 @@ def test_options_that_are_not_understood(call, message: str) -> None:
 def test_options_that_are_understood() -> None:
     assert pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
     assert scales(["response=9.81"]) == {"response": 9.81}
-    assert band("1.5:2") == (1.5, 2.0)
-    assert band(None) is None
+    assert read_band("1.5:2") == (1.5, 2.0)
+    assert read_band(None) is None
 
 
 @pytest.mark.parametrize("text", [False, True])
@@ -342,7 +342,7 @@ def test_any_form_is_a_table_or_an_error(tmp_path: Path, form: dict[str, object]
     path = tmp_path / "form.json"
     path.write_text(json.dumps(form))
     with pytest.raises(InputError):
-        tabulate_form(path)
+        read_answer(path)
 
 
 @pytest.mark.parametrize(

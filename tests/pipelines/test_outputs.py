@@ -12,11 +12,19 @@ from pathlib import Path
 import pytest
 
 from damping.errors import InputError
-from damping_pipelines import provenance
-from damping_pipelines.manifest import MANIFEST, digest, publish, sole_writer, verify
-from damping_pipelines.provenance import describe_code, digest_code, digest_source
+from damping_pipelines import manifest
+from damping_pipelines.manifest import (
+    MANIFEST,
+    describe_code,
+    digest,
+    digest_code,
+    digest_source,
+    publish,
+    sole_writer,
+    verify,
+)
+from damping_pipelines.records import MOST_ROWS
 from damping_pipelines.store import write_text
-from damping_pipelines.sweep import MOST_ROWS
 from damping_validation import bands
 
 ROOT = Path(__file__).parents[2]
@@ -116,7 +124,7 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     monkeypatch.setattr(bands, "figure", lambda one: b"png")
     monkeypatch.setattr(bands, "tabulate_loads", lambda at: None)
     monkeypatch.setattr(bands, "record_to_csv", lambda table: "csv")
-    monkeypatch.setattr(bands, "describe_page", lambda results, seed: "page")
+    monkeypatch.setattr(bands, "render_page", lambda results, seed: "page")
     for name in ("README.md", "one.csv"):
         write_text(out / name, "mine")
         run = damping("bands", records, "--out", out)
@@ -217,8 +225,8 @@ def test_keys_hold_the_source(monkeypatch, tmp_path):
     shutil.copytree(ROOT / "pipelines" / "damping_validation", other)
     (other / "more.py").write_text("")
     spec = type("Spec", (), {"submodule_search_locations": [str(other)]})
-    real = provenance.find_spec
-    monkeypatch.setattr(provenance, "find_spec", lambda name: spec if name == "damping_validation" else real(name))
+    real = manifest.find_spec
+    monkeypatch.setattr(manifest, "find_spec", lambda name: spec if name == "damping_validation" else real(name))
     digest_source.cache_clear()
     assert digest_code() != before
     digest_source.cache_clear()

@@ -11,14 +11,14 @@ from damping.infer.law import Law
 from damping.ranking import rank_laws
 from damping.report.results import Exhibit, RecordResult, StudyResult
 from damping_pipelines.study import read_inputs
-from damping_pipelines.study_output import pictures, study_files
-from damping_reed1970.tables import data_folder
+from damping_pipelines.study_files import pictures, render_files
+from damping_reed1970 import data_folder
 
 
 @pytest.fixture(scope="module")
 def study() -> StudyResult:
     """Three resonances ranked, nothing sampled."""
-    from damping_pipelines.settings import default_study, read_settings
+    from damping_pipelines.study_files import default_study, read_settings
 
     settings = read_settings(default_study())
     one = next(
@@ -31,7 +31,7 @@ def study() -> StudyResult:
 
 
 def test_every_svg_has_its_png(study):
-    svgs = [name for name in study_files(study) if name.endswith(".svg")]
+    svgs = [name for name in render_files(study) if name.endswith(".svg")]
     drawn = pictures(study, svgs)
     assert len(drawn) >= 2
     assert set(drawn) == {str(Path(name).with_suffix(".png")) for name in svgs}

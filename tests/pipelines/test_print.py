@@ -7,22 +7,22 @@ from pathlib import Path
 import pytest
 
 from damping.errors import AnalysisError
-from damping_pipelines import export
+from damping_pipelines import store
 
 REPORT = Path(__file__).parents[2] / "results" / "saturn-v" / "report.html"
 
 
-BROWSER = any(map(shutil.which, export.BROWSERS))
+BROWSER = any(map(shutil.which, store.BROWSERS))
 
 
 @pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine; .ci/run installs it")
 def test_the_answer_is_one_page():
-    printed = export.print_answer(REPORT.read_text())
+    printed = store.print_answer(REPORT.read_text())
     assert printed.startswith(b"%PDF")
     assert re.findall(rb"/Count (\d+)", printed) == [b"1"]
 
 
 def test_without_a_browser_it_says_what_to_do(monkeypatch):
-    monkeypatch.setattr(export, "BROWSERS", ("no-such-browser",))
+    monkeypatch.setattr(store, "BROWSERS", ("no-such-browser",))
     with pytest.raises(AnalysisError, match=r"no-such-browser is installed; print report\.html from any browser"):
-        export.print_answer("")
+        store.print_answer("")

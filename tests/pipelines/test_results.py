@@ -9,9 +9,9 @@ import pytest
 
 from damping.ranking import rank_laws
 from damping.report.forms import rank_form
-from damping_pipelines.settings import default_study, read_settings
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, read_inputs, sample_law
+from damping_pipelines.study_files import default_study, read_settings
 from damping_reed1970.chapter_3.planar_fits import fit_table, planar_fits
 from damping_reed1970.exhibit import source_tables
 from damping_reed1970.reproduction import reproduce
@@ -161,7 +161,7 @@ def test_planar_fits_of_chapter_iii(summary):
 
 
 def test_reproduction_covers_every_printed_result(summary):
-    from damping_reed1970.tables import load_printed_results
+    from damping_reed1970 import load_printed_results
 
     assert [row["id"] for row in summary["reproduction"]] == list(load_printed_results()["id"])
     for row in summary["reproduction"]:

@@ -3,8 +3,8 @@
 import pytest
 
 from damping.errors import InputError
-from damping_pipelines.settings import default_study, read_settings
 from damping_pipelines.study import read_inputs
+from damping_pipelines.study_files import default_study, read_settings
 
 GOOD = """title = "t"
 seed = 3

@@ -15,11 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from damping.plots.damping_curve import damping_curve, fitted_sweeps
-from damping.plots.design_loads import design_loads
-from damping.plots.fits import ranking, sweeps
-from damping.plots.posteriors import predictive_check
-from damping.plots.style import distinguish
+from damping.plots import distinguish
+from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
+from damping.plots.fits import predictive_check, ranking, sweeps
 
 #: Pixels that boxes may share: a glyph is a little smaller than its box.
 TOUCHING = 2.0

@@ -10,11 +10,9 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from damping.plots.damping_curve import damping_curve, fitted_sweeps, mode_over_level
-from damping.plots.design_loads import design_loads
-from damping.plots.fits import ranking, sweeps
-from damping.plots.posteriors import corner, predictive_check
-from damping.plots.style import to_svg
+from damping.plots import to_svg
+from damping.plots.curves import damping_curve, design_loads, fitted_sweeps, mode_over_level
+from damping.plots.fits import corner, predictive_check, ranking, sweeps
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 
 HOSTILE = "<b>$x</b>&\"'"

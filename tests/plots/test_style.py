@@ -18,8 +18,8 @@ import damping_pipelines
 import damping_reed1970
 import damping_validation
 from damping.forces import CATALOGUE
+from damping.plots import describe_short, identifier, law_style, styled, to_svg, weight_text
 from damping.plots.fits import MANY, deviations_figure
-from damping.plots.style import describe_short, identifier, law_style, styled, to_svg, weight_text
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "</text><script>alert('x')</script> & \"$\\frac{1}$\" \x07 漢"

@@ -16,7 +16,7 @@ from damping.predict.steady import steady_state
 from damping.records.mode import Mode, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
-from damping_pipelines.sweep import sweep
+from damping_pipelines.records import sweep
 
 MODEL = """
 [mode]
@@ -82,9 +82,9 @@ def test_command_line(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"forces": [-1.0]}, "force -1.0; expected positive numbers"),
-        ({"forces": [float("nan")]}, "force nan"),
-        ({"forces": [2.0, 2.0]}, "the same force twice"),
+        ({"force": [-1.0]}, "force -1.0; expected positive numbers"),
+        ({"force": [float("nan")]}, "force nan"),
+        ({"force": [2.0, 2.0]}, "the same force twice"),
         ({"frequency": "1.6:1.7"}, "LO:HI:N"),
         ({"frequency": "1.6:1.7:x"}, "LO:HI:N"),
         ({"frequency": "1.7:1.6:5"}, "0 < LO < HI"),
@@ -96,7 +96,7 @@ def test_command_line(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 )
 def test_bad_options_write_nothing(model: Path, tmp_path: Path, change: dict, message: str) -> None:
     out = tmp_path / "record.csv"
-    options = {"forces": [5.0], "frequency": "1.6:1.7:5", "direction": "up", "method": "ritz"} | change
+    options = {"force": [5.0], "frequency": "1.6:1.7:5", "direction": "up", "method": "ritz"} | change
     with pytest.raises(InputError) as caught:
         sweep(model, out=out, **options)
     assert message in str(caught.value)

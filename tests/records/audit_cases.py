@@ -7,6 +7,7 @@ sweeps from the equation of motion integrated in time.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from math import pi
 
 import numpy as np
@@ -256,6 +257,7 @@ def swept_fast(bench: Bench, octaves_per_minute: float, rows: int = 150) -> pd.D
     return pd.concat(tables, ignore_index=True)
 
 
+@cache
 def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
     """Wrong records by name: the check that is to name each, the table, its mode, whether it is to be refused."""
     rng = np.random.default_rng(seed)

@@ -17,16 +17,19 @@ from damping.records.reading import read_record
 ROOT = Path(__file__).parents[2]
 #: Measured records beside the project, or beside a folder of working trees; nothing of them is part of it.
 MEASURED = next((up / "shared" / "real" for up in ROOT.parents if (up / "shared" / "real").is_dir()), ROOT / "absent")
-#: Of 60 right records as many may carry a caution: resonances bent out of the range and strongly bent ones do by right.
-MOST_CAUTIONS = 4
+#: Share of right records that may carry a caution: resonances bent out of the range and strongly bent ones do by right.
+MOST_CAUTIONS = 4 / 60
+#: One group: wrong records are made once.
+pytestmark = pytest.mark.xdist_group("audit")
 SEEDS = (0, 1, 2)
 #: Fast sweeps that state no rate are found by their beats where noise and range show any; the stated rate always is.
 BY_BEATS = {"4 oct/min", "4 oct/min, no phase"}
 
 
-def test_no_right_record_is_refused():
+@pytest.mark.parametrize("benches", [10, pytest.param(64, marks=pytest.mark.slow)])
+def test_no_right_record_is_refused(benches):
     cautioned, total = [], 0
-    for number, bench in enumerate(right_benches(32, seed=11)):
+    for number, bench in enumerate(right_benches(benches, seed=11)):
         tables = [measured(clean(bench), bench), (peaks, decay)[number % 2](bench)]
         if number % 4 == 3:
             tables.append(measured(at_one_amplitude(bench), bench))
@@ -36,7 +39,7 @@ def test_no_right_record_is_refused():
             assert found.verdict != "refuse", f"{bench}: {found}"
             if found.verdict == "caution":
                 cautioned.append(str(found))
-    assert len(cautioned) <= MOST_CAUTIONS, f"{len(cautioned)} of {total}: " + "\n".join(cautioned)
+    assert len(cautioned) <= MOST_CAUTIONS * total, f"{len(cautioned)} of {total}: " + "\n".join(cautioned)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -18,8 +18,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import beta as euler_beta
 
+from damping_reed1970 import data_folder
 from damping_reed1970.reproduction import reproduce
-from damping_reed1970.tables import data_folder
 
 FOLDER = data_folder() / "saturn-v"
 REFERENCE = pd.read_csv(Path(__file__).parents[1] / "reference" / "report_results.csv").set_index("id")

@@ -13,9 +13,9 @@ from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.infer.observations import Observations, observe
 from damping.records.reading import read_record
+from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_4 import table_4_iv, table_4_v
 from damping_reed1970.chapter_4.levels import LevelCase, level_methods, masses
-from damping_reed1970.tables import data_folder, load_table
 
 Peaks = Callable[..., Observations]
 CASES = {"xi_1": "I", "xi_2": "II", "xi_3": "III", "xi_4": "IV", "xi_5_alpha_1": "V, alpha = 1"}

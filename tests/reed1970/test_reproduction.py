@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping_reed1970 import load_errata
 from damping_reed1970.reproduction import Reproduction, agreement, reproduce
-from damping_reed1970.tables import load_errata
 
 REFERENCE = pd.read_csv(Path(__file__).parents[1] / "reference" / "report_results.csv").set_index("id")
 RESULTS = {result.id: result for result in reproduce()}

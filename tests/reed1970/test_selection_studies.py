@@ -12,9 +12,10 @@ from scipy.optimize import least_squares, nnls
 from damping.forces import VelocitySquared
 from damping.predict.steady import steady_state
 from damping.regression.design import design_of_arrays
-from damping.regression.stepwise import stepwise
+from damping.regression.selecting import stepwise
 from damping.regression.subsets import all_subsets, best_subsets
-from damping.signals.modal import damping_roots, plane_motion
+from damping.signals import damping_roots, plane_motion
+from damping_reed1970 import load_table
 from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.circularity import (
     ASSUMED,
@@ -37,7 +38,6 @@ from damping_reed1970.chapter_5.false_terms import (
 )
 from damping_reed1970.chapter_5.nine_terms import INPUTS, NINE_TERMS, nine_term_design, nine_terms
 from damping_reed1970.chapter_5.regressions import energy_surface
-from damping_reed1970.tables import load_table
 
 FIVE, NINE = POSITIONS
 

@@ -13,7 +13,7 @@ from damping.forces import make
 from damping.forces.contract import Sum
 from damping.forces.powers import energy_per_cycle
 from damping.ranking import Ranking
-from damping_reed1970.tables import load_recovered_inputs, load_table
+from damping_reed1970 import data_folder, load_table
 
 TABLES = {
     "reproduction", "errata", "regressions", "regression_deviations", "linear_coefficients", "power_laws",
@@ -82,7 +82,7 @@ def test_recovered_inputs_give_the_printed_coefficients(
 
 
 def test_regression_statistics_against_normal_equations(tables: dict[str, pd.DataFrame]) -> None:
-    data = load_recovered_inputs("5_III")
+    data = pd.read_csv(data_folder() / "saturn-v" / "table_5_III_recovered_inputs.csv")
     A, omega, E = (data[name].to_numpy() for name in ("A_recovered", "omega_rad_s", "E_recovered"))
     X = np.column_stack([A**2 * omega, A**3 * omega])
     normal = np.linalg.inv(X.T @ X)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import Design, design_of, design_of_arrays, take_columns
-from damping.regression.terms import list_columns_of, parse_terms
-from damping_reed1970.tables import load_table
+from damping_reed1970 import load_table
 
 #: Eq. 5.3.6.
 NINE_TERMS = "A^2*omega, A^2, A^3*omega^2, A^3*omega, A^4*omega, A, A^3, A^4, A^2*omega^2"

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damping.regression.decomposition import LARGEST_CONDITION
-from damping.regression.design import Columns, design_of
+from damping.regression import parse_terms
+from damping.regression.design import LARGEST_CONDITION, Columns, design_of
 from damping.regression.fit import fit
-from damping.regression.terms import parse_terms
-from damping_pipelines.regress import regress
+from damping_pipelines.tables import regress
 
 FOLDER = Path(__file__).parents[1] / "reference" / "strd"
 CERTIFIED: dict[str, dict[str, Any]] = json.loads((FOLDER / "certified.json").read_text())["sets"]

@@ -9,7 +9,7 @@ import pytest
 from damping.errors import AnalysisError
 from damping.records.reading import read_table
 from damping.regression.design import list_required_columns, take_columns
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 
 def table(**columns: object) -> pd.DataFrame:

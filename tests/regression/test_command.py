@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from damping_pipelines.cli import main
-from damping_reed1970.tables import data_folder, load_table
+from damping_reed1970 import data_folder, load_table
 
 Run = Callable[..., tuple[int, str, str]]
 RECORDS = data_folder() / "saturn-v" / "records"

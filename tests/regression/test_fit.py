@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import AnalysisError
-from damping.regression.decomposition import decompose
-from damping.regression.design import Design, correlations, design_of_arrays, variables
+from damping.regression.design import Design, correlations, decompose, design_of_arrays, variables
 from damping.regression.fit import fit, one_term_fits
 from damping.regression.program import breakdown, deviations_of, goodness_of_fit
 

@@ -5,7 +5,7 @@ import pytest
 
 from damping.errors import AnalysisError
 from damping.regression.power_law import fit_power_law
-from damping_reed1970.tables import load_table
+from damping_reed1970 import load_table
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,8 @@ import pytest
 from damping.regression.design import Design
 from damping.regression.fit import fit, one_term_fits
 from damping.regression.program import deviations_of
-from damping.regression.selecting import fit_nonnegative
-from damping.regression.stepwise import stepwise
-from damping_reed1970.tables import load_table
+from damping.regression.selecting import fit_nonnegative, stepwise
+from damping_reed1970 import load_table
 
 Build = Callable[..., Design]
 

@@ -13,8 +13,7 @@ from scipy.optimize import lsq_linear
 from damping.errors import AnalysisError, InputError
 from damping.regression.design import Design, design_of_arrays
 from damping.regression.fit import NAMES, fit
-from damping.regression.selecting import METHODS, Choice, fit_nonnegative, select
-from damping.regression.stepwise import DIRECTIONS, Selection, stepwise
+from damping.regression.selecting import DIRECTIONS, METHODS, Choice, Selection, fit_nonnegative, select, stepwise
 from damping.regression.subsets import all_subsets, best_subsets
 
 Build = Callable[..., Design]
@@ -53,6 +52,17 @@ def test_backward_drops_the_least_t_ratio_until_none_is_below(seed: int, t_stop:
     found = stepwise(design, "backward", t_stop=t_stop)
     assert list(found.chosen) == terms == replay(design, found)
     assert len(found.steps) == 1 + 5 - len(terms)
+
+
+def test_backward_takes_nothing_in_again() -> None:
+    """Correlated columns by which a dropped term would be worth its place once others are gone (one seed in 500)."""
+    rng = np.random.default_rng(962)
+    columns = rng.normal(size=(12, 4)) @ rng.normal(size=(4, 5)) + 0.3 * rng.normal(size=(12, 5))
+    design = design_of_arrays(columns, rng.normal(size=12) + 0.3 * columns @ rng.normal(size=5))
+    found = stepwise(design, "backward", t_stop=2.0)
+    assert list(found.chosen) == [1]
+    assert t_ratios(design, [1, 4])[1] > 2.5
+    assert {step.action for step in found.steps} == {"start", "drop"}
 
 
 @few

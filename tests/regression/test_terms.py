@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import AnalysisError, InputError
-from damping.regression.terms import (
+from damping.regression import (
     Term,
     deviations,
     list_columns_of,

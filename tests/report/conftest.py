@@ -23,7 +23,7 @@ from damping.records.record import Record
 from damping.regression.power_law import fit_power_law
 from damping.report.page import Section, Table
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
-from damping_reed1970.tables import data_folder
+from damping_reed1970 import data_folder
 
 LAWS = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)), Law(("viscous",)), Law(("coulomb",)))
 FORCES = np.array([45.0, 90.0])

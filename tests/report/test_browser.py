@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from damping.report import format_between, format_signed, number
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import format_between, format_signed, number
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))
@@ -139,12 +139,10 @@ def value(text: str) -> float:
 def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     import pandas as pd
 
-    from damping.report.page import Footer, Section, Table, describe_page
+    from damping.report.page import Footer, Section, Table, render_page
 
     path = tmp_path / "page.html"
-    path.write_text(
-        describe_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {}))
-    )
+    path.write_text(render_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,10 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.report import number
 from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import number
+from damping_reed1970 import load_errata
 from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
@@ -22,7 +24,6 @@ from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_t
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
 from damping_reed1970.studies import ReportResults, Studies, diagnose_gaps
-from damping_reed1970.tables import load_errata
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
@@ -79,11 +80,11 @@ def test_every_figure_of_the_report_is_shown_once(parts: list[ReportPart]) -> No
     assert sorted(shown) == sorted(FIGURES)
     files = [name for part in parts for name in part.figures]
     assert len(files) == len(set(files)) == len(captions)
-    assert all(
-        svg.startswith("<svg") and "<desc" in svg
-        for part in parts
-        for svg in (one.svg for one in part.figures.values())
-    )
+    for figure in (one for part in parts for one in part.figures.values()):
+        assert figure.svg.startswith("<svg")
+        title, description = re.findall(r"<(?:title|desc) id=[^>]+>([^<]+)</", figure.svg)
+        assert html.unescape(title)[1:] in figure.caption or figure.file == "reproduction"
+        assert html.unescape(description) in figure.caption or figure.file == "reproduction"
 
 
 def test_every_part_is_a_page_that_the_report_links(rendered: Rendered, results: ReportResults) -> None:

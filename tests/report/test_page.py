@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.plots.style import to_svg
+from damping.plots import to_svg
+from damping.report import format_force_text, format_share, format_signed, number
 from damping.report.figures import record_figures
-from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_page, describe_written
+from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_written, render_page
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.words import format_force_text, format_share, format_signed, number
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -93,7 +93,7 @@ def test_the_page_runs_one_script_the_same_on_every_page(rendered: Rendered, rea
     kinds = Counter(attributes.get("type") for tag, attributes in reader.elements if tag == "script")
     # one program; and for the one record with design forces the numbers behind its slider
     assert kinds == {None: 1, "application/json": 1}
-    assert programs(rendered.html) == programs(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+    assert programs(rendered.html) == programs(render_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
 
 
 def test_the_slider_holds_the_tables_of_design_loads(study: StudyResult, rendered: Rendered) -> None:
@@ -164,7 +164,7 @@ def test_hostile_text_is_text(hostile: StudyResult) -> None:
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0
-    assert programs(out.html) == programs(describe_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
+    assert programs(out.html) == programs(render_page("t", [Section("s", "S", [])], Footer(1, {}, {})))
     assert reader.count("script") == 2  # the page's own and the numbers of one slider
     assert "<img" not in out.html
     assert any("<img src=x onerror=alert(1)>" in text for text in reader.texts)
@@ -257,7 +257,7 @@ def test_blocks_are_escaped_one_by_one() -> None:
     bad = "<i>&"
     blocks = [Heading(bad), Text(bad), List([bad], numbered=True), Fold(bad, [Text(bad)])]
     blocks.append(Table(pd.DataFrame({bad: [bad]}), bad, headings={bad: bad}, key=bad))
-    html = describe_page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
+    html = render_page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
     assert "<i>" not in html
     # page title, heading, contents; section, heading, text, list; fold 2; table 4; footer 4
     assert html.count("&lt;i&gt;&amp;") == 17

@@ -13,11 +13,7 @@ from damping.forces.powers import EXPONENT
 from damping.infer.checks import inference_data
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
 from damping.records.mode import Units
-from damping.report.figures import leading, record_figures
-from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
-from damping.report.study import render
-from damping.report.tables import record_tables
-from damping.report.words import (
+from damping.report import (
     count,
     format_between,
     format_gravity,
@@ -31,7 +27,11 @@ from damping.report.words import (
     format_signed,
     number,
 )
-from damping_pipelines.study_output import add_damping_ratio
+from damping.report.figures import leading, record_figures
+from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
+from damping.report.study import render
+from damping.report.tables import record_tables
+from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
 POUND = Units("lb", "in", "s")

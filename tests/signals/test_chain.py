@@ -11,11 +11,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from damping.errors import AnalysisError
+from damping.signals import PrincipalPlanes, energy_loss, plane_motion
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
-from damping.signals.modal import PrincipalPlanes, energy_loss, plane_motion
+from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_3.study import saturn_steps, tabulate_conditioned
-from damping_reed1970.tables import data_folder, load_table
 
 HZ = 2.0 * np.pi
 F = np.linspace(900.0, 960.0, 9)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
-from damping.signals.modal import (
+from damping.signals import (
     NodeMode,
     PrincipalPlanes,
     branch,
@@ -29,6 +29,7 @@ from damping.signals.modal import (
     principal_forces,
     yaw_displacement,
 )
+from damping_reed1970 import load_errata, load_table
 from damping_reed1970.chapter_3 import (
     PLANES,
     PlanarOscillator,
@@ -36,7 +37,6 @@ from damping_reed1970.chapter_3 import (
     table_3_iv_roots,
     yaw_response,
 )
-from damping_reed1970.tables import load_errata, load_table
 
 OMEGA = np.linspace(11.0, 12.0, 41)
 OSCILLATOR = PlanarOscillator(M=21.0, C=2.3, omega_p=11.40, omega_y=11.50, theta=radians(28))

@@ -13,12 +13,11 @@ from numpy.testing import assert_allclose
 from damping.errors import AnalysisError
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
-from damping.signals import uncertainty
+from damping.signals import PrincipalPlanes, plane_motion, reading
 from damping.signals.chain import condition
 from damping.signals.description import Description
-from damping.signals.modal import PrincipalPlanes, plane_motion
-from damping.signals.uncertainty import with_uncertainties
-from damping_reed1970.tables import data_folder
+from damping.signals.reading import with_uncertainties
+from damping_reed1970 import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
 OTHERS: dict[str, Any] = {
@@ -138,6 +137,6 @@ def test_a_phase_at_the_end_of_its_range_does_not_jump() -> None:
 
 def test_one_side_stands_for_both_at_the_last_root() -> None:
     middle, up, down = (pd.DataFrame({"xi": values}) for values in ([0.1, 0.2], [np.nan, 0.21], [0.09, 0.19]))
-    assert_allclose(uncertainty._difference("xi", middle, up, down), [0.02, 0.02], rtol=1e-12)
+    assert_allclose(reading._difference("xi", middle, up, down), [0.02, 0.02], rtol=1e-12)
     with pytest.raises(AnalysisError, match="row 1 of the record loses its damping factor"):
-        uncertainty._difference("xi", middle, up, down.assign(xi=[np.nan, 0.19]))
+        reading._difference("xi", middle, up, down.assign(xi=[np.nan, 0.19]))

@@ -32,10 +32,11 @@ ALARM = 1e-3
 AT = RATIOS.index(1.5)
 
 
-@pytest.fixture(scope="module")
-def trials():
-    """Each kind of structure twice, by the fast way."""
-    return [coverage_trial(name, "fast", 100 * i + n, CANDIDATES) for i, name in enumerate(TRUTHS) for n in (1, 2)]
+@pytest.fixture(scope="module", params=[1, pytest.param(4, marks=pytest.mark.slow)])
+def trials(request):
+    """Each kind of structure so many times, by the fast way."""
+    times = range(1, request.param + 1)
+    return [coverage_trial(name, "fast", 100 * i + n, CANDIDATES) for i, name in enumerate(TRUTHS) for n in times]
 
 
 def test_bands_hold_the_next_test(trials):

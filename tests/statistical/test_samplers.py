@@ -15,7 +15,8 @@ from damping.infer.importance import importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood, log_posterior, log_prior
 
-pytestmark = pytest.mark.sampling
+#: One group: nested sampling is done once.
+pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("samplers")]
 
 #: Differences allowed, in standard errors of the two estimates: some fifty are looked at, of which one beyond 4 would
 #: come by chance in 300 sets of seeds.
@@ -112,15 +113,18 @@ def test_importance_sampling(components, saturn):
     assert largest_difference(found, other) < LARGEST
 
 
-@pytest.fixture(scope="module")
-def nested(saturn):
-    """A two-term law: coordinates, data, nested sampling's estimates and log marginal likelihood with its error."""
+@pytest.fixture(scope="module", params=[100, pytest.param(400, marks=pytest.mark.slow)])
+def nested(saturn, request):
+    """A two-term law: coordinates, data, nested sampling's estimates and log marginal likelihood with its error.
+
+    Four times the live points halve its errors.
+    """
     from dynesty import NestedSampler
 
     data = saturn("config-2-mode-1")
     c = Coordinates.of(Law(("viscous", "displacement-velocity")), data)
     sampler = NestedSampler(
-        lambda x: float(log_likelihood(x[None, :], c, data)[0]), ndtri, c.dimension, nlive=400,
+        lambda x: float(log_likelihood(x[None, :], c, data)[0]), ndtri, c.dimension, nlive=request.param,
         rstate=np.random.default_rng(3),
     )  # fmt: skip
     sampler.run_nested(print_progress=False, dlogz=0.01)

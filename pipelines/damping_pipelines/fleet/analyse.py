@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
+import ctypes
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from damping.errors import DampingError, InputError, escape_control
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import Curve, trace_loads
+from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan
-from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
-from damping.infer.observations import Observations, observe
+from damping.infer.observations import observe
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records.audit import audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report.gap_page import describe_gap_page
-from damping_pipelines.fleet.dataset import gap_columns, loads_columns, ranking_columns, report_stem, row_of
-from damping_pipelines.fleet.inputs import MULTIPLES, FleetResult, FleetTask
-from damping_pipelines.fleet.record_page import FleetRecord, describe_failed_page, record_page
-from damping_pipelines.fleet.time_limit import OutOfTimeError, limit_time
+from damping.report.forms import gap_form, loads_form, rank_form
+from damping.report.gap_page import render_gap_page
+from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, row_of
+from damping_pipelines.fleet.record_page import FleetLoads, FleetRecord, describe_failed_page, record_page
+from damping_pipelines.store import to_json
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
 _UNNAMED = "mode-without-a-name"
 #: Forces over which bands are drawn.
 _GRID = 40
-Found = TypeVar("Found")
+Made = TypeVar("Made")
 #: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
 OUT_OF_TIME = "out of time"
 
@@ -56,35 +57,27 @@ def analyse(task: FleetTask) -> FleetResult:
         return failed(task, f"{OUT_OF_TIME}: it took more than {task.settings.time_limit:g} s (--time-limit)")
 
 
-def _analyse(task: FleetTask) -> FleetResult:
-    try:
-        record, mode = _read(task)
-        found = audit(record, mode)
-        found.require(task.settings.despite)
-        measured = prepare(record, mode)
-        record, mode = measured.record, measured.mode or mode
-        data = observe(record)
-    except DampingError as error:
-        return failed(task, escape_control(str(error)))
-    return _Analysis(task, record, mode, data, found).result()
-
-
 def failed(task: FleetTask, reason: str) -> FleetResult:
     """The row and the page of a record that failed."""
     row = row_of(task) | {"reason": reason}
-    settings = task.settings
-    page = describe_failed_page(task.name, reason, settings.method, task.seed, settings.versions, _inputs(task))
-    return FleetResult(row, {row["report"]: page})
+    return FleetResult(row, {row["report"]: describe_failed_page(task, reason)})
 
 
-def _inputs(task: FleetTask) -> dict[str, str]:
-    names = ("data.csv", "model.toml") if task.is_model else (f"{task.name}.csv", f"{task.name}.toml")
-    return dict(zip(names, task.digests, strict=True))
+def _analyse(task: FleetTask) -> FleetResult:
+    try:
+        record, mode = _read(task)
+        findings = audit(record, mode)
+        findings.require(task.settings.despite)
+        measured = prepare(record, mode)
+        data = observe(measured.record)
+    except DampingError as error:
+        return failed(task, escape_control(str(error)))
+    return _complete(FleetRecord(task, measured.record, measured.mode or mode, data, findings))
 
 
 def _read(task: FleetTask) -> tuple[Record, Mode]:
     """Record and mode; messages name the files as the user knows them."""
-    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), _inputs(task), strict=True))
+    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), task.inputs, strict=True))
     with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
         paths = [Path(folder, name) for name in names]
         for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
@@ -102,107 +95,139 @@ def _read(task: FleetTask) -> tuple[Record, Mode]:
     return replace(record, source=first), replace(mode, source=second, name=name)
 
 
-class _Analysis:
-    """The stages of one record; each is tried whatever became of the others."""
+def _complete(read: FleetRecord) -> FleetResult:
+    """The stages of a record, each tried whatever became of the others, as a row and pages."""
+    task, fast = read.task, read.task.settings.fast
+    estimate, reasons = remember(brief_evidence if fast else evidence), list[str]()
 
-    def __init__(self, task: FleetTask, record: Record, mode: Mode, data: Observations, found: Audit) -> None:
-        self.task, self.record, self.mode, self.data, self.audit = task, record, mode, data, found
-        self.estimate: Estimate = remember(brief_evidence if task.settings.fast else evidence)
-        self.reasons: list[str] = []
-
-    def result(self) -> FleetResult:
-        """Everything, as a row and pages."""
-        task = self.task
-        row = row_of(task) | {
-            "mode": self.mode.name,
-            "units_force": self.mode.units.force,
-            "units_length": self.mode.units.length,
-            "rows": len(self.record),
-            "levels": len(self.data.sweeps),
-            "largest_tested_force": self.data.tested_force.max(),
-            "audit": "; ".join(escape_control(str(finding)) for finding in self.audit.findings),
-        }
-        pages: dict[str, str] = {}
-        ranking = self._tried("rank", self._rank)
-        loads = self._tried("extrapolate", self._loads)
-        diagnosed = task.is_model or bool(self.mode.damping)
-        diagnosis = self._tried("gap", self._gap) if diagnosed else None
-        row |= ranking_columns(ranking) if ranking else {}
-        row |= loads_columns(loads.design, loads.plan, loads.curve) if loads else {}
-        if diagnosis:
-            row |= gap_columns(diagnosis)
-            pages[f"{report_stem(task)}-gap.html"] = describe_gap_page(
-                diagnosis, None, task.seed, task.settings.versions, _inputs(task)
-            )
-        done = [part for part in (ranking, loads, diagnosis) if part is not None]
-        row["status"] = "failed" if not done else "partial" if self.reasons else "done"
-        row["reason"] = "; ".join(self.reasons)
-        pages[row["report"]] = record_page(self._page(ranking, loads, diagnosis))
-        return FleetResult(row, pages)
-
-    def _tried(self, stage: str, work: Callable[[], Found]) -> Found | None:
+    def attempt(stage: str, work: Callable[[], Made]) -> Made | None:
         try:
             return work()
         except DampingError as error:
-            self.reasons.append(f"{stage}: {escape_control(str(error))}")
+            reasons.append(f"{stage}: {escape_control(str(error))}")
             return None
 
-    def _rank(self) -> Ranking:
-        fast = self.task.settings.fast
-        return rank_laws(self.data, self.task.seed, candidate_laws(), estimate=self.estimate, hold_out=not fast)
+    def rank() -> Ranking:
+        return rank_laws(read.data, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
 
-    def _gap(self) -> Diagnosis:
-        return diagnose(self.record, self.mode)
-
-    def _loads(self) -> _Predicted:
-        settings, seed = self.task.settings, self.task.seed
-        data = near_resonance(self.record)
-        largest = data.tested_force.max()
-        forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
-        predicted = extrapolate_loads(
-            data,
-            forces,
-            settings.level,
-            seed,
-            mode=self.mode,
-            estimate=self.estimate,
-            sampler=draw_evidence,
-        )
-        bands = None
-        if not settings.fast:
-            grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
-            bands = predicted.predict_at(grid)
-        backbone = find_backbone(self.record, self.mode, self.audit.implied)
-        curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
-        return _Predicted(predicted.plan, predicted.loads, curve, bands)
-
-    def _page(self, ranking: Ranking | None, loads: _Predicted | None, diagnosis: Diagnosis | None) -> FleetRecord:
-        task = self.task
-        return FleetRecord(
-            name=task.name,
-            mode=self.mode,
-            record=self.record,
-            data=self.data,
-            method=task.settings.method,
-            ranking=ranking,
-            design=loads.design if loads else None,
-            bands=loads.bands if loads else None,
-            diagnosis=diagnosis,
-            gap_report=f"{Path(report_stem(task)).name}-gap.html",
-            findings=tuple(map(str, self.audit.findings)),
-            reasons=tuple(self.reasons),
-            own_forces=not task.settings.forces,
-            seed=task.seed,
-            versions=task.settings.versions,
-            inputs=_inputs(task),
-        )
+    ranking = attempt("rank", rank)
+    loads = attempt("extrapolate", lambda: _predict_loads(read, estimate))
+    diagnosed = task.is_model or bool(read.mode.damping)
+    diagnosis = attempt("gap", lambda: diagnose(read.record, read.mode)) if diagnosed else None
+    record = replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis, reasons=tuple(reasons))
+    row = row_of(task) | _columns(record)
+    pages = {row["report"]: record_page(record)}
+    if diagnosis:
+        versions = task.settings.versions
+        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, task.seed, versions, task.inputs)
+    return FleetResult(row, pages)
 
 
-@dataclass(frozen=True)
-class _Predicted:
-    """What extrapolation gave; ``curve``: damping there; ``bands`` over a grid of forces, None with ``--fast``."""
+def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
+    settings, data = read.task.settings, near_resonance(read.record)
+    largest = data.tested_force.max()
+    forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
+    predicted = extrapolate_loads(
+        data, forces, settings.level, read.task.seed, mode=read.mode, estimate=estimate, sampler=draw_evidence
+    )
+    bands = None
+    if not settings.fast:
+        grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
+        bands = predicted.predict_at(grid)
+    backbone = find_backbone(read.record, read.mode, read.audit.implied)
+    curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
+    return FleetLoads(predicted.plan, predicted.loads, curve, bands)
 
-    plan: Plan
-    design: Loads
-    curve: Curve
-    bands: Loads | None
+
+def _columns(record: FleetRecord) -> dict[str, Any]:
+    """The columns of a record that was read; those of a stage that was not done stay empty."""
+    done = [part for part in (record.ranking, record.loads, record.diagnosis) if part is not None]
+    return {
+        "mode": record.mode.name,
+        "units_force": record.mode.units.force,
+        "units_length": record.mode.units.length,
+        "rows": len(record.record),
+        "levels": len(record.data.sweeps),
+        "largest_tested_force": record.data.tested_force.max(),
+        "audit": "; ".join(escape_control(str(finding)) for finding in record.audit.findings),
+        **(_ranking_columns(record.ranking) if record.ranking else {}),
+        **(_loads_columns(record.loads) if record.loads else {}),
+        **(_gap_columns(record.diagnosis) if record.diagnosis else {}),
+        "status": "failed" if not done else "partial" if record.reasons else "done",
+        "reason": "; ".join(record.reasons),
+    }
+
+
+def _ranking_columns(ranking: Ranking) -> dict[str, Any]:
+    """The law of largest weight, and the form."""
+    best = max(ranking.candidates, key=lambda candidate: candidate.weight)
+    return {
+        "law": best.name,
+        "weight": best.weight,
+        "average_absolute_percent": best.average_absolute_percent,
+        "held_out_error": best.held_out_error,
+        "rank_form": to_json(rank_form(ranking)),
+    }
+
+
+def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
+    """The prediction at the largest design force with the damping there, and the form."""
+    loads, best, ratio = predicted.design, predicted.plan.laws[0], predicted.curve.damping_ratio
+    i = int(loads.force.argmax())
+    return {
+        "load_law": best.name,
+        "load_weight": best.weight,
+        "design_force": loads.force[i],
+        "extrapolation_ratio": loads.ratio[i],
+        **{name: getattr(loads.average, name)[i] for name in ("median", "low", "high")},
+        "frequency": predicted.curve.frequency.median[i],
+        "damping_ratio": ratio.median[i],
+        "damping_ratio_low": ratio.low[i],
+        "damping_ratio_high": ratio.high[i],
+        "linear": loads.linear[i],
+        "linear_overprediction_percent": loads.overprediction[i],
+        "linear_overprediction_low": loads.overprediction_low[i],
+        "linear_overprediction_high": loads.overprediction_high[i],
+        "cautions": list(loads.cautions[i]),
+        "loads_form": to_json(loads_form(loads, predicted.plan, predicted.curve)),
+    }
+
+
+def _gap_columns(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The leading explanation, and the form."""
+    return {
+        "effects": list(diagnosis.leading.effects),
+        "effects_probability": diagnosis.hypotheses[0].probability,
+        "unexplained": diagnosis.unexplained,
+        **{f"gap_{name}": getattr(diagnosis.gap, name) for name in ("nominal", "before", "after", "shrinkage")},
+        "gap_form": to_json(gap_form(diagnosis)),
+    }
+
+
+class OutOfTimeError(BaseException):
+    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()

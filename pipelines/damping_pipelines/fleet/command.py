@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,10 +16,10 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.records.audit import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
-from damping_pipelines.fleet.dataset import DataSet
-from damping_pipelines.fleet.inputs import (
+from damping_pipelines.fleet.dataset import (
     MULTIPLES,
     TIME_LIMIT,
+    DataSet,
     FleetCase,
     FleetResult,
     FleetSettings,
@@ -38,8 +38,7 @@ from damping_pipelines.fleet.runners import (
     distributed,
     serial,
 )
-from damping_pipelines.manifest import digest, publish, sole_writer
-from damping_pipelines.provenance import describe_code, digest_code, versions
+from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import Advance, console, progress
 
@@ -56,13 +55,13 @@ def fleet(
     scheduler: str | None = None,
     fast: bool = False,
     workers: int | None = None,
-    forces: tuple[float, ...] = (),
+    force: Sequence[float] = (),
     level: float = 0.9,
     seed: int = 0,
-    dashboard: str | None = None,
+    dashboard: str = "off",
     replace: bool = False,
     max_size: int,
-    despite: tuple[str, ...] = (),
+    despite: Sequence[str] = (),
     time_limit: float = TIME_LIMIT,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
@@ -70,8 +69,8 @@ def fleet(
     Args:
         scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
             record after the other).
-        fast: few importance draws. forces: design forces; none: multiples of each record's own.
-        dashboard: address on which a local cluster shows its dashboard; None: nowhere.
+        fast: few importance draws. force: design forces; none: multiples of each record's own.
+        dashboard: address on which a local cluster shows its dashboard; ``off``: nowhere.
         replace: drop what ``out`` holds of other records, settings or versions.
         time_limit: seconds that a record may take.
 
@@ -79,7 +78,7 @@ def fleet(
         InputError: bad usage or input, or results in ``out`` that would be lost.
         AnalysisError: every record failed, or the workers are gone.
     """
-    check_loads(forces or MULTIPLES, level)
+    check_loads(force or MULTIPLES, level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
@@ -87,13 +86,14 @@ def fleet(
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     require_checks(despite)
-    check_address(dashboard)
+    address = None if dashboard == "off" else dashboard
+    check_address(address)
     settings = FleetSettings(
-        seed, fast, level, tuple(sorted(forces)), versions(), max_size, despite, digest_code(), time_limit
+        seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
-        _fleet(cases, out, settings, scheduler, workers, dashboard, replace=replace)
+        _fleet(cases, out, settings, scheduler, workers, address, replace=replace)
 
 
 def _fleet(
@@ -191,14 +191,14 @@ def _final(kept: DataSet) -> set[str]:
 def _greet(client: Client, done: Advance, *, shown: bool) -> None:
     """Say where the scheduler and its dashboard are."""
     about = client.scheduler_info()
-    said = f"scheduler {about['address']}"
+    sentence = f"scheduler {about['address']}"
     if shown and about["services"].get("dashboard"):
-        said += f", dashboard {client.dashboard_link}"
+        sentence += f", dashboard {client.dashboard_link}"
         if find_spec("bokeh") is None:
-            said += " (its pages need the extra: pip install damping-selection[dashboard])"
+            sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
     if not client.ncores():
-        said += f", no worker yet (waiting {PATIENCE:g} s for one)"
-    done(said, 0)
+        sentence += f", no worker yet (waiting {PATIENCE:g} s for one)"
+    done(sentence, 0)
 
 
 def _check_code(client: Client) -> None:
@@ -272,9 +272,11 @@ def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
     page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
     _seal(out, kept, page.encode(), settings)
     counts = table["status"].value_counts()
-    said = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
+    outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
     console().print(
-        f"{len(table)} records: {said}. {out / 'fleet.html'} and {kept.folder} written", highlight=False, markup=False
+        f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written",
+        highlight=False,
+        markup=False,
     )
     if not len(table.loc[table["status"] != "failed"]):
         raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")

@@ -12,9 +12,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from damping.plots.style import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
-from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, describe_page
-from damping.report.words import count, format_joined, format_percent, format_share, format_signed, number
+from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
+from damping.report import count, format_joined, format_percent, format_share, format_signed, number
+from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, render_page
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
@@ -102,7 +102,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
         Section("gaps", "Gaps to the simulations", _build_gaps(table)),
         Section("records", "All records", _build_records(table)),
     ]
-    return describe_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
+    return render_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
 
 
 def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
@@ -112,7 +112,7 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
     distribution; the error of the fit only above.
     """
     checks = (("overprediction", _OVER, True), ("error of the fit", "average_absolute_percent", False))
-    found: dict[int, list[str]] = {}
+    reasons: dict[int, list[str]] = {}
     for what, column, both in checks:
         values = table[column].to_numpy(float)
         known = values[np.isfinite(values)]
@@ -124,11 +124,13 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
             continue
         z = (values - middle) / spread
         for row in np.flatnonzero((np.abs(z) if both else z) > OUTLYING):
-            said = f"{what} {format_percent(values[row])} %, fleet {format_percent(middle)} % (z = {number(z[row], 2)})"
-            found.setdefault(int(row), []).append(said)
-    rows = sorted(found)
+            reason = (
+                f"{what} {format_percent(values[row])} %, fleet {format_percent(middle)} % (z = {number(z[row], 2)})"
+            )
+            reasons.setdefault(int(row), []).append(reason)
+    rows = sorted(reasons)
     chosen = table.iloc[rows][["name", "report", "law"]].reset_index(drop=True)
-    return chosen.assign(why=["; ".join(found[row]) for row in rows])
+    return chosen.assign(why=["; ".join(reasons[row]) for row in rows])
 
 
 def _list_links(table: pd.DataFrame) -> list[Link]:
@@ -148,10 +150,10 @@ def _answer(table: pd.DataFrame, method: str, asked: str) -> list[Block]:
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
         facts.append((f"{format_signed(low)} to {format_signed(high)}", "in nine records of ten"))
     refused = len(good) - len(over)
-    said = [f"Design loads are for {asked}. Posteriors by {method}, in every row."]
+    sentences = [f"Design loads are for {asked}. Posteriors by {method}, in every row."]
     if refused:
-        said.append(f"No prediction at that force in {count(refused, 'record')}: their pages say why.")
-    return [Facts(facts), Text(" ".join(said))]
+        sentences.append(f"No prediction at that force in {count(refused, 'record')}: their pages say why.")
+    return [Facts(facts), Text(" ".join(sentences))]
 
 
 def _build_laws(table: pd.DataFrame) -> list[Block]:
@@ -160,8 +162,8 @@ def _build_laws(table: pd.DataFrame) -> list[Block]:
         return [Text("No record could be ranked.")]
     counts = led["law"].value_counts().sort_index().sort_values(ascending=False, kind="stable")
     weights = led.groupby("law")["weight"].mean()
-    said = format_joined(f"{law} {value}" for law, value in counts.head(3).items())
-    drawn = to_svg(leading_laws(counts), "leading-laws", "Records by leading law", f"Bars; most often: {said}.")
+    leaders = format_joined(f"{law} {value}" for law, value in counts.head(3).items())
+    drawn = to_svg(leading_laws(counts), "leading-laws", "Records by leading law", f"Bars; most often: {leaders}.")
     frame = pd.DataFrame(
         {
             "law": counts.index,
@@ -184,11 +186,13 @@ def _build_loads(table: pd.DataFrame, asked: str) -> list[Block]:
     if frame.empty:
         return [Text("No record has a prediction at its largest design force.")]
     quartiles = np.quantile(frame["percent"], [0.25, 0.5, 0.75])
-    said = f"Quartiles {format_joined(format_signed(q) for q in quartiles)}."
-    drawn = to_svg(sorted_overprediction(frame), "overprediction", "Sorted overprediction of linear damping", said)
+    quartile_text = f"Quartiles {format_joined(format_signed(q) for q in quartiles)}."
+    drawn = to_svg(
+        sorted_overprediction(frame), "overprediction", "Sorted overprediction of linear damping", quartile_text
+    )
     caption = (
         f"Linear prediction over the median at {asked}, per cent, sorted, with the predictive interval of each record. "
-        f"{said}"
+        f"{quartile_text}"
     )
     return [FigureBlock(drawn, caption)]
 
@@ -203,22 +207,22 @@ def _build_outliers(table: pd.DataFrame) -> list[Block]:
 
 
 def _build_failures(table: pd.DataFrame) -> list[Block]:
-    found = table[table["status"] != "done"]
-    if found.empty:
+    failures = table[table["status"] != "done"]
+    if failures.empty:
         return [Text("None.")]
-    frame = pd.DataFrame({"record": _list_links(found), "status": found["status"], "reason": found["reason"]})
-    return [_build_table(frame, f"{count(len(found), 'record')} of which all or a part could not be done")]
+    frame = pd.DataFrame({"record": _list_links(failures), "status": failures["status"], "reason": failures["reason"]})
+    return [_build_table(frame, f"{count(len(failures), 'record')} of which all or a part could not be done")]
 
 
 def _build_gaps(table: pd.DataFrame) -> list[Block]:
-    found = table[table["effects"].notna()]
-    if found.empty:
+    diagnosed = table[table["effects"].notna()]
+    if diagnosed.empty:
         return [Text("No record has a simulation beside it.")]
-    named = found["effects"].map(lambda effects: " + ".join(effects) or "no effect")
+    named = diagnosed["effects"].map(lambda effects: " + ".join(effects) or "no effect")
     counts = named.value_counts().sort_index().sort_values(ascending=False, kind="stable")
     frame = pd.DataFrame({"explanation": counts.index, "records": counts.to_numpy()})
     blocks: list[Block] = [Table(frame, "Leading explanation of the gap, by number of records")]
-    left = found[found["unexplained"].astype(bool)]
+    left = diagnosed[diagnosed["unexplained"].astype(bool)]
     if len(left):
         listed = pd.DataFrame({"record": _list_links(left), "explanation": named.loc[left.index]})
         blocks.append(_build_table(listed, f"{count(len(left), 'record')} with more than noise left"))

@@ -17,7 +17,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster, Security, wa
 
 from damping.errors import AnalysisError, InputError, escape_control
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.inputs import FleetResult, FleetTask
+from damping_pipelines.fleet.dataset import FleetResult, FleetTask
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
 PER_THREAD = 2

@@ -169,7 +169,7 @@ def hysteresis_loops() -> HysteresisLoops:
     forces["case V"] = _of_loss(case_five(1.0, 4.0))
     loops = {name: loop(force, 1.0, 1.0, stiffness=1.0) for name, force in forces.items()}
     closed = np.array([float(energy_per_cycle(force, 1.0, 1.0)) for force in forces.values()])
-    areas = np.array([one.area for one in loops.values()])
+    areas = np.array([closed_loop.area for closed_loop in loops.values()])
     table = pd.DataFrame({"force": list(loops), "area": areas, "energy_per_cycle": closed})
     return HysteresisLoops(loops, table.assign(relative_difference=areas / closed - 1.0))
 

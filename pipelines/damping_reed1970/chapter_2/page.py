@@ -1,22 +1,130 @@
-"""Chapter II in the report: hysteresis loops of every force (2.4), slip and its velocity-squared equivalent."""
+"""Chapter II in the report: loops of every force (Fig. 2.4), slip and its equivalent (Fig. 2.5), lumped masses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import LinAlgError, eigh
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.linalg import eigh
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError, InputError
-from damping.report.words import format_joined, number
-from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes
-from damping_reed1970.chapter_2.figures import list_chapter_2_figures
-from damping_reed1970.common import Chapter, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults
+from damping.errors import AnalysisError
+from damping.plots import INK, LINEAR, MUTED, WIDTH, law_style, styled
+from damping_reed1970.chapter_2 import (
+    REFERENCE,
+    EquivalenceError,
+    Loop,
+    SlipEquivalent,
+    equal_amplitudes,
+)
+from damping_reed1970.common import ReportPart, chapter_table, write_chapter
+from damping_reed1970.studies import ReportResults, Studies
+
+#: Of the 1441 points of a small loop, only every nth is drawn: all corners at multiples of 30 degrees stay.
+EVERY = 12
+_STYLE_OF = {"case V": "viscous + quadratic-displacement"}
+_TITLES = {
+    "viscous": "viscous (I)",
+    "displacement": "displacement\n(II)",
+    "velocity-squared": "velocity\nsquared (III)",
+    "displacement-velocity": "displacement ×\nvelocity (IV)",
+    "quadratic-displacement": "q²q′",
+    "velocity-power": "velocity\npower 0.5",
+    "displacement-velocity-power": "displacement ×\nvelocity power 1.5",
+    "coulomb": "Coulomb",
+    "slip": "slip joint",
+    "case V": "case V, α = 4",
+}
+
+
+@styled
+def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
+    """Draw a small panel for each loop, by the name of its force, with the spring it is drawn about (dashed)."""
+    columns = 3
+    rows = -(-len(loops) // columns)
+    figure = Figure(figsize=(WIDTH, 1.75 * rows + 0.2))
+    for place, (name, loop) in enumerate(loops.items()):
+        axes = figure.add_subplot(rows, columns, place + 1)
+        colour = law_style(_STYLE_OF.get(name, name)).colour
+        q, force = loop.q[::EVERY], loop.force[::EVERY]
+        axes.fill(q, force, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(q, force, color=colour)
+        axes.plot([-1.0, 1.0], [-1.0, 1.0], color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
+        axes.set_title(_TITLES.get(name, name), fontsize=7.5)
+        axes.set(xlim=(-1.25, 1.25), ylim=(-1.9, 1.9), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+        if place % columns:
+            axes.set_yticklabels([])
+        else:
+            axes.set_ylabel("force / K A")
+        if place < len(loops) - columns:
+            axes.set_xticklabels([])
+        else:
+            axes.set_xlabel("q / A")
+    return figure
+
+
+@styled
+def draw_slip_equivalent(equivalent: SlipEquivalent, reference: float) -> Figure:
+    """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
+    figure = Figure(figsize=(WIDTH, 5.8))
+    left, right = figure.subplots(2, 1)
+    slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
+    slip, printed, corrected = equivalent.slip, equivalent.printed, equivalent.corrected
+    left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
+    left.plot(slip.q, slip.force, color=slip_colour, label="slip joint (exact)")
+    left.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
+    left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
+    left.set(xlabel="displacement / A₁", ylabel="force / K A₁", ylim=(-2.9, 2.1))
+    left.set_title(f"Loops at A = {reference:g} A₁")
+    left.legend(loc="lower right", fontsize=7)
+    _draw_errors(right, equivalent.error, reference)
+    return figure
+
+
+def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
+    square = law_style("velocity-squared").colour
+    lines = (
+        (error.coefficient_percent, LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
+        (error.corrected_percent, square, "-", f"energy, C₃ fixed at {reference:g} A₁"),
+        (error.shape_percent, MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
+    )
+    for values, colour, line, label in lines:
+        axes.plot(error.amplitude, values, color=colour, linestyle=line, label=label)
+    axes.axhline(0.0, color=INK, linewidth=0.7)
+    axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
+    axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
+    axes.set(xlim=(1.0, float(error.amplitude[-1])), ylim=(-170.0, 250.0))
+    axes.set(xlabel="amplitude A / A₁", ylabel="error (per cent)")
+    axes.set_title("Error of the equivalence")
+    axes.legend(loc="lower right", fontsize=7)
+
+
+@styled
+def draw_slip_energy(energies: pd.DataFrame) -> Figure:
+    """Draw energy per cycle against amplitude: slip exact and printed, and what a fixed C3 makes of it.
+
+    Args:
+        energies: ``amplitude, exact, printed, printed_equivalent, corrected_equivalent`` in units of A1 and K A1^2.
+    """
+    figure = Figure(figsize=(WIDTH, 3.0))
+    axes = figure.add_subplot()
+    lines = {
+        "exact": (law_style("slip").colour, "-", "slip joint, exact: grows like A"),
+        "printed": (LINEAR, (0, (4, 2)), "(2.4.3) as printed: like A²"),
+        "corrected_equivalent": (law_style("velocity-squared").colour, "-", "C₃q̇²: like A³"),
+    }
+    for name, (colour, line, label) in lines.items():
+        axes.plot(energies["amplitude"], energies[name], color=colour, linestyle=line, label=label)
+    top = float(np.max(energies["printed"]))
+    axes.set(xlim=(1.0, float(energies["amplitude"].iloc[-1])), ylim=(0.0, top))
+    axes.set(xlabel="amplitude A / A₁", ylabel="energy per cycle / K A₁²")
+    axes.legend(loc="upper left")
+    return figure
 
 
 @dataclass(frozen=True)
@@ -52,16 +160,9 @@ def normal_modes(mass: FloatArray, stiffness: FloatArray, reference: int) -> Nor
         reference: node whose displacement is the modal coordinate.
 
     Raises:
-        InputError: matrices of the wrong shape, not symmetric, or a mass matrix that is not positive definite.
         AnalysisError: a mode does not move the reference node, so that its shape cannot be scaled there.
     """
-    m = np.diag(mass) if np.ndim(mass) == 1 else np.asarray(mass, dtype=float)
-    k = np.asarray(stiffness, dtype=float)
-    _check(m, k, reference)
-    try:
-        squared, vectors = eigh(k, m)
-    except LinAlgError as error:
-        raise InputError("mass matrix is not positive definite", expected="positive masses") from error
+    squared, vectors = eigh(stiffness, np.diag(mass) if np.ndim(mass) == 1 else mass)
     omega = np.sqrt(np.maximum(squared, 0.0))  # rounding leaves rigid-body modes slightly negative
     at_reference = vectors[reference]
     still = np.flatnonzero(np.abs(at_reference) < 1e-10 * np.max(np.abs(vectors), axis=0))
@@ -93,18 +194,6 @@ def _direction(damper: Damper, nodes: int) -> FloatArray:
     if damper.other is not None:
         direction[damper.other] -= 1.0
     return direction
-
-
-def _check(m: FloatArray, k: FloatArray, reference: int) -> None:
-    if m.ndim != 2 or m.shape[0] != m.shape[1] or m.shape != k.shape:
-        raise InputError(f"mass {m.shape} and stiffness {k.shape} do not match", expected="two n by n matrices")
-    for name, matrix in (("mass", m), ("stiffness", k)):
-        if not np.all(np.isfinite(matrix)) or not np.allclose(
-            matrix, matrix.T, rtol=0.0, atol=1e-10 * np.abs(matrix).max()
-        ):
-            raise InputError(f"{name} matrix is not symmetric and finite")
-    if not 0 <= reference < m.shape[0]:
-        raise InputError(f"reference node {reference} is not among {m.shape[0]} nodes")
 
 
 MASSES = 4
@@ -157,8 +246,8 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "loop_difference": 100.0 * loops["relative_difference"].abs().max(),
         "low": at.iloc[1],
         "high": at.iloc[-1],
-        "right": _describe_times(equal_amplitudes(energies, "printed")),
-        "equal": _describe_times(equal_amplitudes(energies, "corrected_equivalent")),
+        "right": equal_amplitudes(energies, "printed"),
+        "equal": equal_amplitudes(energies, "corrected_equivalent"),
         "reference": REFERENCE,
         "masses": len(modes),
         "mode_difference": (modes["omega"] - modes["omega_closed_form"]).abs().max(),
@@ -171,13 +260,22 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
                        "corrected_equivalent": "C₃q̇², equal energy", "equivalent_percent": "its error, %"}  # fmt: skip
     shown = {
         "slip_equivalent": chapter_table(2, "slip_equivalent", at, energy_headings),
-        "hysteresis_loops": chapter_table(2, "hysteresis_loops", loops),
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = list_chapter_2_figures(studies.loops, studies.slip)
-    chapter = Chapter(2, "Chapter II: hysteresis and slip", values, figures, shown, tables, results.tables)
-    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
+    title, text = "Chapter II: hysteresis and slip", Path(__file__).with_suffix(".txt")
+    return write_chapter(
+        2, title, text, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=tables
+    )
+
+
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    return {
+        "hysteresis-loops": lambda: draw_hysteresis_loops(studies.loops.loops),
+        "slip-equivalent": lambda: draw_slip_equivalent(studies.slip, REFERENCE),
+        "slip-energy": lambda: draw_slip_energy(studies.slip.energies),
+    }
 
 
 def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:
@@ -190,8 +288,3 @@ def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:
         printed_over_exact=table["printed"] / table["exact"],
         equivalent_percent=100.0 * (table["corrected_equivalent"] / table["exact"] - 1.0),
     )[["amplitude", "exact", "printed", "printed_over_exact", "corrected_equivalent", "equivalent_percent"]]
-
-
-def _describe_times(amplitudes: FloatArray) -> str:
-    """``1.24 and 2.00 A₁``."""
-    return f"{format_joined(number(A) for A in amplitudes)} A₁"

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
-from damping.signals.modal import (
+from damping.signals import (
     DampingRoots,
     NodeMode,
     PrincipalPlanes,
@@ -29,7 +29,7 @@ from damping.signals.modal import (
     plane_motion,
     yaw_displacement,
 )
-from damping_reed1970.tables import by_point, columns, load_table
+from damping_reed1970 import by_point, columns, load_table
 
 ComplexArray = npt.NDArray[np.complex128]
 

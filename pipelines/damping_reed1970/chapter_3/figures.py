@@ -1,8 +1,12 @@
-"""Chapter III: conditioning of the test of Configuration I, its mode in two planes, damping factors with all roots."""
+"""Chapter III: conditioning of the test of Configuration I, its mode in two planes, damping factors with all roots.
+
+``measured``, ``corrected``, ``curves`` and ``effect`` are tables of ``Chapter3``, which says what their columns hold.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,16 +14,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.posteriors import corner
-from damping.plots.style import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, styled
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, styled
+from damping.plots.fits import corner
+from damping_reed1970.chapter_3 import PLANES
+from damping_reed1970.chapter_3.planar_fits import Curve, PlanarBand
 
 OMEGA = "frequency ω (rad/s)"
 PITCH = "#0072b2"
 YAW = "#d55e00"
 DASH = (0, (5, 2))
 DOT = (0, (1.2, 1.6))
-#: Median, low and high end of a curve over frequency.
-Curve = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def single(y_label: str) -> tuple[Figure, Axes]:
@@ -55,43 +59,38 @@ _STEPS = {"mode factor": (MUTED, DOT), "rigid body": (YAW, DASH), "adjacent mode
 
 
 @styled
-def draw_tail_displacement(omega: FloatArray, X: FloatArray, over: FloatArray, curve: Curve) -> Figure:
-    """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band.
-
-    Args:
-        omega, X: the points, rad/s and in. over, curve: frequencies of the fit, and its displacement.
-    """
+def draw_tail_displacement(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
+    """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band."""
     figure, axes = single("tail displacement (in)")
-    draw_band(axes, over, curve, "planar oscillator fitted to the tail, 90 % band")
-    axes.plot(omega, X, color=MUTED, linestyle=DASH, linewidth=0.9, label="printed points joined")
-    draw_printed(axes, omega, X, "printed (Table 3.III)")
+    median, low, high = (PLANES.phi * amplitude for amplitude in tail.amplitude)
+    draw_band(axes, tail.omega, (median, low, high), "planar oscillator fitted to the tail, 90 % band")
+    joined: dict[str, Any] = {"color": MUTED, "linestyle": DASH, "linewidth": 0.9, "label": "printed points joined"}
+    axes.plot(measured["omega"], measured["tail"], **joined)
+    draw_printed(axes, measured["omega"], measured["tail"], "printed (Table 3.III)")
     draw_from_zero(axes)
     return figure
 
 
 @styled
-def draw_tail_phase_sine(omega: FloatArray, phase: FloatArray, over: FloatArray, curve: Curve) -> Figure:
-    """Draw the sine of the tail's phase angle against frequency (Fig. 3.3); ``phase`` and ``curve`` in rad."""
+def draw_tail_phase_sine(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
+    """Draw the sine of the tail's phase angle against frequency (Fig. 3.3)."""
     figure, axes = single("sine of tail phase angle")
-    median, low, high = curve
+    median, low, high = tail.phase
     # between the ends of the band the sine has a maximum where the phase passes pi/2
     ends = np.sin(low), np.sin(high)
     top = np.where((low < 0.5 * np.pi) & (high > 0.5 * np.pi), 1.0, np.maximum(*ends))
-    draw_band(axes, over, (np.sin(median), np.minimum(*ends), top), "planar oscillator fitted to the tail, 90 % band")
-    draw_printed(axes, omega, np.sin(phase), "printed (Table 3.III, point 1 corrected)")
+    sines = np.sin(median), np.minimum(*ends), top
+    draw_band(axes, tail.omega, sines, "planar oscillator fitted to the tail, 90 % band")
+    draw_printed(axes, measured["omega"], np.sin(measured["tail_phase"]), "printed (Table 3.III, point 1 corrected)")
     draw_from_zero(axes)
     return figure
 
 
 @styled
-def draw_phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
-    """Draw phase angles of tail and second mode (Fig. 3.5).
-
-    Args:
-        measured: ``omega, tail_phase, phi_2_printed, phi_2`` (rad). over, curve: the planar fit to the mode.
-    """
+def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
+    """Draw phase angles of tail and second mode (Fig. 3.5)."""
     figure, axes = single("phase angle (rad)")
-    draw_band(axes, over, curve, "planar oscillator fitted to the mode, 90 % band")
+    draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
     draw_printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
     draw_computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
@@ -102,10 +101,10 @@ def draw_phase_angles(measured: pd.DataFrame, over: FloatArray, curve: Curve) ->
 
 
 @styled
-def draw_modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve) -> Figure:
-    """Draw modal amplitude against frequency (Fig. 3.6): ``omega, A_2_printed, A_2`` and the planar fit."""
+def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
+    """Draw modal amplitude against frequency (Fig. 3.6) with the planar fit."""
     figure, axes = single("modal amplitude (in)")
-    draw_band(axes, over, curve, "planar oscillator fitted, 90 % band")
+    draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % band")
     draw_printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
     draw_computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
     draw_from_zero(axes)
@@ -114,12 +113,7 @@ def draw_modal_amplitude(measured: pd.DataFrame, over: FloatArray, curve: Curve)
 
 @styled
 def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
-    """Draw energy input per cycle against frequency (Fig. 3.9).
-
-    Args:
-        measured: ``omega, energy_printed, energy``. corrected: ``omega, energy`` of the rows marked +.
-        curves: ``omega, energy, energy_report``: what one damping factor for all points loses.
-    """
+    """Draw energy input per cycle against frequency (Fig. 3.9) with what one damping factor for all points loses."""
     figure, axes = single("energy per cycle (in-lb)")
     _draw_one_damping(axes, curves, "energy")
     draw_printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
@@ -131,13 +125,7 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
 
 @styled
 def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
-    """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), a panel a plane.
-
-    Args:
-        measured: ``omega, pitch_printed, yaw_printed, pitch, yaw``; NaN where Eq. 3.2.15 has no root.
-        corrected: ``omega, pitch, yaw`` of the rows marked +.
-        curves: ``omega, pitch, yaw, pitch_report, yaw_report``: with one damping factor for all points.
-    """
+    """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), a panel a plane."""
     figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
@@ -146,8 +134,7 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
         draw_computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
         axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
         axes.set_title(f"Principal {plane} plane")
-        axes.set_ylabel("modal amplitude (in)")
-        axes.set_ylim(bottom=0.0)
+        axes.set(ylabel="modal amplitude (in)", ylim=(0.0, None))
     panels[1].set_xlabel(OMEGA)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=1)
     return figure
@@ -155,12 +142,7 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
 
 @styled
 def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
-    """Draw what each step of the conditioning removed.
-
-    Args:
-        effect: ``step, omega, amplitude, phase`` after each step, rows of a step together.
-        removed: ``omega`` and one column a part: motion in phase with the force that was removed (in).
-    """
+    """Draw what each step of the conditioning removed: motion in phase with the force."""
     figure = Figure(figsize=(WIDTH, 7.6))
     left, right, amplitude, phase = figure.subplots(4, 1, sharex=True)
     first = effect[effect["step"] == effect["step"].iloc[0]]
@@ -205,24 +187,16 @@ def _draw_one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
 
 
 @styled
-def draw_planar_overlay(
-    measured: pd.DataFrame, over: FloatArray, amplitude: Curve, phase: Curve, curves: pd.DataFrame
-) -> Figure:
-    """Draw measured amplitude and phase with the fitted planar oscillator.
-
-    Args:
-        measured: ``omega, A_2_printed, phi_2_printed``. over: frequencies of the band.
-        amplitude, phase: median and band of the posterior with all parameters free.
-        curves: ``omega, amplitude_held, phase_held`` (the report's angle and mass held), ``amplitude_more, phase_more``
-            (motion in phase with the force and a lag fitted too).
-    """
+def draw_planar_overlay(measured: pd.DataFrame, mode: PlanarBand, curves: pd.DataFrame) -> Figure:
+    """Draw measured amplitude and phase with the planar oscillator: all free, two held, and with a lag and motion in
+    phase with the force fitted too."""
     figure = Figure(figsize=(WIDTH, 4.9))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     for axes, name, points, curve in (
-        (upper, "amplitude", "A_2_printed", amplitude),
-        (lower, "phase", "phi_2_printed", phase),
+        (upper, "amplitude", "A_2_printed", mode.amplitude),
+        (lower, "phase", "phi_2_printed", mode.phase),
     ):
-        draw_band(axes, over, curve, "all parameters free: median and 90 % band")
+        draw_band(axes, mode.omega, curve, "all parameters free: median and 90 % band")
         for suffix, colour, line, label in (
             ("held", LINEAR, DASH, "θ = 28°, M = 21 held"),
             ("more", PITCH, DOT, "with motion in phase and a common lag"),
@@ -231,9 +205,8 @@ def draw_planar_overlay(
         draw_printed(axes, measured["omega"], measured[points], "measured (Table 3.III)")
     upper.set_ylabel("modal amplitude (in)")
     draw_from_zero(upper)
-    lower.set_ylabel("phase lag (rad)")
+    lower.set(xlabel=OMEGA, ylabel="phase lag (rad)")
     lower.set_yticks([0.0, 0.5 * np.pi, np.pi], ["0", "π/2", "π"])
-    lower.set_xlabel(OMEGA)
     figure.align_ylabels()
     return figure
 
@@ -284,11 +257,7 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest:
 
 @styled
 def draw_yaw_amplitude(yaw: pd.DataFrame) -> Figure:
-    """Draw the yaw amplitude that fits to the pitch motion predict beside the measured one, which no fit has seen.
-
-    Args:
-        yaw: ``omega, measured`` and one column a fit, in.
-    """
+    """Draw the yaw amplitude that fits to the pitch motion predict beside the measured one, which no fit has seen."""
     figure, axes = single("yaw amplitude (in)")
     styles = ((AVERAGE, "-"), (LINEAR, DASH), (PITCH, DOT))
     for (colour, line), name in zip(styles, yaw.columns.drop(["point", "omega", "measured"]), strict=False):

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.signals.modal import (
+from damping.signals import (
     DampingRoots,
     PrincipalPlanes,
     branch,
@@ -24,20 +24,20 @@ from damping.signals.modal import (
     nearest_root,
     plane_motion,
 )
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.planar_fit import PlanarFit
 from damping_reed1970.chapter_3.planar_fits import (
     LEVEL,
     SECOND_PLANE,
     Fits,
-    Known,
+    KnownPosterior,
     comparison,
     phasors,
     second_plane_probability,
     tabulate_energy_split,
     tabulate_yaw,
 )
-from damping_reed1970.tables import columns, load_table
 
 #: A damping factor above this is none of a structure (erratum E3IV-1).
 LARGEST_XI = 0.05
@@ -79,7 +79,7 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
             "xi_low": low,
             "xi_high": high,
             "xi_printed": printed,
-            "taken": _list_taken(low, high, printed),
+            "taken": _find_taken(low, high, printed),
             "energy_printed": energy_loss(planes, F, omega, printed),
             **{
                 f"{name}_{key}": value
@@ -95,7 +95,7 @@ def _low_and_high(roots: Sequence[DampingRoots]) -> tuple[FloatArray, FloatArray
     return branch(roots, 0), branch(roots, -1)
 
 
-def _list_taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
+def _find_taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
     """The branch whose root is nearer to the printed xi."""
     nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
     return np.where(np.isnan(low), "none", nearer).tolist()
@@ -145,14 +145,14 @@ def fitted_planes(fit: PlanarFit) -> PrincipalPlanes:
 REPORT = "theta = 28, M = 21"
 
 
-def tabulate_implications(fits: Fits, known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_implications(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Columns ``question, value, low, high`` (interval where there is one, else NaN) and ``says``."""
     rows = [
-        *_list_angle(fits, known),
-        *_list_planes(known),
-        *_list_in_phase(fits, known),
-        *_list_yaw(fits),
-        *_list_noise(fits),
+        *_assess_angle(fits, known),
+        *_assess_planes(known),
+        *_assess_in_phase(fits, known),
+        *_assess_yaw(fits),
+        *_assess_noise(fits),
     ]
     return pd.DataFrame(rows, columns=["question", "value", "low", "high", "says"])
 
@@ -164,7 +164,7 @@ def _row(question: str, value: float, says: str, low: float = np.nan, high: floa
     return question, float(value), float(low), float(high), says
 
 
-def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _assess_angle(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """The angle of 28 degrees and the mass of 21 against both free."""
     low, median, high = _interval(known["A2", "free"], "theta")
     inside = "inside" if low <= 28.0 <= high else "outside"
@@ -178,7 +178,7 @@ def _list_angle(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]
         )
     ]
     pairs = (("theta = 28", "free"), (REPORT, "free"), ("theta = 28 + in phase", "free + in phase"))
-    rows += [_chi_square(fits["A2", "constant", one], fits["A2", "constant", two], one, two) for one, two in pairs]
+    rows += [_chi_square(fits["A2", "constant", held], fits["A2", "constant", two], held, two) for held, two in pairs]
     for variant, name in (("theta = 28", "28 degrees"), (REPORT, "28 degrees and a mass of 21")):
         odds = float(np.exp(known["A2", "free"].evidence.log_z - known["A2", variant].evidence.log_z))
         says = f"{name} favoured {1.0 / odds:.1f} to 1: the wide priors of what is free cost more than the fit gains"
@@ -196,7 +196,7 @@ def _chi_square(held: PlanarFit, free: PlanarFit, text: str, two: str) -> Row:
     return _row(f"chi-square of {text} over {two}", compared["chi_square"], says)
 
 
-def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _assess_planes(known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """One plane or two, and where the second is."""
     odds = float(np.exp(known["A2", "free"].evidence.log_z - known["A2", "one plane"].evidence.log_z))
     rows = [_row("Bayes factor of two planes over one", odds, "planar coupling is needed")]
@@ -209,7 +209,7 @@ def _list_planes(known: Mapping[tuple[str, str], Known]) -> list[Row]:
     return rows
 
 
-def _list_in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[Row]:
+def _assess_in_phase(fits: Fits, known: Mapping[tuple[str, str], KnownPosterior]) -> list[Row]:
     """Motion in phase with the force that is left in the modal motion, and all of it in the tail."""
     C_t = load_table("3_III", "corrected")["correction_Ct2_in"].mean()
     gain = comparison(fits["A2", "constant", "free + in phase"], fits["A2", "constant", "free"])
@@ -237,7 +237,7 @@ def _list_in_phase(fits: Fits, known: Mapping[tuple[str, str], Known]) -> list[R
     ]
 
 
-def _list_yaw(fits: Fits) -> list[Row]:
+def _assess_yaw(fits: Fits) -> list[Row]:
     """The yaw motion, which was measured and not fitted, and the energy it takes."""
     yaw, split = tabulate_yaw(fits), tabulate_energy_split(fits)
     rows = []
@@ -251,7 +251,7 @@ def _list_yaw(fits: Fits) -> list[Row]:
     return [*rows, _row("energy lost in the yaw plane over all points, per cent (free)", shares["free"], says)]
 
 
-def _list_noise(fits: Fits) -> list[Row]:
+def _assess_noise(fits: Fits) -> list[Row]:
     """How far the residuals are from independent noise."""
     free, more = fits["A2", "constant", "free"], fits["A2", "constant", "free + in phase"]
     peak = float(np.abs(phasors("A2").q).max())
@@ -263,6 +263,6 @@ def _list_noise(fits: Fits) -> list[Row]:
     return [_row("correlation of neighbouring residuals (free)", free.correlation, says)]
 
 
-def _interval(known: Known, name: str) -> tuple[float, float, float]:
+def _interval(known: KnownPosterior, name: str) -> tuple[float, float, float]:
     low, median, high = np.quantile(known.parameters[name], [0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL)])
     return float(low), float(median), float(high)

@@ -2,19 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from scipy.signal import find_peaks
 
-from damping.report.words import NOTHING, format_between
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.captions import change_by_conditioning, list_chapter_3_figures
-from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED
+from damping.arrays import FloatArray
+from damping.report import NOTHING, format_between
+from damping_reed1970.chapter_3 import PLANES, figures
+from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED, PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
+from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
+
+#: Rise of a peak above what is around it, over the largest value: that of a median of draws is rough by less.
+_RISE = 0.002
+
+
+def count_peaks(values: FloatArray | pd.Series[float]) -> int:
+    """Number of peaks that rise above what is around them."""
+    return len(find_peaks(values, prominence=_RISE * values.max())[0])
+
+
+def compare_sines(measured: pd.DataFrame, tail: PlanarBand) -> tuple[float, float]:
+    """Mean distance of the printed sines from the fit, before and after the frequency at which the fit reaches 1."""
+    fitted = np.sin(tail.phase[0])
+    off = np.sin(measured["tail_phase"]) - np.interp(measured["omega"], tail.omega, fitted)
+    before = measured["omega"] < tail.omega[fitted.argmax()]
+    return float(off[before].mean()), float(off[~before].mean())
+
+
+def root_mean_square(values: FloatArray | pd.Series[float]) -> float:
+    """Of differences from what was measured."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
+    """Per cent by which all steps together change the amplitude: largest, and at the largest amplitude.
+
+    Args:
+        effect: ``step, amplitude`` after each step, rows of a step together and in one order.
+    """
+    first, last = (effect.loc[effect["step"] == s, "amplitude"].to_numpy() for s in effect["step"].iloc[[0, -1]])
+    change = 100.0 * np.abs(last / first - 1.0)
+    return float(change.max()), float(change[first.argmax()])
+
 
 #: Parameters of a fit as the page shows them, with the digits after the point.
 SHOWN = {
@@ -50,11 +86,11 @@ ROOTS = {
 def write_chapter_3(results: ReportResults) -> ReportPart:
     """The page: accelerometers to modal motion, planar coupling fitted, and every damping factor that balances."""
     computed = results.chapter_3
-    tables, headings = computed.tables, {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
+    tables = computed.tables
     fits, branches = tables["planar_fits"], tables["branches"]
     main = fits[(fits["data"] == "A2") & (fits["noise"] == "constant")]
     of_planes = [name for name in map(str, branches) if name.startswith(("pitch", "yaw", "A_"))]
-    shown = {name: chapter_table(3, name, frame, headings) for name, frame in tables.items()} | {
+    shown = {
         "fits": chapter_table(3, "planar_fits", fit_rows(main)),
         "planar_fits": chapter_table(3, "planar_fits", fit_rows(fits, ["data", "noise"])),
         "posteriors": chapter_table(3, "planar_posteriors", tabulate_posterior_rows(tables["planar_posteriors"])),
@@ -64,12 +100,58 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
     }
     values = {
         **_collect_conditioning_values(computed),
+        **_collect_figure_values(computed),
         **_collect_plane_values(computed),
         **_collect_root_values(computed),
     }
-    title = "Chapter III: one mode in two planes"
-    chapter = Chapter(3, title, values, list_chapter_3_figures(computed), shown, tables, results.tables)
-    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
+    return write_chapter(
+        3,
+        "Chapter III: one mode in two planes",
+        Path(__file__).with_suffix(".txt"),
+        results.tables,
+        values=values,
+        figures=collect_figures(computed),
+        shown=shown,
+        tables=tables,
+        headings={"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"},
+    )
+
+
+def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    measured, corrected, curves = computed.measured, computed.corrected, computed.curves
+    tail, mode, branches = computed.bands["tail"], computed.bands["A2"], computed.tables["branches"]
+    xi = np.quantile(computed.draws["xi"], [0.05, 0.5, 0.95]).tolist()
+    return {
+        "tail-displacement": lambda: figures.draw_tail_displacement(measured, tail),
+        "tail-phase-sine": lambda: figures.draw_tail_phase_sine(measured, tail),
+        "phase-angles": lambda: figures.draw_phase_angles(measured, mode),
+        "modal-amplitude": lambda: figures.draw_modal_amplitude(measured, mode),
+        "input-energy": lambda: figures.draw_input_energy(measured, corrected, curves),
+        "principal-amplitudes": lambda: figures.draw_principal_amplitudes(measured, corrected, curves),
+        "conditioning-effect": lambda: figures.draw_conditioning_effect(computed.effect, computed.tables["removed"]),
+        "planar-fit": lambda: figures.draw_planar_overlay(measured, mode, curves),
+        "planar-posterior": lambda: figures.draw_planar_posterior(computed.draws, computed.prior),
+        "damping-roots": lambda: figures.draw_damping_roots(branches, xi),
+        "yaw-amplitude": lambda: figures.draw_yaw_amplitude(computed.tables["yaw"]),
+    }
+
+
+def _collect_figure_values(computed: Chapter3) -> dict[str, Any]:
+    """What the figures are said to show."""
+    measured, tail, mode = computed.measured, computed.bands["tail"], computed.bands["A2"]
+    fitted = np.interp(measured["omega"], mode.omega, mode.amplitude[0])
+    yaw = computed.tables["yaw"].drop(columns=["point", "omega"])
+    return {
+        "points": len(measured),
+        "peaks": [count_peaks(values) for values in (measured["tail"], tail.amplitude[0])],
+        "sines": compare_sines(measured, tail),
+        "fit_off": root_mean_square(measured["A_2_printed"] - fitted),
+        "yaw_off": [
+            f"{root_mean_square(values - yaw['measured']):.2g} in ({str(name).replace(',', ' and')})"
+            for name, values in yaw.drop(columns="measured").items()
+        ],
+    }
 
 
 def _collect_conditioning_values(computed: Chapter3) -> dict[str, Any]:
@@ -105,7 +187,7 @@ def _collect_plane_values(computed: Chapter3) -> dict[str, Any]:
         "factors": factors,
         "held_factor": factors[HELD],
         "phase": row(posteriors, data="A2", fit="free + in phase", parameter="R"),
-        "angles": [f"θ {format_between(one['low'], one['high'])}" for one in angles],
+        "angles": [f"θ {format_between(angle['low'], angle['high'])}" for angle in angles],
     }
 
 
@@ -140,17 +222,14 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     """One row per sampled posterior, each parameter as median and interval."""
     rows = []
     for data, fit in SAMPLED:
-        posterior = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
-        spoken = {"data": data, "fit": fit}
-        for one in posterior.to_dict("records"):
-            label, digits = SHOWN.get(POSTERIOR.get(one["parameter"], one["parameter"]), ("", 0))
+        texts = {"data": data, "fit": fit}
+        chosen = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
+        for name, *numbers in chosen[["parameter", "median", "low", "high"]].itertuples(index=False):
+            label, digits = SHOWN.get(POSTERIOR.get(name, name), ("", 0))
             if label:
-                spoken[label] = (
-                    f"{one['median']:.{digits}f} ({one['low']:.{digits}f} to {one['high']:.{digits}f})".replace(
-                        "-", "−"
-                    )
-                )
-        rows.append(spoken)
+                median, low, high = (f"{value:.{digits}f}".replace("-", "−") for value in numbers)
+                texts[label] = f"{median} ({low} to {high})"
+        rows.append(texts)
     return pd.DataFrame(rows).fillna("")[
         ["data", "fit", *(label for label, _ in SHOWN.values() if label != "lag, rad")]
     ]

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from damping.arrays import FloatArray, Floats
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError
 from damping_reed1970.chapter_3 import ComplexArray, PlanarOscillator, pitch_response
 
 Noise = Literal["constant", "proportional"]
@@ -80,15 +80,6 @@ class Phasors:
     omega: FloatArray
     noise: Noise = "constant"
 
-    @classmethod
-    def of(
-        cls, amplitude: FloatArray, phase: FloatArray, F: FloatArray, omega: FloatArray, noise: Noise = "constant"
-    ) -> Phasors:
-        """Phasors of amplitudes and phase lags (rad). InputError for an unknown ``noise``."""
-        if noise not in get_args(Noise):
-            raise InputError(f"unknown noise {noise!r}", expected=" or ".join(get_args(Noise)))
-        return cls(amplitude * np.exp(-1j * phase), F, omega, noise)
-
     @property
     def shape(self) -> FloatArray:
         """Standard deviation of each point over the unknown scale sigma, (n,)."""
@@ -144,20 +135,14 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         extras: those of ``EXTRAS`` that are fitted too.
 
     Raises:
-        InputError: an unknown parameter, or none to fit.
         AnalysisError: no more numbers than parameters, no minimum with both planes inside the swept frequencies, or
             parameters that the data do not determine.
     """
     fixed = dict(fixed or {})
-    for name, choices in [*((name, PARAMETERS) for name in fixed), *((name, EXTRAS) for name in extras)]:
-        if name not in choices:
-            raise InputError(f"unknown parameter {name!r}", expected=f"one of {', '.join(choices)}")
     free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))
-    if not free:
-        raise InputError("every parameter of the planes is fixed", expected="one to fit")
     if 2 * data.omega.size <= len(free):
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
-    starts = _list_starts(data, fixed)
+    starts = _choose_starts(data, fixed)
     _lengths(_real(_jacobian(data, starts[0], free)), free)
     model = _best(data, fixed, free, starts)
     model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
@@ -168,7 +153,7 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     return PlanarFit(model, free, errors, residuals, SSE)
 
 
-def _list_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
+def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
     """The best points of a grid: planes across the swept band, angles, damping; the mass that fits the largest peak."""
     band = np.linspace(data.omega.min(), data.omega.max(), _GRID_STEPS)
     rates = 2.0 * np.array(_GRID_XI) * band.mean()  # C/M
@@ -192,7 +177,7 @@ def _best(data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], star
     inside = [fit for fit in fits if _swept(fit[1], data, free)]
     if not inside:
         raise AnalysisError("no fit of two planes has both inside the swept frequencies")
-    return min(inside, key=lambda one: one[0])[1]
+    return min(inside, key=lambda fit: fit[0])[1]
 
 
 def _swept(model: PlanarModel, data: Phasors, free: tuple[str, ...]) -> bool:

@@ -22,11 +22,11 @@ from scipy.stats import chi2
 
 from damping.arrays import FloatArray
 from damping.infer.evidence import Evidence
-from damping.signals.modal import viscous_energy
+from damping.signals import viscous_energy
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, yaw_response
 from damping_reed1970.chapter_3.planar_fit import Noise, Phasors, PlanarFit, PlanarModel, fit_planar
 from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior, PlanarPrior, planar_evidence, planar_posterior
-from damping_reed1970.tables import columns, load_table
 
 #: What is held, and what is added to the planes, in each fit; in the order of the tables.
 VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
@@ -54,7 +54,7 @@ def phasors(name: str, noise: Noise = "constant") -> Phasors:
     else:
         amplitude, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
         amplitude = amplitude / PLANES.phi
-    return Phasors.of(amplitude, phase, PLANES.phi * F, omega, noise)
+    return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)
 
 
 def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:
@@ -97,7 +97,7 @@ def _fit_row(key: tuple[str, str, str], fit: PlanarFit, free: PlanarFit) -> dict
 
 def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
     """Chi-square of a fit against another that contains it or is contained, and what probability it has by chance."""
-    larger = max(fit, free, key=lambda one: len(one.fitted))
+    larger = max(fit, free, key=lambda either: len(either.fitted))
     chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
     left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
     p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
@@ -162,17 +162,21 @@ _BAND_DRAWS = 400
 _PRIOR_DRAWS = 8000
 
 
+#: Median, low and high end of a curve over frequency.
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+
+
 @dataclass(frozen=True)
 class PlanarBand:
-    """Over ``omega``: median, low and high end of amplitude (in) and phase (rad) of the fitted motion, each (n,)."""
+    """Over ``omega`` (n,): amplitude (in) and phase (rad) of the fitted motion."""
 
     omega: FloatArray
-    amplitude: tuple[FloatArray, FloatArray, FloatArray]
-    phase: tuple[FloatArray, FloatArray, FloatArray]
+    amplitude: Curve
+    phase: Curve
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownPosterior:
     """What is known of one posterior.
 
     Attributes:
@@ -198,67 +202,73 @@ class Known:
         return values
 
 
-def planar_posteriors(seed: int) -> dict[tuple[str, str], Known]:
+def planar_posteriors(seed: int) -> dict[tuple[str, str], KnownPosterior]:
     """All posteriors by data and variant, constant noise."""
     return {key: _known(*key, seed) for key in (*SAMPLED, *WEIGHTED)}
 
 
-def _known(name: str, variant: str, seed: int) -> Known:
+def _known(name: str, variant: str, seed: int) -> KnownPosterior:
     data, (fixed, extras) = phasors(name), VARIANTS[variant]
     held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
     prior = PlanarPrior.of(data, PLANES.mass, held, extras)
     if (name, variant) in SAMPLED:
         posterior = planar_posterior(prior, data, seed)
-        return Known(name, variant, prior, posterior.draws, posterior.evidence, posterior)
+        return KnownPosterior(name, variant, prior, posterior.draws, posterior.evidence, posterior)
     weighed = planar_evidence(prior, data, seed)
-    return Known(name, variant, prior, weighed.draws, weighed, None)
+    return KnownPosterior(name, variant, prior, weighed.draws, weighed, None)
 
 
-def tabulate_posterior(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_posterior(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Median and interval of every parameter (theta in degrees, R F in in), and how well it is known.
 
     ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
     """
     rows = []
-    for one in known.values():
-        chains = one.posterior.chains if one.posterior else None
+    for posterior in known.values():
+        chains = posterior.posterior.chains if posterior.posterior else None
         diagnoses = {d.name: d for d in chains.diagnoses} if chains else {}
-        for name, values in one.parameters.items():
+        for name, values in posterior.parameters.items():
             low, median, high = np.quantile(values, _tails())
-            about = {
-                "method": "emcee" if chains else "importance",
-                "r_hat": diagnoses[name].r_hat if chains else np.nan,
-                "effective_size": diagnoses[name].effective_size if chains else one.evidence.effective_draws,
-                "converged": chains.converged if chains else None,
-            }
-            where = {"data": one.data, "fit": one.variant, "parameter": name}
-            rows.append({**where, "median": median, "low": low, "high": high, **about})
+            rows.append(
+                {
+                    "data": posterior.data,
+                    "fit": posterior.variant,
+                    "parameter": name,
+                    "median": median,
+                    "low": low,
+                    "high": high,
+                    "method": "emcee" if chains else "importance",
+                    "r_hat": diagnoses[name].r_hat if chains else np.nan,
+                    "effective_size": diagnoses[name].effective_size if chains else posterior.evidence.effective_draws,
+                    "converged": chains.converged if chains else None,
+                }
+            )
     return pd.DataFrame(rows)
 
 
-def tabulate_evidence(known: Mapping[tuple[str, str], Known]) -> pd.DataFrame:
+def tabulate_evidence(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
     """Log marginal likelihood of each variant on the modal motion A2, and its Bayes factor over ``free``."""
     free = known["A2", "free"].evidence
     rows = [
         {
-            "fit": one.variant,
-            "log_z": one.evidence.log_z,
-            "log_z_error": one.evidence.standard_error,
-            "bayes_factor_over_free": float(np.exp(one.evidence.log_z - free.log_z)),
+            "fit": posterior.variant,
+            "log_z": posterior.evidence.log_z,
+            "log_z_error": posterior.evidence.standard_error,
+            "bayes_factor_over_free": float(np.exp(posterior.evidence.log_z - free.log_z)),
         }
-        for one in known.values()
-        if one.data == "A2"
+        for posterior in known.values()
+        if posterior.data == "A2"
     ]
     return pd.DataFrame(rows)
 
 
-def second_plane_probability(known: Known) -> float:
+def second_plane_probability(known: KnownPosterior) -> float:
     """Posterior probability that omega_y lies in ``SECOND_PLANE``."""
     omega_y = known.parameters["omega_y"]
     return float(np.mean((omega_y >= SECOND_PLANE[0]) & (omega_y <= SECOND_PLANE[1])))
 
 
-def band(known: Known) -> PlanarBand:
+def band(known: KnownPosterior) -> PlanarBand:
     """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
 
     What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
@@ -274,10 +284,10 @@ def band(known: Known) -> PlanarBand:
     return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 
-def prior_draws(known: Known, seed: int = 0) -> dict[str, FloatArray]:
+def prior_draws(known: KnownPosterior, seed: int = 0) -> dict[str, FloatArray]:
     """Draws of the prior of the parameters that are free, and of C; theta in degrees."""
     x = np.random.default_rng(seed).standard_normal((_PRIOR_DRAWS, known.prior.dimension))
-    return Known(known.data, known.variant, known.prior, x, known.evidence, None).parameters
+    return KnownPosterior(known.data, known.variant, known.prior, x, known.evidence, None).parameters
 
 
 def _tails() -> tuple[float, float, float]:

@@ -26,7 +26,6 @@ from scipy.optimize import OptimizeResult, minimize
 from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
-from damping.errors import InputError
 from damping.infer.chains import Chains, ChainStart, Settings, Target, run
 from damping.infer.importance import Evidence, fill_cube, importance
 from damping.infer.likelihood import REACH, log_prior
@@ -48,8 +47,6 @@ R_SHARE = 0.2
 LAG_SD = 0.1
 #: Variables that are always there, in order.
 VARIABLES = ("omega_p", "omega_y", "theta", "M", "xi", "sigma")
-#: Those of them that may be held at a value.
-FIXABLE = ("theta", "M")
 
 #: Prior points looked at, as a power of 2: 2048 leave no peak of the posterior unseen.
 _STARTS_POWER = 11
@@ -64,7 +61,7 @@ class PlanarPrior:
 
     Attributes:
         low, high: the swept band, rad/s. mass: median of M. sigma: median of the noise scale. R: standard deviation.
-        fixed: parameters held at a value, of ``FIXABLE`` (theta in rad). extras: of ``EXTRAS``, that are free.
+        fixed: theta (rad) and M where they are held at a value. extras: of ``EXTRAS``, that are free.
     """
 
     low: float
@@ -79,10 +76,7 @@ class PlanarPrior:
     def of(
         cls, data: Phasors, mass: float, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()
     ) -> PlanarPrior:
-        """Scales from the data; ``mass`` is the modal mass assumed. InputError for what cannot be held or added."""
-        for name, choices in [*((name, FIXABLE) for name in fixed or {}), *((name, EXTRAS) for name in extras)]:
-            if name not in choices:
-                raise InputError(f"unknown parameter {name!r}", expected=f"one of {', '.join(choices)}")
+        """Scales from the data; ``mass`` is the modal mass assumed."""
         largest = float(np.max(np.abs(data.q)))
         return cls(
             low=float(data.omega.min()),
@@ -146,10 +140,6 @@ class PlanarPosterior:
     def draws(self) -> FloatArray:
         """All kept draws of the variables, (ensembles * kept, dimension)."""
         return self.chains.x.reshape(-1, self.chains.x.shape[-1])
-
-    def parameters(self) -> dict[str, FloatArray]:
-        """Draws of every parameter that is free, and of C, (ensembles * kept,)."""
-        return self.prior.parameters(self.draws)
 
 
 def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:

@@ -11,9 +11,10 @@ import pandas as pd
 from damping.arrays import FloatArray, Floats
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
+from damping.signals import input_energy, nearest_root, plane_motion
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
-from damping.signals.modal import input_energy, nearest_root, plane_motion
+from damping_reed1970 import columns, data_folder, load_table
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.implications import (
     fitted_planes,
@@ -26,7 +27,7 @@ from damping_reed1970.chapter_3.implications import (
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
     Fits,
-    Known,
+    KnownPosterior,
     PlanarBand,
     band,
     fit_table,
@@ -39,7 +40,6 @@ from damping_reed1970.chapter_3.planar_fits import (
     tabulate_posterior,
     tabulate_yaw,
 )
-from damping_reed1970.tables import columns, data_folder, load_table
 
 SEED = 1970
 #: Mean damping factor of the second mode (section 3.2).
@@ -71,7 +71,7 @@ class Chapter3:
     effect: pd.DataFrame
     curves: pd.DataFrame
     fits: Fits
-    posteriors: Mapping[tuple[str, str], Known]
+    posteriors: Mapping[tuple[str, str], KnownPosterior]
     bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]

@@ -13,8 +13,8 @@ from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
 from damping.regression.power_law import fit_power_law
+from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_2 import CASES
-from damping_reed1970.tables import Version, columns, load_table
 
 #: Sweep C, first mode, as section 4.2 computes with it: M, omega_n, F_e (Table 4.I), A_m (Table 4.II).
 SWEEP_C = {"M": 50.783, "omega_n": RAD_S_PER_HZ * 1.66401, "F_e": 28.98, "A_m": 1.567}

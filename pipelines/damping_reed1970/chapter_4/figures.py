@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots.style import (
+from damping.plots import (
     ALERT,
     AVERAGE,
     INK,
@@ -28,6 +28,7 @@ from damping.plots.style import (
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, CaseCurve
 from damping_reed1970.chapter_4.lines import CoefficientLines, ForceAmplitudeLines
 
+_HELD = {"xi": "damping factor", "coefficient": "coefficient"}
 _MODES = {1: "First mode", 2: "Second mode"}
 _CASE_FORCES = {
     "case I": "viscous",
@@ -64,8 +65,7 @@ def _draw_coefficient_panel(axes: Axes, data: CoefficientLines) -> None:
     top = float(data.points["C_1_lb_s_per_in"].max())
     axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top))
     axes.set_title(_MODES[data.mode])
-    axes.set_xlabel("resonant amplitude (in)")
-    axes.set_ylabel("linear coefficient C₁ (lb s/in)")
+    axes.set(xlabel="resonant amplitude (in)", ylabel="linear coefficient C₁ (lb s/in)")
     axes.legend(loc="upper left", fontsize=7)
 
 
@@ -100,8 +100,7 @@ def draw_response_explained(result: AmplitudeFrequency, at: float = 0.55) -> Fig
     axes.annotate("", (damped, A), (damped, A + epsilon), arrowprops=arrow)
     axes.annotate("ε", (damped, A + 0.5 * epsilon), (5, 0), textcoords="offset points", color=ALERT)
     axes.set(xlim=(2.0 * result.undamped[0, -1] - 1.0, 3.0 - 2.0 * result.undamped[0, -1]), ylim=(0.0, top))
-    axes.set_xlabel("frequency ratio squared η²")
-    axes.set_ylabel("amplitude")
+    axes.set(xlabel="frequency ratio squared η²", ylabel="amplitude")
     axes.legend(loc="upper left")
     return figure
 
@@ -136,8 +135,7 @@ def draw_phase_curves(result: AmplitudeFrequency, width: float = 0.008) -> Figur
         _draw_line(axes, curve.name, *_through(curve, *np.degrees(curve.phase)))
     axes.set(xlim=(1.0 - width, 1.0 + width), ylim=(0.0, 180.0), yticks=[0, 45, 90, 135, 180])
     axes.set_xticks([1.0 - 0.75 * width, 1.0, 1.0 + 0.75 * width])
-    axes.set_xlabel("frequency ratio squared η²")
-    axes.set_ylabel("phase lag (degrees)")
+    axes.set(xlabel="frequency ratio squared η²", ylabel="phase lag (degrees)")
     axes.legend(loc="upper left")
     return figure
 
@@ -162,8 +160,7 @@ def draw_differences(result: AmplitudeFrequency, printed: tuple[float, float]) -
     left.legend(loc="upper left", fontsize=7)
     right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0))
     right.set_title("Vertical difference")
-    right.set_ylabel("ε (in)")
-    right.set_xlabel("modal amplitude (in)")
+    right.set(ylabel="ε (in)", xlabel="modal amplitude (in)")
     return figure
 
 
@@ -180,8 +177,7 @@ def draw_undamped_error(result: AmplitudeFrequency, printed: tuple[float, float]
         _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
     axes.plot(*printed, "s", color=ALERT, markersize=5, label="printed, case I: 14 per cent at ½", zorder=4)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
-    axes.set_xlabel("amplitude / resonant amplitude")
-    axes.set_ylabel("error of neglecting damping (per cent)")
+    axes.set(xlabel="amplitude / resonant amplitude", ylabel="error of neglecting damping (per cent)")
     axes.legend(loc="upper left")
     return figure
 
@@ -221,8 +217,7 @@ def _draw_force_panel(axes: Axes, data: ForceAmplitudeLines) -> None:
     plain_log(axes.xaxis)
     plain_log(axes.yaxis)
     axes.set_title(_MODES[data.mode])
-    axes.set_xlabel("resonant amplitude (in)")
-    axes.set_ylabel("modal force (lb)")
+    axes.set(xlabel="resonant amplitude (in)", ylabel="modal force (lb)")
 
 
 @styled
@@ -231,7 +226,7 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
 
     Args:
         variations: ``case, alpha, free, base, largest_percent, spread_percent``, as ``level_methods`` gives them.
-        held: what is kept from level to level, for the axis.
+        held: what is kept from level to level, ``xi`` or ``coefficient``.
     """
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
     figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(order)))
@@ -247,7 +242,7 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
               label="standard deviation")  # fmt: skip
     axes.set_xscale("log")
     plain_log(axes.xaxis)
-    axes.set_xlabel(f"variation of {held}\nfrom level to level (per cent)")
+    axes.set_xlabel(f"variation of the {_HELD[held]}\nfrom level to level (per cent)")
     figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 

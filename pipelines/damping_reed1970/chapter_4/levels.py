@@ -105,7 +105,7 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
     if np.unique(data.tested_amplitude).size < 2:
         raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")
     scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
-    cases = _list_cases(data, scale, alphas)
+    cases = _build_cases(data, scale, alphas)
     variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
     spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
     return LevelMethods(
@@ -115,7 +115,7 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
         variations=variations,
         predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
         picked=str(spread.idxmin()),
-        cautions=_list_cautions(data),
+        cautions=_collect_cautions(data),
     )
 
 
@@ -139,9 +139,9 @@ def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
     return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
 
 
-def _list_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:
+def _build_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:
     """All cases, those with a free alpha last."""
-    one = [LevelCase(name, (force,)) for name, force in ONE_TERM.items()]
+    single = [LevelCase(name, (force,)) for name, force in ONE_TERM.items()]
     fixed = [LevelCase(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
     free = [
         fit_alpha(
@@ -150,7 +150,7 @@ def _list_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) 
         for name, force in ONE_TERM.items()
         if name != "I"
     ]
-    return (*one, *fixed, *(replace(case, name=f"{case.name}, alpha free") for case in free))
+    return (*single, *fixed, *(replace(case, name=f"{case.name}, alpha free") for case in free))
 
 
 def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCase:
@@ -237,7 +237,7 @@ def _tabulate_prediction_rows(
     )
 
 
-def _list_cautions(data: Observations) -> tuple[str, ...]:
+def _collect_cautions(data: Observations) -> tuple[str, ...]:
     if len(data.sweeps) == 2:
         return ("two sweeps: a free alpha keeps any value exactly, and says nothing",)
     if len(data.sweeps) == 3:

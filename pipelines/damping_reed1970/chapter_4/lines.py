@@ -20,6 +20,7 @@ from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
 from damping.regression.fit import Fit, fit
 from damping.regression.power_law import Form, PowerLaw, fit_power_law
+from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_4 import (
     A_LINEAR_PRINTED,
     A_POWER_PRINTED,
@@ -29,7 +30,6 @@ from damping_reed1970.chapter_4 import (
     equation_4_3_19,
     resonances,
 )
-from damping_reed1970.tables import Version, columns, load_table
 
 #: Printed p and alpha (4.3.13 to 4.3.24) and the errata that change them, by form and mode.
 PRINTED_EXPONENTS: dict[tuple[Form, int], tuple[float, float, str, str]] = {

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from damping.report import format_between, format_joined, number
 from damping.report.page import Table
-from damping.report.words import format_between, format_joined, number
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
 from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
-from damping_reed1970.chapter_4.levels import LevelMethods
-from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
-from damping_reed1970.common import Chapter, ChapterFigure, ReportPart, chapter_table, row, write_chapter
+from damping_reed1970.chapter_4.lines import IV, CoefficientModel, V
+from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
@@ -33,7 +34,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     studies, every, named = results.studies, results.studies.tables(), results.tables
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
-    shown = {name: chapter_table(4, name, every[name]) for name in _TABLES} | {
+    shown = {
         "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
         "spreads": chapter_table(4, "level_variations", tabulate_spreads(variations)),
         "by_base": chapter_table(4, "level_variations", _tabulate_by_base(variations)),
@@ -47,10 +48,16 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
         **_collect_example_values(named["section_4_3_example"]),
     }
-    drawn = list_chapter_4_figures(studies.lines, studies.curves, studies.force_lines, studies.levels)
-    tables = {name: every[name] for name in _TABLES}
-    chapter = Chapter(4, "Chapter IV: force from level to level", values, drawn, shown, tables, named)
-    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
+    return write_chapter(
+        4,
+        "Chapter IV: force from level to level",
+        Path(__file__).with_suffix(".txt"),
+        named,
+        values=values,
+        figures=collect_figures(studies),
+        shown=shown,
+        tables={name: every[name] for name in _TABLES},
+    )
 
 
 def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
@@ -82,6 +89,7 @@ def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[
     return {
         **dict(zip(("delta", "distance", "half", "edge"), (points.iloc[i] for i in range(4)), strict=True)),
         "printed": PRINTED,
+        "by_width": _describe_by_width(widths),
         "heavy": widths[widths["amplitude_over_resonant"] == 0.9]["percent_error_undamped"],
         "wide": wide,
         "hertz": hertz,
@@ -93,8 +101,8 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
     """What the levels say, and what a reader should know of it."""
     cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
     return {
-        "least": _list_least(variations),
-        "variations": [f"level-variation-mode-{mode}-{held}" for mode, held in studies.levels],
+        "least": _describe_least(variations),
+        "kept": list(studies.levels),
         "cautions": "; ".join(cautions).capitalize(),
     }
 
@@ -104,13 +112,14 @@ def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str,
     modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
         "powers": [
-            f"p = {number(one['p'], 4)} for mode {mode} ({format_between(one['p_low'], one['p_high'])}, 90 per cent, "
-            f"1 degree of freedom; printed {one['p_printed']:g})"
-            for mode, one in modes.items()
+            f"p = {number(law['p'], 4)} for mode {mode} ({format_between(law['p_low'], law['p_high'])}, 90 per cent, "
+            f"1 degree of freedom; printed {law['p_printed']:g})"
+            for mode, law in modes.items()
         ],
         "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
         "needed": [
-            f"{number(one['needed_percent'], 2)} per cent (mode {one['mode']})" for one in chance.to_dict("records")
+            f"{number(percent, 2)} per cent (mode {mode})"
+            for mode, percent in chance[["mode", "needed_percent"]].itertuples(index=False)
         ],
     }
 
@@ -139,7 +148,7 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
-def _list_least(variations: pd.DataFrame) -> list[str]:
+def _describe_least(variations: pd.DataFrame) -> list[str]:
     """Which case varies least, among those of the report and among all."""
     lines = []
     for mode in (1, 2):
@@ -155,9 +164,9 @@ def _list_least(variations: pd.DataFrame) -> list[str]:
     return lines
 
 
-def _spread(one: dict[Hashable, Any]) -> float:
+def _spread(row: dict[Hashable, Any]) -> float:
     """Spread of a row, the largest where there is none."""
-    spread = float(one["spread_percent"])
+    spread = float(row["spread_percent"])
     return spread if np.isfinite(spread) else np.inf
 
 
@@ -183,66 +192,24 @@ def _describe_case(case: str) -> str:
     return str(case).replace("alpha", "α").replace("I + ", "I and ")
 
 
-def list_chapter_4_figures(
-    lines: Sequence[CoefficientLines],
-    curves: AmplitudeFrequency,
-    forces: Sequence[ForceAmplitudeLines],
-    levels: Mapping[tuple[int, str], LevelMethods],
-) -> list[ChapterFigure]:
-    """Every figure of the chapter with its words."""
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    curves = studies.curves
     explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())
-    variations = [
-        ChapterFigure(
-            f"level-variation-mode-{mode}-{held}", "", f"Mode {mode}: variation of the {said} from level to level",
-            f"For each damping case the largest variation of the {said} with each sweep as base (Table 4.V) and its "
-            "standard deviation over the sweeps; least is best.",
-            lambda level=level, said=said: figures.draw_level_variation(level.variations, f"the {said}"),  # type: ignore[misc]  # bound now
-        )
-        for (mode, held), level in levels.items()
-        for said in ({"xi": "damping factor", "coefficient": "coefficient"}[held],)
-    ]  # fmt: skip
-    return [
-        ChapterFigure(
-            "linear-coefficient", "4.1, 4.2", "Linear coefficient against resonant amplitude",
-            "Three sweeps of each mode with the printed line and our two lines with 90 per cent intervals, from one "
-            "degree of freedom.",
-            lambda: figures.draw_linear_coefficients(lines),
-        ),
-        ChapterFigure(
-            "response-explained", "4.3", "Damped and undamped response, δ and ε",
-            "Amplitude against frequency ratio squared with the horizontal and the vertical difference of the curves.",
-            lambda: figures.draw_response_explained(explained),
-        ),
-        ChapterFigure(
-            "response-curves", "4.4, 4.5", "Amplitude against frequency ratio squared",
-            "First mode, sweep C: all cases pass through the one measured resonance. From the narrowest to the widest "
-            f"at half of its amplitude: {_describe_by_width(curves.widths)}.",
-            lambda: figures.draw_response_curves(curves),
-        ),
-        ChapterFigure(
-            "phase-curves", "4.6", "Phase against frequency ratio squared",
-            "Phase lag of the same cases.", lambda: figures.draw_phase_curves(curves),
-        ),
-        ChapterFigure(
-            "response-differences", "4.7, 4.8", "Difference of damped and undamped curves",
-            "Horizontal difference δ and vertical difference ε against amplitude, with the printed value at "
-            f"{PRINTED['A']:g} in.",
-            lambda: figures.draw_differences(curves, (PRINTED["A"], PRINTED["delta"])),
-        ),
-        ChapterFigure(
-            "undamped-error", "4.9", "Error of neglecting damping",
-            "Per cent error of the undamped curve against amplitude over resonant amplitude, with the printed "
-            f"{PRINTED['percent_at_half']:g} per cent at one half.",
-            lambda: figures.draw_undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
-        ),
-        ChapterFigure(
-            "force-amplitude", "4.10", "Resonant force against amplitude",
-            "Least squares line with its 90 per cent interval, the printed slope, linear damping, and the printed "
-            f"amplitudes at {F_EXAMPLE:g} lb.",
-            lambda: figures.draw_force_amplitude(forces, (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)),
-        ),
-        *variations,
-    ]  # fmt: skip
+    example = (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)
+    return {
+        "linear-coefficient": lambda: figures.draw_linear_coefficients(studies.lines),
+        "response-explained": lambda: figures.draw_response_explained(explained),
+        "response-curves": lambda: figures.draw_response_curves(curves),
+        "phase-curves": lambda: figures.draw_phase_curves(curves),
+        "response-differences": lambda: figures.draw_differences(curves, (PRINTED["A"], PRINTED["delta"])),
+        "undamped-error": lambda: figures.draw_undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
+        "force-amplitude": lambda: figures.draw_force_amplitude(studies.force_lines, example),
+        **{
+            f"level-variation-mode-{mode}-{held}": partial(figures.draw_level_variation, level.variations, held)
+            for (mode, held), level in studies.levels.items()
+        },
+    }
 
 
 def _describe_by_width(widths: pd.DataFrame) -> str:

@@ -11,11 +11,11 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.forces import force_class
 from damping.forces.powers import coefficient_from_energy
+from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import fit
-from damping.regression.terms import parse_term
+from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
-from damping_reed1970.tables import Run, Version, by_point, columns, load_table
 
 #: Energy terms by the names of the printed results.
 TERMS = {

@@ -16,14 +16,18 @@ from math import radians
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from damping.arrays import FloatArray
 from damping.forces import make
+from damping.plots import WIDTH, draw_plain_rows, law_style, styled
 from damping.predict.steady import steady_state
-from damping.signals.modal import PrincipalPlanes, damping_roots, plane_motion
+from damping.signals import PrincipalPlanes, damping_roots, plane_motion
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
-from damping_reed1970.tables import columns, load_table
 
 #: Force of each energy term that selection may choose (Table 5.I).
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
@@ -197,14 +201,14 @@ def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]
     names = [" + ".join(np.array(FORCES)[members]) for members in blocks[0].members]
     chosen = np.concatenate([block.best(nonnegative=True) for block in blocks])
     shares = pd.Series([names[i] for i in chosen]).value_counts(normalize=True)
-    one, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
+    viscous, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
     ratios = np.abs(_joined(blocks, both, "t_ratios"))
     medians = np.median(_joined(blocks, both, "coefficients"), axis=0)
     sse = np.concatenate([block.sse for block in blocks], axis=1)
     nonlinear = blocks[0].members[chosen][:, 2:].any(axis=1)
     claim = {
         "nonlinear_share": float(nonlinear.mean()),
-        "cubed_share": float((sse[three] < sse[one]).mean()),
+        "cubed_share": float((sse[three] < sse[viscous]).mean()),
         "ratio_share": float((ratios[:, 2] > ratios[:, 0]).mean()),
         "significant_share": float((_joined(blocks, both, "t_ratios")[:, 2] > 2.0).mean()),
         "C_1": float(medians[0] / np.pi),
@@ -236,3 +240,56 @@ def _test() -> tuple[FloatArray, FloatArray]:
 def _corrections() -> FloatArray:
     """C_t2 of Table 3.III: what section 3.1 adds to the tail's motion over the mode factor, in phase with the force."""
     return columns(load_table("3_III", "corrected"), "correction_Ct2_in")[0]
+
+
+_CLASSES = {
+    "linear (viscous or displacement)": "#c3cad1",
+    "with velocity squared": law_style("velocity-squared").colour,
+    "other nonlinear": law_style("displacement-velocity").colour,
+}
+
+
+@styled
+def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
+    """Draw which kind of law comes out of known structures, a panel a route, a bar a truth and noise.
+
+    Args:
+        laws: ``truth, noise_percent, route, law, share``; the measured data are the truth ``measured``.
+        routes: those drawn.
+    """
+    kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
+    known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]
+    cases = list(known[["truth", "noise_percent"]].drop_duplicates().itertuples(index=False, name=None))
+    figure = Figure(figsize=(WIDTH, 0.9 + (0.6 + 0.2 * len(cases)) * len(routes)))
+    panels = np.atleast_1d(figure.subplots(len(routes), sharex=True))
+    labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
+    for axes, route in zip(panels, routes, strict=True):
+        draw_plain_rows(axes, ["measured", *labels])
+        rows = kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)]
+        _draw_bars(axes, 0, rows)
+        for place, (truth, noise) in enumerate(cases, start=1):
+            chosen = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
+            _draw_bars(axes, place, known[chosen])
+        axes.set(xlim=(0.0, 1.0), xticks=[0.0, 0.5, 1.0])
+        axes.set_title(route, fontsize=7.5, x=-0.5)
+    panels[-1].set_xlabel("share of runs")
+    handles = [Patch(color=colour, label=kind) for kind, colour in _CLASSES.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
+    return figure
+
+
+def _draw_bars(axes: Axes, row: int, laws: pd.DataFrame) -> None:
+    left = 0.0
+    for kind, colour in _CLASSES.items():
+        share = float(laws.loc[laws["kind"] == kind, "share"].sum())
+        axes.barh(row, share, left=left, color=colour, height=0.72, linewidth=0)
+        left += share
+
+
+def _describe_kind(law: str) -> str:
+    """Class of a law: a narrow band cannot tell viscous from displacement-proportional damping."""
+    forces = set(law.split(" + "))
+    linear, squared, other = _CLASSES
+    if forces <= {"viscous", "displacement"}:
+        return linear
+    return squared if "velocity-squared" in forces else other

@@ -14,11 +14,13 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.plots import AVERAGE, LINEAR, WIDTH, plain_log, styled
+from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS, nine_term_design
-from damping_reed1970.tables import columns, load_table
 
 #: Responses treated at once, for the sake of memory.
 BLOCK = 500
@@ -71,64 +73,25 @@ class ManyFits:
 def subset_fits(columns: FloatArray, observed: FloatArray) -> ManyFits:
     """Fit every subset of the terms to every response.
 
-    The columns are decomposed once, columns = Q R; a subset that gains a term gains the direction of that term's column
-    of R orthogonal to the directions it already has (Gram-Schmidt, twice).
-
     Args:
         columns: (n, k), or (r, n, k) where each response has its own. observed: responses (r, n), n > k.
     """
     n, k = columns.shape[-2:]
     X = columns.reshape(-1, n, k)
     scale = np.linalg.norm(X, axis=1)
-    Q, R = np.linalg.qr(X / scale[:, None, :])
-    z = np.matmul(observed[:, None, :], Q)[:, 0]
-    beyond = np.sum((observed - np.matmul(Q, z[:, :, None])[:, :, 0]) ** 2, axis=1)
-    empty = _Subset((), np.zeros((len(X), 0, k)), np.zeros((len(X), 0, 0)), np.zeros((len(z), 0)), z)
-    subsets = [empty]
-    for j in range(k):
-        subsets += [_added(subset, j, R[:, :, j]) for subset in subsets]
-    shape = (len(subsets) - 1, len(observed), k)
+    members = (np.arange(1, 2**k)[:, None] >> np.arange(k) & 1).astype(bool)
+    shape = (len(members), len(observed), k)
     coefficients, t_ratios, sse = np.zeros(shape), np.zeros(shape), np.empty(shape[:2])
-    for m, subset in enumerate(subsets[1:]):
-        sse[m] = beyond + np.sum(subset.left**2, axis=1)
-        error = np.linalg.norm(subset.inverse, axis=-1) * np.sqrt(sse[m] / (n - len(subset.terms)))[:, None]
-        coefficients[m][:, subset.terms] = subset.coefficients / scale[:, subset.terms]
-        t_ratios[m][:, subset.terms] = subset.coefficients / error
-    members = np.array([[i in subset.terms for i in range(k)] for subset in subsets[1:]])
+    for m, inside in enumerate(members):
+        Q, R = np.linalg.qr(X[:, :, inside] / scale[:, None, inside])
+        inverse = np.linalg.inv(R)
+        along = np.matmul(observed[:, None, :], Q)[:, 0]
+        sse[m] = np.sum((observed - np.matmul(Q, along[:, :, None])[:, :, 0]) ** 2, axis=1)
+        scaled = np.matmul(inverse, along[:, :, None])[:, :, 0]
+        error = np.linalg.norm(inverse, axis=-1) * np.sqrt(sse[m] / (n - inside.sum()))[:, None]
+        coefficients[m][:, inside] = scaled / scale[:, inside]
+        t_ratios[m][:, inside] = scaled / error
     return ManyFits(members, coefficients, t_ratios, sse, n)
-
-
-@dataclass(frozen=True)
-class _Subset:
-    """A subset while subsets grow: orthonormal ``directions`` (d, s, k), ``inverse`` (d, s, s) of their triangular
-    factor, ``coefficients`` (r, s) on scaled columns, and what is ``left`` (r, k) of the responses; d is r or 1."""
-
-    terms: tuple[int, ...]
-    directions: FloatArray
-    inverse: FloatArray
-    coefficients: FloatArray
-    left: FloatArray
-
-
-def _added(subset: _Subset, j: int, column: FloatArray) -> _Subset:
-    """The subset with term j, whose column (d, k) is given."""
-    U, s = subset.directions, len(subset.terms)
-    along = np.einsum("dsk,dk->ds", U, column)
-    across = column - np.einsum("dsk,ds->dk", U, along)
-    again = np.einsum("dsk,dk->ds", U, across)
-    across = across - np.einsum("dsk,ds->dk", U, again)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    direction = across / length
-    last = np.ones((len(column), s + 1))
-    last[:, :s] = -np.einsum("dst,dt->ds", subset.inverse, along + again)
-    last /= length
-    inverse = np.zeros((len(column), s + 1, s + 1))
-    inverse[:, :s, :s], inverse[:, :, s] = subset.inverse, last
-    amount = np.sum(direction * subset.left, axis=1, keepdims=True)
-    coefficients = last * amount
-    coefficients[:, :s] += subset.coefficients
-    directions = np.concatenate([U, direction[:, None, :]], axis=1)
-    return _Subset((*subset.terms, j), directions, inverse, coefficients, subset.left - amount * direction)
 
 
 def fits_in_blocks(columns: FloatArray, observed: FloatArray) -> Iterator[ManyFits]:
@@ -251,3 +214,39 @@ def _tabulate_inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> p
         rows.append({"terms": name, "sd_percent": 100.0 * sd / GENERATOR["A2w"]})
     table = pd.DataFrame(rows)
     return table.assign(over_true_terms=table["sd_percent"] / table["sd_percent"].iloc[0])
+
+
+_METHODS = {
+    "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
+    "best subset, BIC": (AVERAGE, "s", (0, (4, 2))),
+    "best subset, BIC, coefficients > 0": ("#009e73", "D", "-"),
+}
+
+
+@styled
+def draw_false_terms(selection: pd.DataFrame) -> Figure:
+    """Draw how often a term is selected that is not there, and the energy error at twice the amplitude, against noise.
+
+    Args:
+        selection: ``terms, method, noise_percent, share_false, energy_error_percent``.
+    """
+    sets = list(selection["terms"].unique())
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, len(sets), sharex=True, sharey="row", squeeze=False)
+    for column, terms in enumerate(sets):
+        share, error = panels[0, column], panels[1, column]
+        for method, (colour, marker, line) in _METHODS.items():
+            rows = selection[(selection["terms"] == terms) & (selection["method"] == method)]
+            style = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
+            share.plot(rows["noise_percent"], rows["share_false"], label=method.replace(">=", "≥"), **style)
+            error.plot(rows["noise_percent"], rows["energy_error_percent"], **style)
+        share.set_title(f"chosen among\n{terms}")
+        share.set(xscale="log", ylim=(0.0, 1.0))
+        error.set(yscale="log")
+        plain_log(error.xaxis)
+        plain_log(error.yaxis)
+        error.set_xlabel("noise of the energy (per cent)")
+    panels[0, 0].set_ylabel("share of runs\nwith a false term")
+    panels[1, 0].set_ylabel("energy error\nat 2 A (per cent)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=1, fontsize=7.5)
+    return figure

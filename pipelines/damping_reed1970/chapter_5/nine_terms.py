@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
+from damping.plots import LINEAR, MUTED, WIDTH, plain_log, styled
+from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import Fit, fit, one_term_fits
-from damping.regression.selecting import fit_nonnegative
-from damping.regression.stepwise import stepwise
+from damping.regression.selecting import fit_nonnegative, stepwise
 from damping.regression.subsets import Subsets, all_subsets
-from damping.regression.terms import parse_term
-from damping_reed1970.tables import Run, Version, columns, load_table
+from damping_reed1970 import Run, Version, columns, load_table
 
 #: Eq. 5.3.6, in its order.
 NINE_TERMS = (
@@ -75,8 +77,8 @@ class NineTerms:
 def nine_terms(inputs: tuple[Inputs, ...] = INPUTS) -> NineTerms:
     """The nine-term study on each of the inputs."""
     parts: dict[str, list[pd.DataFrame]] = {"full": [], "summary": [], "elimination": [], "best": [], "by_size": []}
-    for one in inputs:
-        design = nine_term_design(*one.data())
+    for source in inputs:
+        design = nine_term_design(*source.data())
         free, held, subsets = fit(design), fit_nonnegative(design), all_subsets(design)
         positive = subsets.take(((subsets.coefficients > 0.0) == subsets.members).all(axis=1))
         tables = {
@@ -87,7 +89,7 @@ def nine_terms(inputs: tuple[Inputs, ...] = INPUTS) -> NineTerms:
             "by_size": pd.concat([_tabulate_by_size(subsets, "free"), _tabulate_by_size(positive, "> 0")]),
         }
         for name, table in tables.items():
-            table.insert(0, "inputs", one.name)
+            table.insert(0, "inputs", source.name)
             parts[name].append(table)
     return NineTerms(**{name: pd.concat(tables, ignore_index=True) for name, tables in parts.items()})
 
@@ -99,7 +101,7 @@ def nine_term_design(A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:
 
 
 def _tabulate_full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
-    order = [one.names[0] for one in one_term_fits(design)]
+    order = [single.names[0] for single in one_term_fits(design)]
     return pd.DataFrame(
         {
             "term": free.names,
@@ -172,3 +174,36 @@ def _tabulate_by_size(models: Subsets, kind: str) -> pd.DataFrame:
     rms = np.where(np.isfinite(least), least, np.nan)
     counts = [int((models.sizes == size).sum()) for size in sizes]
     return pd.DataFrame({"coefficients": kind, "terms": sizes, "models": counts, "rms_error_in_lb": rms})
+
+
+@styled
+def draw_terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, inputs: Sequence[str]) -> Figure:
+    """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination.
+
+    Args:
+        by_size: ``inputs, coefficients, terms, rms_error_in_lb``. elimination: ``inputs, coefficients, terms_left,
+            negative, rms_error_in_lb``. inputs: those drawn, a panel each.
+    """
+    figure = Figure(figsize=(WIDTH, 2.7 * len(inputs)))
+    panels = np.atleast_1d(figure.subplots(len(inputs), sharex=True, sharey=True))
+    for axes, name in zip(panels, inputs, strict=True):
+        sizes = by_size[by_size["inputs"] == name]
+        steps = elimination[(elimination["inputs"] == name) & (elimination["coefficients"] == "free")]
+        axes.set_yscale("log")
+        for kind, colour, label in (("free", MUTED, "free"), ("> 0", "#009e73", "all > 0")):
+            rows = sizes[sizes["coefficients"] == kind]
+            axes.plot(rows["terms"], rows["rms_error_in_lb"], "o-", color=colour, label=f"best of its size, {label}")
+        axes.plot(
+            steps["terms_left"], steps["rms_error_in_lb"], "x", color=LINEAR, markersize=6, label="backward elimination"
+        )
+        for terms, error, negative in steps[["terms_left", "rms_error_in_lb", "negative"]].itertuples(index=False):
+            if negative:
+                axes.annotate(
+                    f"{negative} < 0", (terms, error), (3, 5), textcoords="offset points", fontsize=6.5, color=LINEAR
+                )
+        axes.set_title(name)
+        axes.set(xticks=range(1, 10), ylabel="rms error of energy (in-lb)")
+        plain_log(axes.yaxis)
+    panels[-1].set_xlabel("number of terms")
+    panels[0].legend(loc="lower left", fontsize=7)
+    return figure

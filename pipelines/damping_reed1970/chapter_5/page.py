@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 
+from damping.report import format_between, number
 from damping.report.page import Table
-from damping.report.words import format_between, format_joined, number
-from damping_reed1970.chapter_5.circularity import ROUTES, Circularity
-from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms
-from damping_reed1970.chapter_5.figures import list_chapter_5_figures
-from damping_reed1970.common import Chapter, ReportPart, chapter_table, row, write_chapter
-from damping_reed1970.studies import ReportResults
+from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
+from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms, draw_false_terms
+from damping_reed1970.chapter_5.nine_terms import draw_terms_against_error
+from damping_reed1970.chapter_5.regressions import draw_energy_surfaces
+from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
+from damping_reed1970.studies import ReportResults, Studies
 
 #: A coefficient comes out where it is this close to the print, relative: half a unit of a second digit.
 CLOSE = 0.005
@@ -31,7 +34,7 @@ _TABLES = (
 def write_chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
     studies, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
-    shown = {name: chapter_table(5, name, every[name]) for name in _TABLES} | {
+    shown = {
         "coefficients": Table(
             tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
         ),
@@ -49,10 +52,27 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         **_collect_false_values(studies.false),
         **_collect_circle_values(studies.circular),
     }
-    figures = list_chapter_5_figures(studies.surface, studies.nine, studies.false, studies.circular)
-    tables = {name: every[name] for name in _TABLES}
-    chapter = Chapter(5, "Chapter V: energy as a polynomial", values, figures, shown, tables, results.tables)
-    return write_chapter(chapter, Path(__file__).with_suffix(".txt"))
+    return write_chapter(
+        5,
+        "Chapter V: energy as a polynomial",
+        Path(__file__).with_suffix(".txt"),
+        results.tables,
+        values=values,
+        figures=collect_figures(studies),
+        shown=shown,
+        tables={name: every[name] for name in _TABLES},
+    )
+
+
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    nine, inputs = studies.nine, ("5.III recovered", "5.IV recovered")
+    return {
+        "configuration-1-energy": lambda: draw_energy_surfaces(studies.surface),
+        "nine-terms": lambda: draw_terms_against_error(nine.by_size, nine.elimination, inputs),
+        "false-terms": lambda: draw_false_terms(studies.false.selection),
+        "circularity": lambda: draw_circularity(studies.circular.laws, ROUTES),
+    }
 
 
 def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
@@ -85,7 +105,7 @@ def _collect_coefficient_values(regressions: pd.DataFrame) -> dict[str, Any]:
     inputs = {name: close[fits["inputs"] == name] for name in ("printed", "corrected", "recovered")}
     return {
         "coefficients": len(inputs["printed"]),
-        "come_out": [f"{int(one.sum())} from the {name} inputs" for name, one in inputs.items()],
+        "come_out": [f"{int(holds.sum())} from the {name} inputs" for name, holds in inputs.items()],
         "close_percent": 100.0 * CLOSE,
         "viscous": row(fits, fit="E3", inputs="recovered", force="viscous"),
         "squared": row(fits, fit="E3", inputs="recovered", force="velocity-squared"),
@@ -97,12 +117,13 @@ def _collect_check_out_values(regressions: pd.DataFrame) -> dict[str, Any]:
     fits = ("check-out, two terms", "check-out, five terms")
     two, five = (regressions[(regressions["fit"] == fit) & (regressions["inputs"] == "corrected")] for fit in fits)
     made = regressions[(regressions["fit"] == fits[0]) & (regressions["inputs"] == "generator")]
-    columns = {"two": two["coefficient"], "made": made["coefficient"], "printed": two["printed"]}
     return {
         "check_out_points": int(two["points"].iloc[0]),
-        "errors": [float(one["average_absolute_percent"].iloc[0]) for one in (two, five)],
+        "errors": [float(fits_of["average_absolute_percent"].iloc[0]) for fits_of in (two, five)],
         "ratios": five["t_ratio"].abs(),
-        **{f"coefficients_{name}": format_joined(number(v, 4) for v in column) for name, column in columns.items()},
+        "two": two["coefficient"],
+        "made": made["coefficient"],
+        "printed": two["printed"],
     }
 
 
@@ -132,7 +153,7 @@ def _collect_circle_values(circular: Circularity) -> dict[str, Any]:
     laws = _tabulate_measured(circular)[["route", "law"]].to_numpy()
     return {
         "circular": circular,
-        "nonlinear": [one["nonlinear_share"] for one in linear],
+        "nonlinear": [claim["nonlinear_share"] for claim in linear],
         "selected": [f"{law} ({route})" for route, law in laws],
     }
 

@@ -12,11 +12,18 @@ from math import pi
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
+from damping.plots import ALERT, WIDTH, styled
 from damping.regression.fit import Fit, fit
 from damping.regression.program import deviations_of
 from damping.regression.subsets import best_subsets
+from damping_reed1970 import Run, Version, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_5 import (
     E4_POINTS,
@@ -32,7 +39,6 @@ from damping_reed1970.chapter_5 import (
     table_5_i,
 )
 from damping_reed1970.chapter_5.nine_terms import INPUTS, Inputs, nine_term_design
-from damping_reed1970.tables import Run, Version, columns, load_table
 
 #: Case of Table 5.I of each energy term.
 TERM_CASES = {"A2w": "I", "A2": "II", "A3w2": "III", "A3w": "IV", "A4w": "V"}
@@ -104,11 +110,11 @@ def tabulate_regressions() -> pd.DataFrame:
     ``printed``, ``printed_force``: as printed, NaN where the report prints none.
     """
     parts = []
-    for one in FITS:
-        printed = np.concatenate(one.data("printed"))
-        for inputs, data in _inputs(one).items():
+    for report_fit in FITS:
+        printed = np.concatenate(report_fit.data("printed"))
+        for inputs, data in _inputs(report_fit).items():
             changed = int(np.sum(np.concatenate(data) != printed))
-            parts.append(_tabulate_rows(one, inputs, changed, one.fit(*data)))
+            parts.append(_tabulate_rows(report_fit, inputs, changed, report_fit.fit(*data)))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -119,19 +125,19 @@ def tabulate_regression_deviations() -> pd.DataFrame:
     inputs X, of the fit's own points.
     """
     parts = []
-    for one in FITS:
-        if not one.fitted:
+    for report_fit in FITS:
+        if not report_fit.fitted:
             continue
-        table = load_table(one.table)[one.rows]
-        A, omega, E = one.data("printed")
-        part = pd.DataFrame({"fit": one.name, "table": one.table.replace("_", ".")}, index=table.index)
+        table = load_table(report_fit.table)[report_fit.rows]
+        A, omega, E = report_fit.data("printed")
+        part = pd.DataFrame({"fit": report_fit.name, "table": report_fit.table.replace("_", ".")}, index=table.index)
         part["point"] = table["row" if "row" in table else "point"]
         part = part.assign(omega_rad_s=omega, A_printed_in=A, E_printed_in_lb=E)
-        part["fitted_printed_in_lb"] = table[one.fitted]
-        part["percent_printed"] = table[one.percent] if one.percent else np.nan
-        for inputs, data in _inputs(one).items():
+        part["fitted_printed_in_lb"] = table[report_fit.fitted]
+        part["percent_printed"] = table[report_fit.percent] if report_fit.percent else np.nan
+        for inputs, data in _inputs(report_fit).items():
             if inputs != "generator":
-                deviations = deviations_of(one.fit(*data))
+                deviations = deviations_of(report_fit.fit(*data))
                 part[f"fitted_from_{inputs}_inputs_in_lb"] = deviations.fitted
                 part[f"percent_from_{inputs}_inputs"] = deviations.percent
         parts.append(part)
@@ -147,21 +153,21 @@ def generator_data() -> tuple[FloatArray, FloatArray, FloatArray]:
     return A, omega, np.round(polynomial({"A2w": pi / 2.0, "A3w": 16.0 / 15.0}, A, omega), 3)
 
 
-def _inputs(one: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
+def _inputs(report_fit: EnergyFit) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
     """Inputs of a fit by name; of the check-out data there are none recovered but the generator that made them."""
-    if one.table == "5_II":
+    if report_fit.table == "5_II":
         both: tuple[Version, Version] = ("printed", "corrected")
-        return {version: one.data(version) for version in both} | {"generator": generator_data()}
-    return {name: one.data(version) for name, version in INPUT_VERSIONS.items()}
+        return {version: report_fit.data(version) for version in both} | {"generator": generator_data()}
+    return {name: report_fit.data(version) for name, version in INPUT_VERSIONS.items()}
 
 
-def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
+def _tabulate_rows(report_fit: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
     deviations = deviations_of(fitted)
-    terms = list(one.printed)
+    terms = list(report_fit.printed)
     return pd.DataFrame(
         {
-            "fit": one.name,
-            "equation": one.equation,
+            "fit": report_fit.name,
+            "equation": report_fit.equation,
             "inputs": inputs,
             "cells_changed": changed,
             "points": fitted.n,
@@ -169,16 +175,16 @@ def _tabulate_rows(one: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd
             "coefficient": fitted.coefficients,
             "std_error": fitted.std_errors,
             "t_ratio": fitted.t_ratios,
-            "printed": list(one.printed.values()),
+            "printed": list(report_fit.printed.values()),
             "force": [CASES[TERM_CASES[term]] for term in terms],
             "force_coefficient": [table_5_i(TERM_CASES[t], a) for t, a in zip(terms, fitted.coefficients, strict=True)],
-            "printed_force": [one.forces.get(term, np.nan) for term in terms],
+            "printed_force": [report_fit.forces.get(term, np.nan) for term in terms],
             "r_squared_without_constant": fitted.r_squared,
             "rms_error_in_lb": fitted.rms_error,
             "average_absolute_percent": deviations.average_absolute_percent,
             "largest_absolute_percent": deviations.largest_absolute_percent,
             "condition_number": fitted.condition_number,
-            "erratum": one.erratum,
+            "erratum": report_fit.erratum,
         }
     )
 
@@ -216,7 +222,7 @@ def energy_surface(inputs: Inputs = INPUTS[0], cells: int = 80) -> EnergySurface
     beyond = 0.03 * np.ptp(omega)
     grid_A = np.linspace(0.02 * A.max(), 1.05 * A.max(), cells)
     grid_omega = np.linspace(omega.min() - beyond, omega.max() + beyond, cells)
-    surfaces = [_surface(one, grid_A, grid_omega, which) for one, which in ((physical, members), (nine, range(9)))]
+    surfaces = [_surface(law, grid_A, grid_omega, terms) for law, terms in ((physical, members), (nine, range(9)))]
     return EnergySurface(
         amplitude=grid_A,
         omega=grid_omega,
@@ -235,3 +241,47 @@ def _surface(fitted: Fit, A: FloatArray, omega: FloatArray, terms: np.ndarray | 
     rows = [np.ravel(axis) for axis in np.meshgrid(A, omega, indexing="ij")]
     grid = nine_term_design(rows[0], rows[1], np.ones(rows[0].size)).columns[:, list(terms)]
     return np.asarray(grid @ fitted.coefficients).reshape(A.size, omega.size)
+
+
+@styled
+def draw_energy_surfaces(result: EnergySurface) -> Figure:
+    """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    top = float(result.points["energy_in_lb"].max())
+    law = " + ".join(_describe_pretty(term) for term in result.law)
+    titles = (
+        f"{law}\nrms error {result.rms_errors[0]:.1f} in-lb",
+        f"nine terms\nrms error {result.rms_errors[1]:.1f} in-lb",
+    )
+    levels = np.asarray(MaxNLocator(12).tick_values(0.0, 1.2 * top))
+    for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
+        drawn = _draw_surface(axes, result, surface, levels)
+        axes.set_title(title, fontsize=8.5)
+        axes.set_ylabel("amplitude (in)")
+    panels[1].set_xlabel("frequency ω (rad/s)")
+    bar = figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95)
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _draw_surface(axes: Axes, result: EnergySurface, surface: FloatArray, levels: FloatArray) -> QuadContourSet:
+    drawn = axes.contourf(result.omega, result.amplitude, surface, levels, cmap="cividis", extend="max")
+    if (surface < 0.0).any():
+        below = [float(surface.min()) - 1.0, 0.0]
+        axes.contourf(result.omega, result.amplitude, surface, below, colors=["white"])
+        axes.contourf(result.omega, result.amplitude, surface, below, colors="none", hatches=["////"])
+        axes.contour(result.omega, result.amplitude, surface, [0.0], colors=ALERT, linewidths=1.2)
+        below_zero = Patch(facecolor="white", edgecolor=ALERT, hatch="////", label="energy < 0")
+        axes.legend(handles=[below_zero], loc="upper left", frameon=True, fontsize=7.5)
+    axes.scatter(
+        result.points["omega_rad_s"], result.points["amplitude_in"], c=result.points["energy_in_lb"], cmap="cividis",
+        vmin=levels[0], vmax=levels[-1], s=34, edgecolors="white", linewidths=1.1, zorder=4,
+    )  # fmt: skip
+    axes.grid(visible=False)
+    return drawn
+
+
+def _describe_pretty(term: str) -> str:
+    """A term with its powers raised: A²ω."""
+    return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")

@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.forces import component, make
@@ -19,12 +22,17 @@ from damping.forces.contract import Sum
 from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
+from damping.plots import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_rows, styled
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping_reed1970 import chapter_3, chapter_4
+from damping.regression.power_law import Form
+from damping.report import format_between, format_joined, format_percent, number
+from damping.report.page import Table
+from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
 from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
-from damping_reed1970.tables import load_force_laws, load_table
+from damping_reed1970.common import ReportPart, write_chapter
+from damping_reed1970.studies import ReportResults
 
 #: Units of a coefficient by force name, lb, in, s.
 UNITS = {
@@ -48,10 +56,14 @@ class PrintedLaw:
     configuration: str
     mode: int
     equation: str
-    text: str
     erratum: str
     forces: tuple[str, ...]
     parameters: Mapping[tuple[str, str], float]
+
+    @property
+    def head(self) -> dict[str, str | int]:
+        """Which law it is, as columns."""
+        return {"configuration": self.configuration, "mode": self.mode, "equation": self.equation}
 
     @property
     def record(self) -> str:
@@ -59,10 +71,6 @@ class PrintedLaw:
         if self.configuration == "II":
             return f"config-2-mode-{self.mode}"
         return "config-1-mode-2-" + ("rough" if self.equation in ("5.3.10", "5.3.11") else "pitch")
-
-    def with_values(self, values: FloatArray) -> PrintedLaw:
-        """The same law with other numbers, in the order of ``parameters``."""
-        return replace(self, parameters=dict(zip(self.parameters, (float(v) for v in values), strict=True)))
 
     @property
     def force(self) -> Sum:
@@ -73,32 +81,22 @@ class PrintedLaw:
 
 def printed_laws() -> list[PrintedLaw]:
     """The laws of section 6.1 in its order."""
-    table = load_force_laws()
-    return [_printed_law(rows) for _, rows in table.groupby(["configuration", "mode", "equation"], sort=False)]
-
-
-def _printed_law(rows: pd.DataFrame) -> PrintedLaw:
-    """The law whose terms are ``rows``."""
-    parameters: dict[tuple[str, str], float] = {}
-    for row in rows.to_dict("records"):
-        parameters[row["force"], "coefficient"] = row["coefficient"]
-        if np.isfinite(row["exponent"]):
-            parameters[row["force"], "exponent"] = row["exponent"]
-    first = rows.iloc[0]
-    return PrintedLaw(
-        configuration=str(first["configuration"]),
-        mode=int(first["mode"]),
-        equation=str(first["equation"]),
-        text=str(first["text_as_printed"]),
-        erratum=str(first["erratum"]),
-        forces=tuple(rows["force"]),
-        parameters=parameters,
-    )
+    laws = []
+    for _, rows in load_force_laws().groupby(["configuration", "mode", "equation"], sort=False):
+        configuration, mode, equation, erratum = rows[["configuration", "mode", "equation", "erratum"]].iloc[0]
+        parameters = {
+            (str(row["force"]), name): float(row[name])
+            for row in rows.to_dict("records")
+            for name in ("coefficient", "exponent")
+            if np.isfinite(row[name])
+        }
+        laws.append(PrintedLaw(configuration, int(mode), equation, erratum, tuple(rows["force"]), parameters))
+    return laws
 
 
 def recomputed(law: PrintedLaw) -> PrintedLaw:
     """The law by the report's own method from the corrected tables."""
-    return law.with_values(_recomputed(law))
+    return replace(law, parameters=dict(zip(law.parameters, map(float, _recomputed(law)), strict=True)))
 
 
 def ours(law: PrintedLaw, candidate: Candidate) -> Sum:
@@ -142,55 +140,44 @@ def energy_errors(force: Sum, data: Observations) -> FloatArray:
 
 
 def _tabulate_errors(law: PrintedLaw, version: str, force: Sum, data: Observations) -> pd.DataFrame:
-    amplitude = pd.DataFrame(
-        {"quantity": "resonant amplitude", "at": data.sweeps, "percent_error": amplitude_errors(force, data)}
-    )
-    parts = [amplitude]
+    quantities = {"resonant amplitude": (data.sweeps, amplitude_errors(force, data))}
     if law.configuration == "I":
-        points = [str(k + 1) for k in range(len(data.A))]
-        energy = {"quantity": "energy per cycle", "at": points, "percent_error": energy_errors(force, data)}
-        parts.append(pd.DataFrame(energy))
-    table = pd.concat(parts, ignore_index=True)
-    head = {
-        "configuration": law.configuration,
-        "mode": law.mode,
-        "equation": law.equation,
-        "version": version,
-        "record": law.record,
-    }
-    return table.assign(**head)[[*head, *table.columns]]  # type: ignore[arg-type]  # a mapping of plain values
+        quantities["energy per cycle"] = (tuple(str(k + 1) for k in range(len(data.A))), energy_errors(force, data))
+    head = {**law.head, "version": version, "record": law.record}
+    parts = [
+        pd.DataFrame({**head, "quantity": quantity, "at": at, "percent_error": errors})
+        for quantity, (at, errors) in quantities.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def _tabulate_rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.DataFrame) -> pd.DataFrame:
     fitted = {(c.force, c.shape or "coefficient"): c for c in _find(law, rankings[law.record]).coefficients}
     again = recomputed(law).parameters
-    table = pd.DataFrame(
-        [
-            {
-                "configuration": law.configuration,
-                "mode": law.mode,
-                "equation": law.equation,
-                "law": " + ".join(law.forces),
-                "force": force,
-                "parameter": parameter,
-                "unit": UNITS[force] if parameter == "coefficient" else "",
-                "printed": value,
-                "recomputed": again[force, parameter],
-                "ours": fitted[force, parameter].value,
-                "std_error": fitted[force, parameter].std_error,
-                "low": fitted[force, parameter].low,
-                "high": fitted[force, parameter].high,
-                "printed_in_interval": bool(fitted[force, parameter].low <= value <= fitted[force, parameter].high),
-                "record": law.record,
-                "erratum": law.erratum,
-            }
-            for (force, parameter), value in law.parameters.items()
-        ]
-    )
-    mine = (errors["equation"] == law.equation) & (errors["mode"] == law.mode)
-    for name, value in _summary(law, errors[mine]).items():
-        table[name] = value
-    return table
+    of_law = (errors["equation"] == law.equation) & (errors["mode"] == law.mode)
+    summary = _summary(law, errors[of_law])
+    rows = [
+        {
+            **law.head,
+            "law": " + ".join(law.forces),
+            "force": force,
+            "parameter": parameter,
+            "unit": UNITS[force] if parameter == "coefficient" else "",
+            "printed": value,
+            "recomputed": again[force, parameter],
+            "ours": own.value,
+            "std_error": own.std_error,
+            "low": own.low,
+            "high": own.high,
+            "printed_in_interval": bool(own.low <= value <= own.high),
+            "record": law.record,
+            "erratum": law.erratum,
+            **summary,
+        }
+        for (force, parameter), value in law.parameters.items()
+        for own in [fitted[force, parameter]]
+    ]
+    return pd.DataFrame(rows)
 
 
 def _summary(law: PrintedLaw, errors: pd.DataFrame) -> dict[str, float | bool]:
@@ -226,17 +213,87 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
         case "4.1.8":
             return np.array([coefficients_against_amplitude(law.mode, "corrected")[1].mean()])
         case "4.1.14" | "4.1.15":
-            return np.array([1.0, IV.factor]) * report_method(
-                IV, *coefficients_against_amplitude(law.mode, "corrected")
-            )
+            points = coefficients_against_amplitude(law.mode, "corrected")
+            return np.array([1.0, IV.factor]) * report_method(IV, *points)
         case "4.2.11":
             return np.full(2, chapter_4.equation_4_2_11()["eq4211.c1"])
-        case "4.3.14" | "4.3.16":
-            line = fit_mode(law.mode, "velocity-power", "corrected")
-            return np.array([line.alpha, line.p])
-        case "4.3.23" | "4.3.24":
-            line = fit_mode(law.mode, "displacement-velocity-power", "corrected")
+        case "4.3.14" | "4.3.16" | "4.3.23" | "4.3.24":
+            line = fit_mode(law.mode, cast(Form, law.forces[0]), "corrected")
             return np.array([line.alpha, line.p])
     fit = fits[law.equation]
     refitted = fit.fit(*fit.data("corrected"))
     return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(fit.printed, refitted.coefficients, strict=True)])
+
+
+def write_chapter_6(results: ReportResults) -> ReportPart:
+    """The page: the summary of section 6.1."""
+    laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
+    shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
+    title, text = "Chapter VI: the forces of section 6.1", Path(__file__).with_name("page.txt")
+    figures = {"section-6-1": lambda: draw_force_laws(errors)}
+    return write_chapter(6, title, text, results.tables, values=_count_laws(laws), figures=figures, shown=shown)
+
+
+def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
+    """What the page shows of section 6.1: one row per law and parameter."""
+    ours = [
+        f"{number(value)} ({format_between(low, high)})"
+        for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
+    ]
+    where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
+    unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
+    reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
+    texts = [" / ".join("yes" if holds else "no" for holds in versions) for versions in reproduces]
+    columns = ["configuration", "equation", "force", "unit", "printed", "recomputed", "ours", "reproduces", "erratum"]
+    return laws.assign(configuration=where, unit=unit, ours=ours, reproduces=texts)[columns]
+
+
+def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
+    """How many laws reproduce the tested resonances, which printed ones do not, and which lie in our intervals."""
+    single = laws.drop_duplicates(["configuration", "mode", "equation"])
+    worst = single[~single["printed_reproduces"]].sort_values("printed_percent_resonance", ascending=False)
+    viscous = single[single["law"] == "viscous"]
+    levels = viscous[viscous["configuration"] == "II"]
+    return {
+        "laws": len(single),
+        "reproduced": [int(single[f"{version}_reproduces"].sum()) for version in VERSIONS],
+        "limit": f"{REPRODUCES:g}",
+        "inside": int(laws["printed_in_interval"].sum()),
+        "numbers": len(laws),
+        "worst": format_joined(
+            f"{row['equation']} (configuration {row['configuration']}, mode {row['mode']}: "
+            f"{format_percent(row['printed_percent_resonance'])} per cent"
+            f"{', erratum ' * bool(row['erratum'])}{row['erratum']})"
+            for row in worst.to_dict("records")
+        ),
+        "viscous": len(viscous),
+        "viscous_failing": int((~viscous["printed_reproduces"]).sum()),
+        "viscous_levels": len(levels),
+        "viscous_ours": int(levels["ours_reproduces"].sum()),
+    }
+
+
+@styled
+def draw_force_laws(errors: pd.DataFrame) -> Figure:
+    """Draw the errors of resonant amplitude of every law of section 6.1: printed, recomputed and ours.
+
+    Args:
+        errors: ``configuration, mode, equation, version, quantity, percent_error``, rows of a law together.
+    """
+    amplitude = errors[errors["quantity"] == "resonant amplitude"]
+    laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
+    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
+    axes = figure.add_subplot()
+    draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
+    styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
+    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
+    axes.axvline(0.0, color=INK, linewidth=0.7)
+    row = amplitude.groupby(["configuration", "mode", "equation"], sort=False).ngroup()
+    for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
+        for place in range(len(laws)):
+            errors_of = amplitude.loc[(row == place) & (amplitude["version"] == version), "percent_error"]
+            at, label = [place + shift] * len(errors_of), version if place == 0 else None
+            axes.plot(errors_of, at, marker, color=colour, markersize=4.5, label=label)
+    axes.set_xlabel("error of resonant amplitude\nat the tested forces (per cent)")
+    figure.legend(loc="outside upper right", ncols=3)
+    return figure

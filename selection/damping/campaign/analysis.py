@@ -1,10 +1,19 @@
-"""From the files of a campaign to its answer: every mode at every tested and design level, each sensor's peak there."""
+"""From the files of a campaign to its answer: every mode at every tested and design level, each sensor's peak there.
+
+A tested level is answered by what was measured there, a design level by the laws of the mode's record. A band of modal
+amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
+
+A notch lowers the input at a mode so that a sensor keeps to its limit. The upper end of the 90 % band, below which the
+peak lies with 95 %, is interpolated over levels; the level at which it meets the limit is allowed. With the whole input
+D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance,
+at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import exp, pi
+from math import exp, hypot, log, log10, pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -16,21 +25,26 @@ from damping.campaign.answer import (
     Campaign,
     DesignLevel,
     ModeAnswer,
+    Notch,
     Response,
     SensorPrediction,
     compare_predictions,
 )
-from damping.campaign.decays import DecayMode, decay_modes
-from damping.campaign.driven import answer_driven, modal_loads
-from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import ORDERS, CampaignRun, Corrections
+from damping.campaign.decays import answer_decays
+from damping.campaign.modal_fit import receptance
+from damping.campaign.records import Level, ModeFound, fit_levels, modal_loads, tie_modes
+from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
 from damping.records.audit import audit
 
-_GRID = 14  # forces at which amplitudes are predicted where amplitudes are given
+#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
+LEAST_SPREAD = 0.01
+#: A peak is looked for within so many half-power half-widths of the resonance.
+_SEARCHED = 1.5
+#: Levels at which responses are predicted between the lowest and the design level.
+NOTCH_LEVELS = 10
 
 
 def analyse(
@@ -55,99 +69,178 @@ def analyse(
         InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections)
-    inputs = [one if isinstance(one, DesignLevel) else DesignLevel.flat(one) for one in design]
+    inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     if runs[0].is_time:
-        return _of_decays(runs, inputs, frequencies, seed, summary)
+        return answer_decays(runs, inputs, frequencies, seed, summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
-    asked = tuple(float(one.level.max()) for one in inputs)
+    asked = tuple(float(level.level.max()) for level in inputs)
     names, levels = fit_levels(runs, frequencies)
     unknown = next((name for name in limits or {} if name not in names), None)
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
-    modes = tuple(answer_driven(names, levels, mode, inputs, seed, limits or {}) for mode in tie_modes(names, levels))
+    modes = tuple(_answer_driven(names, levels, mode, inputs, seed, limits or {}) for mode in tie_modes(names, levels))
     campaign = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))
 
 
-def _of_decays(
-    runs: Sequence[CampaignRun],
+def _answer_driven(
+    names: Sequence[str],
+    levels: Sequence[Level],
+    mode: ModeFound,
     design: Sequence[DesignLevel],
-    frequencies: Sequence[float],
     seed: int,
-    summary: Summary,
-) -> Campaign:
-    names, modes = decay_modes(runs, frequencies)
-    channel = runs[0].channels[0]
-    answers = tuple(_decaying(names, runs[0], mode, design, seed) for mode in modes)
-    tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
-    asked = tuple(float(one.level.max()) for one in design) or tuple(
-        sorted({at.level for answer in answers for at in answer.places if not at.tested})
-    )
-    return Campaign(answers, tuple(tested), asked, channel.unit, summary)
-
-
-def _decaying(
-    names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int
+    limits: Mapping[str, float],
 ) -> ModeAnswer:
-    """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
-    of = {channel.name: channel for channel in run.channels}[names[mode.reference]]
-    table = mode.record.table.sort_values("amplitude")
-    A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
-    to_reading = (2.0 * pi * mode.frequency) ** ORDERS[of.quantity] / (unit(of.unit).factor if of.unit else 1.0)
-    tops = np.sort(mode.tops)
-    asked = [float(a) for a in tops * to_reading] + (
-        [one.at(mode.frequency) for one in design] or [float(2.0 * tops[-1] * to_reading)]
-    )
-    line = np.polynomial.polynomial.polyfit(A, f, 1)
-    largest = max(asked) / to_reading
-    grid = np.geomspace(F[0], F[-1] * max(largest / A[-1], 1.0) ** 2.5 * 1.5, _GRID)
-    loads, law, _ = modal_loads(mode.record, mode.mode, [float(force) for force in grid], seed)
+    """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
+    run = levels[0].run
+    of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
+    tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
+    wanted = [level.at(float(mode.frequency[-1])) for level in design]
+    asked = [*tested, *wanted, *(list_levels(tested, wanted) if limits else [])]
+    loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
+    frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
-        amplitude = level / to_reading
-        frequency = float(line[0] + line[1] * amplitude)
-        needed = [
-            _crossing(grid, curve, amplitude) for curve in (loads.average.median, loads.average.high, loads.average.low)
-        ]
-        ratio = None
-        cautions = list(mode.cautions)
-        if all(np.isfinite(needed)):
-            z, low, high = (force / (2.0 * (2.0 * pi * frequency) ** 2 * amplitude) for force in needed)
-            ratio = (float(z), float(low), float(high))
-        else:
-            cautions.append("no damping ratio: the predictions do not reach this amplitude")
-        if k >= len(tops):
-            cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
-        places.append(
-            At(level, k < len(tops), frequency, ratio, _list_shaped(names, run, mode, level), tuple(cautions))
-        )
-    nearest = [float(_crossing(grid, loads.average.median, level / to_reading)) for level in asked[len(tops) :]]
-    forces = tuple(force for force in nearest if np.isfinite(force))
-    findings = audit(mode.record, mode.mode).findings
+        measured = k < len(levels)
+        ratio = _measured_ratio(mode, k) if measured else None
+        if not measured and np.isfinite(bands[k]).all():
+            per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
+            z, high, low = (float(per_amplitude / A) for A in bands[k])
+            ratio = (z, low, high)
+        drive, of = level * unit(run.drive_unit).factor, levels[k if measured else -1]
+        response = _list_responses(names, of, mode, float(frequency[k]), ratio, drive) if ratio else ()
+        cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
+        stated = float(levels[k].run.level or 0.0) if measured else level
+        reached = None if stated == level else level
+        if reached is not None:
+            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
+        places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
+    count = len(tested) + len(wanted)
+    notches = [
+        notch
+        for level in wanted
+        for notch in find_notches(mode.name, places[len(tested) :], max(tested), level, limits)
+    ]
+    forces = tuple(float(of_force * level) for level in wanted)
     return ModeAnswer(
-        mode.name, mode.frequency, law, tuple(places), mode.left_out, mode.record, mode.mode, forces, findings
-    )
+        mode.name, float(mode.frequency[0]), law, tuple(places[:count]), mode.left_out, mode.record, mode.mode, forces,
+        audit(mode.record, mode.mode).findings, tuple(notches),
+    )  # fmt: skip
 
 
-def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
-    """Force at which a rising curve of amplitude reaches the one asked; NaN outside."""
-    good = np.isfinite(amplitude)
-    if good.sum() < 2 or not amplitude[good][0] <= asked * 1.3 or not asked <= amplitude[good][-1]:
-        return float("nan")
-    return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
+def _find_input(level: Level, frequency: float) -> float:
+    """The input at a mode in the unit of the drive: the run's level, but where it was notched there."""
+    stated = float(level.run.level or 0.0)
+    measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
+    return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
 
 
-def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
-    """Amplitude of every sensor kept, by the shape."""
-    by_name = {channel.name: channel for channel in run.channels}
+def _measured_ratio(mode: ModeFound, k: int) -> tuple[float, float, float]:
+    """Damping ratio (median, low, high) that was measured at a level."""
+    spread = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD))
+    return float(mode.ratio[k]), float(mode.ratio[k]) * exp(-spread), float(mode.ratio[k]) * exp(spread)
+
+
+def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
+    """Tested frequencies, then those of the design levels on a straight line through the tested ones over amplitude."""
+    known = amplitude[:count]
+    beyond = amplitude[count:]
+    if count < 3 or not np.isfinite(amplitude).all():
+        return np.concatenate([tested, np.full(len(beyond), tested[-1])])
+    slope, start = np.polyfit(known, tested, 1)
+    return np.concatenate([tested, start + slope * beyond])
+
+
+def _list_responses(
+    names: Sequence[str],
+    level: Level,
+    mode: ModeFound,
+    frequency: float,
+    ratio: tuple[float, float, float],
+    drive: float,
+) -> tuple[Response, ...]:
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
+    by_name = {channel.name: channel for channel in level.run.channels}
+    peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
     responses = []
     for s, name in enumerate(names):
-        if not np.isfinite(mode.shape[s]):
+        if not np.isfinite(mode.residues[s]):
             continue
-        factor = (unit(by_name[names[mode.reference]].unit or "1").factor) / unit(by_name[name].unit or "1").factor
-        size = abs(mode.shape[s]) * level * factor
-        spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
         of = by_name[name]
-        responses.append(Response(name, of.quantity, of.unit, (size, size * exp(-spread), size * exp(spread))))
+        size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[of.quantity]) / unit(of.unit).factor
+        spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
+        responses.append(
+            Response(name, of.quantity, of.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread))
+        )
     return tuple(responses)
+
+
+def _peaks(level: Level, mode: ModeFound, frequency: float, ratio: float) -> FloatArray:
+    """|H| of each sensor (sensors,) at its peak nearest to the resonance, with the other modes and the base.
+
+    Where a sensor has no peak there (it stands on the slope of a neighbour) it is |H| at the resonance.
+    """
+    fit, k = level.fit, mode.number
+    f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
+    columns = fit.columns(f)
+    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]))
+    coefficients = fit.local[k].copy()
+    coefficients[:, 2 + k] = np.nan_to_num(mode.residues)
+    size = np.abs(coefficients @ columns.T)
+    middle = len(f) // 2
+    inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
+    places = [np.flatnonzero(row) + 1 for row in inner]
+    nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
+    return np.asarray(size[np.arange(len(size)), nearest])
+
+
+def _widened(median: float, low: float, high: float, spread: float) -> tuple[float, float, float]:
+    """The band with an independent spread of ln added."""
+    below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
+    return median, median * exp(-below), median * exp(above)
+
+
+def list_levels(tested: Sequence[float], design: Sequence[float]) -> list[float]:
+    """Levels (in the unit of the drive) at which responses are needed for notches."""
+    return [float(level) for level in np.geomspace(0.5 * min(tested), max(*tested, *design), NOTCH_LEVELS)]
+
+
+def find_notches(
+    mode: str, places: Sequence[At], top: float, design: float, limits: Mapping[str, float]
+) -> tuple[Notch, ...]:
+    """The notch of each limited sensor at a mode, at a design level.
+
+    Args:
+        places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
+        limits: by sensor, in its unit.
+    """
+    notches = []
+    for sensor, limit in limits.items():
+        rows = sorted(
+            (at.level, response.band[2], at.ratio[2], at.frequency, response.unit)
+            for at in places
+            for response in at.response
+            if response.sensor == sensor and at.ratio is not None
+        )
+        if not rows:
+            continue
+        level, upper, ratio, frequency = (np.array([row[k] for row in rows], dtype=float) for k in range(4))
+        allowed = _invert(level, upper, limit)
+        z, f = (float(np.interp(np.log(allowed), np.log(level), of)) for of in (ratio, frequency))
+        half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
+        low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
+        depth = max(20.0 * log10(design / allowed), 0.0)
+        unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
+        notches.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
+    return tuple(notches)
+
+
+def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:
+    """Level at which the upper bound meets the limit, straight on logarithmic axes; in proportion beyond the ends."""
+    rising = np.maximum.accumulate(upper)
+    if limit <= rising[0] or limit >= rising[-1]:
+        end = 0 if limit <= rising[0] else -1
+        return float(level[end] * limit / rising[end])
+    return float(np.exp(np.interp(np.log(limit), np.log(rising), np.log(level))))

@@ -146,16 +146,16 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
     """
     predictions = []
     for mode in campaign.modes:
-        near = [one for one in before if abs(one.frequency / mode.frequency - 1.0) < SAME_MODE]
+        near = [earlier for earlier in before if abs(earlier.frequency / mode.frequency - 1.0) < SAME_MODE]
         for at in (at for at in mode.places if at.tested):
-            if any(one.tested and abs(one.level / at.driven - 1.0) < 0.01 for one in near):
+            if any(earlier.tested and abs(earlier.level / at.driven - 1.0) < 0.01 for earlier in near):
                 continue
             for response in at.response:
                 rows = sorted(
                     {
-                        one.level: one.band
-                        for one in near
-                        if one.sensor == response.sensor and one.unit == response.unit
+                        earlier.level: earlier.band
+                        for earlier in near
+                        if earlier.sensor == response.sensor and earlier.unit == response.unit
                     }.items()
                 )
                 level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
@@ -234,11 +234,12 @@ class Campaign:
         rows = []
         for mode in self.modes:
             for at in mode.places:
-                for one in at.response:
-                    median, low, high = one.band
+                for response in at.response:
+                    median, low, high = response.band
                     row = {"mode": mode.name, "frequency": at.frequency, "level": at.level, "tested": at.tested}
                     rows.append(
-                        row | {"sensor": one.sensor, "median": median, "low": low, "high": high, "unit": one.unit}
+                        row
+                        | {"sensor": response.sensor, "median": median, "low": low, "high": high, "unit": response.unit}
                     )
         return pd.DataFrame(rows)
 
@@ -265,8 +266,9 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
                 "frequency": at.frequency,
                 "damping_ratio": _band(at.ratio),
                 "response": [
-                    {"sensor": one.sensor, "quantity": one.quantity, "unit": one.unit} | _band(one.band)
-                    for one in at.response
+                    {"sensor": response.sensor, "quantity": response.quantity, "unit": response.unit}
+                    | _band(response.band)
+                    for response in at.response
                 ],
                 "cautions": list(at.cautions),
             }

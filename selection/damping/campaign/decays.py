@@ -1,4 +1,4 @@
-"""Free decays of several sensors and modes: modes by peaks of the spectrum, shapes, and each mode's decay to a record.
+"""Free decays of several sensors and modes: modes by peaks of the spectrum, shapes, each mode's record and its answer.
 
 The motion of a mode is the sensors' motion projected on its shape by the pseudo-inverse of all shapes, so that what is
 left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import exp, pi
 
 import numpy as np
 import pandas as pd
 from scipy.signal import find_peaks, welch
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.campaign.records import DEAD
+from damping.arrays import FloatArray
+from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
+from damping.campaign.records import DEAD, modal_loads
 from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
+from damping.formats.series import Summary
+from damping.records.audit import audit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
@@ -37,20 +41,19 @@ _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of
 _SAMPLES = 8.0  # a period must have more
 _HARMONIC = 0.02  # a multiple to the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
+_GRID = 14  # forces at which amplitudes are predicted where amplitudes are given
 
 
 @dataclass(frozen=True)
 class DecayMode:
     """A mode of free decays: ``shape`` (sensors,), 1 at ``reference``, NaN where a sensor is left out.
 
-    ``tops`` (runs,): largest amplitude of displacement taken of each run; ``frequency``, ``ratio`` at the smallest.
+    ``tops`` (runs,): largest amplitude of displacement taken of each run; the frequency of ``mode`` is at the smallest.
     """
 
-    name: str
     reference: int
     shape: FloatArray
     shape_sd: FloatArray
-    frequency: float
     tops: FloatArray
     left_out: dict[str, str]
     cautions: tuple[str, ...]
@@ -87,23 +90,20 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     unusable: dict[float, str] = {}
     for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
         try:
-            found = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
+            decay = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
         except AnalysisError as error:
             if frequencies:
                 raise
             unusable[frequency] = str(error)
             continue
-        if not frequencies and abs(found[3].frequency / frequency - 1.0) > _ELSEWHERE:
-            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {found[3].frequency:g} Hz"
+        if not frequencies and abs(decay[3].frequency / frequency - 1.0) > _ELSEWHERE:
+            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
             continue
         left_out = _left_out(names, loudest[1], follows)
         kept = np.array([name not in left_out for name in names])
-        tops, cautions, record, mode = found
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
-        of = np.where(kept, shape, np.nan)
-        modes.append(
-            DecayMode(mode.name, reference, of, sd, float(mode.frequency), tops, left_out, cautions, record, mode)
-        )
+        tops, cautions, record, mode = decay
+        modes.append(DecayMode(reference, np.where(kept, shape, np.nan), sd, tops, left_out, cautions, record, mode))
     if not modes:
         raise AnalysisError("; ".join(unusable.values()))
     if unusable:  # their shapes have no part in telling the others apart
@@ -199,6 +199,79 @@ def _mode(
     return np.array(tops), tuple(cautions), Record(table, name), mode
 
 
-def acceleration_factor(order: int, frequency: float) -> float:
-    """Amplitude of the ``order``-th derivative over that of the displacement."""
-    return (RAD_S_PER_HZ * frequency) ** order
+def answer_decays(
+    runs: Sequence[CampaignRun],
+    design: Sequence[DesignLevel],
+    frequencies: Sequence[float],
+    seed: int,
+    summary: Summary,
+) -> Campaign:
+    """The answer of runs that are free decays, at every tested and design amplitude."""
+    names, modes = decay_modes(runs, frequencies)
+    channel = runs[0].channels[0]
+    answers = tuple(_decaying(names, runs[0], mode, design, seed) for mode in modes)
+    tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
+    beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
+    asked = tuple(float(level.level.max()) for level in design) or tuple(beyond)
+    return Campaign(answers, tuple(tested), asked, channel.unit, summary)
+
+
+def _decaying(
+    names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int
+) -> ModeAnswer:
+    """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
+    of = {channel.name: channel for channel in run.channels}[names[mode.reference]]
+    at_rest = float(mode.mode.frequency)
+    table = mode.record.table.sort_values("amplitude")
+    A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
+    to_reading = (2.0 * pi * at_rest) ** ORDERS[of.quantity] / (unit(of.unit).factor if of.unit else 1.0)
+    tops = np.sort(mode.tops)
+    beyond = [level.at(at_rest) for level in design] or [float(2.0 * tops[-1] * to_reading)]
+    asked = [*(float(top) for top in tops * to_reading), *beyond]
+    line = np.polynomial.polynomial.polyfit(A, f, 1)
+    largest = max(asked) / to_reading
+    grid = np.geomspace(F[0], F[-1] * max(largest / A[-1], 1.0) ** 2.5 * 1.5, _GRID)
+    loads, law, _ = modal_loads(mode.record, mode.mode, [float(force) for force in grid], seed)
+    places = []
+    for k, level in enumerate(asked):
+        amplitude, tested = level / to_reading, k < len(tops)
+        frequency = float(line[0] + line[1] * amplitude)
+        sides = (loads.average.median, loads.average.high, loads.average.low)
+        needed = [_crossing(grid, curve, amplitude) for curve in sides]
+        ratio = None
+        cautions = list(mode.cautions)
+        if all(np.isfinite(needed)):
+            z, low, high = (force / (2.0 * (2.0 * pi * frequency) ** 2 * amplitude) for force in needed)
+            ratio = (float(z), float(low), float(high))
+        else:
+            cautions.append("no damping ratio: the predictions do not reach this amplitude")
+        if not tested:
+            cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
+        places.append(At(level, tested, frequency, ratio, _list_shaped(names, run, mode, level), tuple(cautions)))
+    nearest = [_crossing(grid, loads.average.median, level / to_reading) for level in beyond]
+    forces = tuple(float(force) for force in nearest if np.isfinite(force))
+    findings, name = audit(mode.record, mode.mode).findings, mode.mode.name
+    return ModeAnswer(name, at_rest, law, tuple(places), mode.left_out, mode.record, mode.mode, forces, findings)
+
+
+def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
+    """Force at which a rising curve of amplitude reaches the one asked; NaN outside."""
+    good = np.isfinite(amplitude)
+    if good.sum() < 2 or not amplitude[good][0] <= asked * 1.3 or not asked <= amplitude[good][-1]:
+        return float("nan")
+    return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
+
+
+def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
+    """Amplitude of every sensor kept, by the shape."""
+    by_name = {channel.name: channel for channel in run.channels}
+    responses = []
+    for s, name in enumerate(names):
+        if not np.isfinite(mode.shape[s]):
+            continue
+        factor = (unit(by_name[names[mode.reference]].unit or "1").factor) / unit(by_name[name].unit or "1").factor
+        size = abs(mode.shape[s]) * level * factor
+        spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
+        of = by_name[name]
+        responses.append(Response(name, of.quantity, of.unit, (size, size * exp(-spread), size * exp(spread))))
+    return tuple(responses)

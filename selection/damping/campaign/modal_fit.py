@@ -1,4 +1,4 @@
-"""The model of the motions of one level, its residues, noise and standard errors.
+"""Modes of one level of a sweep: peaks of an indicator, then poles and residues of all sensors, fitted band by band.
 
 Motions are accelerations per unit of drive, H (sensors, n). With G_k = 1/(w_k^2 - w^2 + 2 i z_k w_k w)
 
@@ -6,88 +6,121 @@ Motions are accelerations per unit of drive, H (sensors, n). With G_k = 1/(w_k^2
 
 sign +1 for a base that shakes (r = shape x participation) and -1 for a force (r = shape/modal mass); c and e hold the
 motion of the base and modes outside the band. Damping changes with amplitude within a level: z = z_p (1 + s (rho - 1)),
-rho the amplitude over that at the peak, so that the ratio of level to level is not forced into any law.
+rho the amplitude over that at the peak, so that the ratio of level to level is not forced into any law. Residues are
+linear and solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.signal import find_peaks
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray, IntArray
 
-Complex = npt.NDArray[np.complex128]
-
-
-#: Modes closer than this share of their frequency are fitted together, and rows this far away belong to the band.
+#: Modes closer than this share of their frequency are fitted together.
 CLUSTER = 0.15
-
-
+#: Rows this far away from a cluster belong to its band.
 BAND = 0.12
-
-
+#: A peak of the indicator rises so far above its saddles, in ln of power: a factor e in power.
+PROMINENCE = 1.0
+#: A mode stays where its residue is so many standard errors at one sensor at least.
+LEAST_T = 8.0
+#: Damping ratios that a mode may have.
+SMALLEST_RATIO = 1e-5
+LARGEST_RATIO = 0.2
+#: Motions below so many times the noise are no peaks.
+_FLOOR = 8.0
+_PASSES = 3  # over all clusters
 _HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
-
-
 _NEWTON_STEPS = 3
-
-
 _FEWEST_ROWS = 6
 
 
 @dataclass(frozen=True)
-class ModalFit:
-    """Modes of one level, rising in frequency.
-
-    ``frequency``, ``ratio``, ``slope`` (modes,): f_k in Hz, z_p and s; ``ratio_sd`` relative. ``residues``,
-    ``residues_sd`` (sensors, modes); ``local`` (modes, sensors, 2 + modes): coefficients of c, of e (per Hz^2) and of
-    every mode in the band of each. ``noise`` (2,): relative and constant part of the noise of H.
-    """
+class Poles:
+    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, each (modes,)."""
 
     frequency: FloatArray
     ratio: FloatArray
     slope: FloatArray
+    sign: float
+
+    def columns(self, f: FloatArray) -> ComplexArray:
+        """Columns (n, 2 + modes) at frequencies f whose real coefficients give H of a sensor."""
+        w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, strict=True)
+        terms = [self.sign * w**2 * receptance(f, *mode) for mode in modes]
+        return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
+
+    def moved(self, cluster: Sequence[int], shift: FloatArray, log_ratio: FloatArray, slope: FloatArray) -> Poles:
+        """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms."""
+        of = self.frequency.copy(), self.ratio.copy(), self.slope.copy()
+        of[0][cluster] = self.frequency[cluster] * (1.0 + shift)
+        of[1][cluster], of[2][cluster] = np.exp(log_ratio), slope
+        return Poles(*of, self.sign)
+
+    @property
+    def clusters(self) -> list[list[int]]:
+        """Modes that are fitted together."""
+        groups: list[list[int]] = []
+        for k, at in enumerate(self.frequency):
+            if groups and at / self.frequency[groups[-1][-1]] - 1.0 < CLUSTER:
+                groups[-1].append(k)
+            else:
+                groups.append([k])
+        return groups
+
+    def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
+        """Rows about a cluster, and no more than half the way to its neighbours."""
+        of, first, last = self.frequency, cluster[0], cluster[-1]
+        low, high = of[first] * (1.0 - BAND), of[last] * (1.0 + BAND)
+        if first > 0:
+            low = max(low, 0.5 * (of[first] + of[first - 1]))
+        if last + 1 < len(of):
+            high = min(high, 0.5 * (of[last] + of[last + 1]))
+        rows = np.flatnonzero((f >= low) & (f <= high))
+        return rows if len(rows) >= _FEWEST_ROWS else np.sort(np.argsort(np.abs(f - of[first]))[:_FEWEST_ROWS])
+
+
+@dataclass(frozen=True)
+class ModalFit(Poles):
+    """Modes of one level with their residues.
+
+    ``ratio_sd`` (modes,) relative; ``residues``, ``residues_sd`` (sensors, modes); ``local`` (modes, sensors,
+    2 + modes): coefficients of c, of e (per Hz^2) and of every mode in the band of each. ``noise`` (2,): relative and
+    constant part of the noise of H.
+    """
+
     ratio_sd: FloatArray
     residues: FloatArray
     residues_sd: FloatArray
     local: FloatArray
     noise: FloatArray
-    sign: float
-
-    @property
-    def omega(self) -> FloatArray:
-        """2 pi ``frequency``."""
-        return 2.0 * pi * self.frequency
 
     @property
     def base(self) -> FloatArray:
         """Share c of the drive's own motion in each sensor (sensors,): 1 where it is absolute, 0 where relative."""
         return np.asarray(np.median(self.local[:, :, 0], axis=0))
 
-    def columns(self, f: FloatArray) -> Complex:
-        """Columns (n, 2 + modes) at frequencies f, whose coefficients ``local`` holds."""
-        return evaluate_columns(f, self.frequency, self.ratio, self.slope, self.sign)
-
-    def rest(self, f: FloatArray, H: Complex, mode: int) -> Complex:
+    def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
         """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""
         columns = self.columns(f)
         columns[:, 2 + mode] = 0.0
-        left: Complex = H - self.local[mode] @ columns.T
+        left: ComplexArray = H - self.local[mode] @ columns.T
         return left
 
 
-def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0) -> Complex:
+def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0) -> ComplexArray:
     """G (n,) of a mode whose damping ratio at amplitude rho of its peak is ratio (1 + slope (rho - 1))."""
     w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
     elastic = w_k**2 - w**2
     peak = 1.0 / (2.0 * ratio * w_k**2)
-    if slope == 0.0:
-        z = np.full_like(f, ratio)
-    else:
+    z = np.full_like(f, ratio)
+    if slope != 0.0:
         low, high = np.zeros_like(f), np.full_like(f, 1.5)
         for _ in range(_HALVINGS):
             rho = 0.5 * (low + high)
@@ -101,152 +134,165 @@ def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0
             rate = 2.0 * rho * (elastic**2 + inertia * z**2) + 2.0 * rho**2 * inertia * z * ratio * slope
             rho = np.clip(rho - excess / rate, low, high)
         z = np.maximum(ratio * (1.0 + slope * (rho - 1.0)), 0.0)
-    found: Complex = np.asarray(1.0 / (elastic + 2j * z * w_k * w))
-    return found
+    return np.asarray(1.0 / (elastic + 2j * z * w_k * w))
 
 
-def list_clusters(frequency: FloatArray) -> list[list[int]]:
-    """Modes that are fitted together."""
-    groups: list[list[int]] = []
-    for k, at in enumerate(frequency):
-        if groups and at / frequency[groups[-1][-1]] - 1.0 < CLUSTER:
-            groups[-1].append(k)
-        else:
-            groups.append([k])
-    return groups
+def find_peaks_of(f: FloatArray, H: ComplexArray) -> list[float]:
+    """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise.
+
+    The noise is taken from second differences, in which a smooth curve leaves nothing.
+    """
+    rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1)
+    moved = H - rigid[:, None]
+    rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
+    floor = float(np.sum((_FLOOR * rough) ** 2))
+    power = np.log(np.sum(np.abs(moved) ** 2, axis=0) + floor)
+    places, _ = find_peaks(power, prominence=PROMINENCE)
+    return [float(f[k]) for k in places if 2 <= k < len(f) - 2]
 
 
-def list_rows(f: FloatArray, frequency: FloatArray, cluster: Sequence[int]) -> npt.NDArray[np.int64]:
-    """Rows about a cluster, and no more than half the way to its neighbours."""
-    low, high = frequency[cluster[0]] * (1.0 - BAND), frequency[cluster[-1]] * (1.0 + BAND)
-    if cluster[0] > 0:
-        low = max(low, 0.5 * (frequency[cluster[0]] + frequency[cluster[0] - 1]))
-    if cluster[-1] + 1 < len(frequency):
-        high = min(high, 0.5 * (frequency[cluster[-1]] + frequency[cluster[-1] + 1]))
-    rows = np.flatnonzero((f >= low) & (f <= high))
-    if len(rows) < _FEWEST_ROWS:
-        rows = np.sort(np.argsort(np.abs(f - frequency[cluster[0]]))[:_FEWEST_ROWS])
-    return rows
+def fit_level(
+    f: FloatArray, H: ComplexArray, starts: Sequence[float], sign: float, ratios: Sequence[float] = ()
+) -> ModalFit:
+    """The modes near ``starts`` (Hz), all sensors together.
+
+    Args:
+        f: (n,) Hz. H: (sensors, n) accelerations per unit of drive. sign: +1 base, -1 force.
+        ratios: damping ratios to start from; by default from the width of each peak.
+    """
+    frequency = np.array(sorted(starts), dtype=float)
+    ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
+    poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), sign)
+    noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
+    bands = [poles.rows_about(f, cluster) for cluster in poles.clusters]
+    for _ in range(_PASSES):
+        for cluster, rows in zip(poles.clusters, bands, strict=True):
+            poles = _fit_cluster(f[rows], H[:, rows], cluster, poles, noise)
+        noise = _estimate_noise(f, H, poles, noise)
+    return _complete_fit(f, H, poles, noise)
 
 
-def evaluate_columns(
-    f: FloatArray, frequency: FloatArray, ratio: FloatArray, slope: FloatArray, sign: float
-) -> Complex:
-    """Columns (n, 2 + modes) whose real coefficients give H of a sensor."""
-    w = 2.0 * pi * f
-    modes = [sign * w**2 * receptance(f, *one) for one in zip(frequency, ratio, slope, strict=True)]
-    return np.array([np.ones_like(f), f**2, *modes], dtype=complex).T
+def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
+    """Damping ratio by the half-power width of the peak of the sensor that moves most there."""
+    place = int(np.argmin(np.abs(f - at)))
+    of: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
+    low = high = place
+    while low > 0 and of[low] > of[place] / np.sqrt(2.0):
+        low -= 1
+    while high < len(f) - 1 and of[high] > of[place] / np.sqrt(2.0):
+        high += 1
+    return float(np.clip((f[high] - f[low]) / (2.0 * at), 1e-4, 0.1))
 
 
-def solve_residues(columns: Complex, H: Complex, sd: FloatArray) -> tuple[FloatArray, Complex]:
+def _fit_cluster(f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray) -> Poles:
+    """The poles with those of a cluster improved, the others held."""
+    sd = _evaluate_sd(H, noise)
+
+    def misfit(x: FloatArray) -> FloatArray:
+        rest = _solve_residues(poles.moved(cluster, *np.split(x, 3)).columns(f), H, sd)[1].ravel()
+        return np.concatenate([rest.real, rest.imag])
+
+    count = len(cluster)
+    x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster]])
+    low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9], count)
+    high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97], count)
+    optimum = least_squares(
+        misfit, np.clip(x0, low + 1e-9, high - 1e-9), bounds=(low, high), x_scale="jac", max_nfev=40
+    )
+    return poles.moved(cluster, *np.split(optimum.x, 3))
+
+
+def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
     """Coefficients (sensors, columns), real, and what they leave (sensors, n) over the noise."""
-    found = np.empty((len(H), columns.shape[1]))
+    coefficients = np.empty((len(H), columns.shape[1]))
     left = np.empty_like(H)
     for s, row in enumerate(H):
         scaled = columns / sd[s][:, None]
         stacked = np.concatenate([scaled.real, scaled.imag])
-        size = np.linalg.norm(stacked, axis=0)
-        size[size == 0.0] = 1.0
+        size = _measure_size(stacked)
         target = row / sd[s]
-        found[s] = np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
-        left[s] = target - scaled @ found[s]
-    return found, left
+        coefficients[s] = (
+            np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
+        )
+        left[s] = target - scaled @ coefficients[s]
+    return coefficients, left
 
 
-def evaluate_sd(H: Complex, noise: FloatArray) -> FloatArray:
+def _measure_size(columns: FloatArray) -> FloatArray:
+    """Norm of each column, 1 of one that is zero."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.where(size == 0.0, 1.0, size)
+
+
+def _evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
     """Standard deviation (sensors, n) of each part of H."""
     return np.hypot(noise[0] * np.abs(H), noise[1])
 
 
-def estimate_noise(
-    f: FloatArray,
-    H: Complex,
-    frequency: FloatArray,
-    ratio: FloatArray,
-    slope: FloatArray,
-    noise: FloatArray,
-    sign: float,
-) -> FloatArray:
+def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> FloatArray:
     """Relative and constant part of the noise, by what the fit leaves in the bands: |left|^2 = 2 (a^2 |H|^2 + b^2)."""
     sizes, squares = [], []
-    for cluster in list_clusters(frequency):
-        rows = list_rows(f, frequency, cluster)
-        sd = evaluate_sd(H[:, rows], noise)
-        rest = solve_residues(evaluate_columns(f[rows], frequency, ratio, slope, sign), H[:, rows], sd)[1] * sd
+    for cluster in poles.clusters:
+        rows = poles.rows_about(f, cluster)
+        sd = _evaluate_sd(H[:, rows], noise)
+        rest = _solve_residues(poles.columns(f[rows]), H[:, rows], sd)[1] * sd
         sizes.append((np.abs(H[:, rows]) ** 2).ravel())
         squares.append(0.5 * (np.abs(rest) ** 2).ravel())
     size, square = np.concatenate(sizes), np.concatenate(squares)
-    order = np.argsort(size)
-    parts = np.array_split(order, 12)
-    of = np.array([np.mean(size[p]) for p in parts if len(p)])
-    has = np.array([np.median(square[p]) / 0.693 for p in parts if len(p)])  # of an exponential: median over mean
+    parts = [part for part in np.array_split(np.argsort(size), 12) if len(part)]
+    of = np.array([np.mean(size[part]) for part in parts])
+    has = np.array([np.median(square[part]) / 0.693 for part in parts])  # of an exponential: median over mean
     weight = 1.0 / has.clip(min=1e-30)
     design = np.column_stack([of, np.ones_like(of)]) * weight[:, None]
-    found = np.linalg.lstsq(design, has * weight, rcond=None)[0]
+    squares_of_noise = np.linalg.lstsq(design, has * weight, rcond=None)[0]
     least = np.quantile(has, 0.1)
-    return np.sqrt([max(found[0], 1e-6), max(found[1], 0.05 * least, 1e-20)])
+    return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * least, 1e-20)])
 
 
-def complete_fit(
-    f: FloatArray,
-    H: Complex,
-    frequency: FloatArray,
-    ratio: FloatArray,
-    slope: FloatArray,
-    noise: FloatArray,
-    sign: float,
-) -> ModalFit:
+def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:
     """Residues and standard errors of every mode in its own band, those of damping free."""
-    sensors, modes = len(H), len(frequency)
+    sensors, modes = len(H), len(poles.frequency)
     residues, residues_sd = np.zeros((sensors, modes)), np.zeros((sensors, modes))
     local, ratio_sd = np.zeros((modes, sensors, 2 + modes)), np.zeros(modes)
-    for cluster in list_clusters(frequency):
-        rows = list_rows(f, frequency, cluster)
-        columns = evaluate_columns(f[rows], frequency, ratio, slope, sign)
-        sd = evaluate_sd(H[:, rows], noise)
-        found, left = solve_residues(columns, H[:, rows], sd)
-        freedom = max(2 * left.size - sensors * columns.shape[1] - 3 * len(cluster), 1)
-        misfit = max(float(np.sum(np.abs(left) ** 2)) / freedom, 1.0)
-        covariance = misfit * _covariance(f[rows], columns, found, sd, cluster, frequency, ratio, slope, sign)
+    for cluster in poles.clusters:
+        rows = poles.rows_about(f, cluster)
+        columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
+        coefficients, left = _solve_residues(columns, H[:, rows], sd)
         width = columns.shape[1]
+        freedom = max(2 * left.size - sensors * width - 3 * len(cluster), 1)
+        misfit = max(float(np.sum(np.abs(left) ** 2)) / freedom, 1.0)
+        variance = np.diag(misfit * _covariance(f[rows], columns, coefficients, sd, cluster, poles))
         for place, k in enumerate(cluster):
-            residues[:, k], local[k] = found[:, 2 + k], found
-            at = [s * width + 2 + k for s in range(sensors)]
-            residues_sd[:, k] = np.sqrt(np.diag(covariance)[at])
-            ratio_sd[k] = np.sqrt(covariance[sensors * width + place, sensors * width + place])
-    return ModalFit(frequency, ratio, slope, ratio_sd, residues, residues_sd, local, noise, sign)
+            residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
+            residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
+            ratio_sd[k] = np.sqrt(variance[sensors * width + place])
+    of = (poles.frequency, poles.ratio, poles.slope, poles.sign)
+    return ModalFit(*of, ratio_sd, residues, residues_sd, local, noise)
 
 
 def _covariance(
-    f: FloatArray,
-    columns: Complex,
-    found: FloatArray,
-    sd: FloatArray,
-    cluster: Sequence[int],
-    frequency: FloatArray,
-    ratio: FloatArray,
-    slope: FloatArray,
-    sign: float,
+    f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
     """Covariance of all coefficients, then of ln z, of f (relative) and of s of the cluster's modes."""
-    sensors, width = found.shape
-    steps = [(1, 1e-4), (0, 1e-6), (2, 1e-3)]
-    moved = []
-    for which, step in steps:
-        for k in cluster:
-            of = [frequency.copy(), ratio.copy(), slope.copy()]
-            of[which][k] = of[which][k] + step if which == 2 else of[which][k] * (1.0 + step)
-            moved.append((evaluate_columns(f, of[0], of[1], of[2], sign) - columns) / step)
+    sensors, width, n = *coefficients.shape, len(f)
+    moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
-    n = len(f)
     for s in range(sensors):
         block = columns / sd[s][:, None]
-        extra = np.array([(change @ found[s]) / sd[s] for change in moved]).T
+        extra = np.array([(change @ coefficients[s]) / sd[s] for change in moved]).T
         for part, of_part in ((0, "real"), (1, "imag")):
             rows = slice((2 * s + part) * n, (2 * s + part + 1) * n)
             jacobian[rows, s * width : (s + 1) * width] = getattr(block, of_part)
             jacobian[rows, sensors * width :] = getattr(extra, of_part)
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
+    size = _measure_size(jacobian)
     inverse = np.linalg.pinv(jacobian / size, rcond=1e-10)
     return np.asarray((inverse @ inverse.T) / np.outer(size, size))
+
+
+def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, float]]:
+    """The poles with one value of one mode moved, and by how much: ratios (ln), frequencies (relative), slopes."""
+    for which, step in (("ratio", 1e-4), ("frequency", 1e-6), ("slope", 1e-3)):
+        for k in cluster:
+            of = {name: getattr(poles, name).copy() for name in ("frequency", "ratio", "slope")}
+            of[which][k] = of[which][k] + step if which == "slope" else of[which][k] * (1.0 + step)
+            yield Poles(**of, sign=poles.sign), step

@@ -14,12 +14,15 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import BoolArray, FloatArray
-from damping.campaign.modal_fit import Complex, ModalFit
-from damping.campaign.modes import LEAST_T, find_peaks_of, fit_level
+from damping.arrays import BoolArray, ComplexArray, FloatArray
+from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation.near import near_resonance
+from damping.extrapolation.prediction import Loads
 from damping.formats.quantity import unit
+from damping.predict.measured import prepare
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 
@@ -32,6 +35,8 @@ FEWEST_ROWS = 3
 DEAD = 0.02
 #: Shapes of two levels are alike (modal assurance criterion) above this.
 ALIKE = 0.9
+#: Content of the bands of a campaign.
+LEVEL = 0.9
 
 
 @dataclass(frozen=True)
@@ -43,10 +48,10 @@ class Level:
 
     run: CampaignRun
     f: FloatArray
-    H: Complex
+    H: ComplexArray
     drive: FloatArray
     fit: ModalFit
-    third: Complex | None = None
+    third: ComplexArray | None = None
 
     @property
     def rate(self) -> FloatArray | None:
@@ -101,7 +106,9 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     return names, levels
 
 
-def _accelerations(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> tuple[FloatArray, Complex, FloatArray]:
+def _accelerations(
+    run: CampaignRun, names: Sequence[str], harmonic: int = 1
+) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
 
     ``harmonic``: 3 for the third harmonics of the sensors.
@@ -262,3 +269,18 @@ def _rows_near(level: Level, k: int) -> np.ndarray:
         rows = np.sort(np.argsort(cot)[:FEWEST_ROWS])
     step = -(-len(rows) // MOST_ROWS)
     return rows[::step]
+
+
+def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str, tuple[str, ...]]:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+
+    Also the name of the law with the largest weight, and what was done about the sweep rate.
+
+    Raises:
+        AnalysisError: the levels do not allow a prediction.
+    """
+    asked = np.array(forces, dtype=float)
+    measured = prepare(record, mode)
+    data = near_resonance(measured.record)
+    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, sampler=draw_evidence)
+    return predicted.loads, max(predicted.plan.laws, key=lambda law: law.weight).name, measured.said

@@ -181,7 +181,7 @@ def describe_quantity(text: str, name: str) -> str:
 def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
     """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
     names = [channel.name for channel in runs[0].channels]
-    kept = [name for name in names if all(name in {one.name for one in run.channels} for run in runs)]
+    kept = [name for name in names if all(name in {channel.name for channel in run.channels} for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
     return kept
@@ -205,26 +205,39 @@ def find_level(text: str) -> tuple[float, str] | None:
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
 
 
-def set_level(run: CampaignRun, stated: tuple[float, str] | None, file: Path, summary: Summary) -> CampaignRun:
-    """The run with its level: as the label says where the control agrees, else the median of the control.
+@dataclass(frozen=True)
+class Source:
+    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it, ``summary`` grows."""
 
-    A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
-    universal files may: values of every channel in g are then divided by g.
-    """
-    assert run.drive is not None
-    measured = float(np.median(np.abs(run.drive)))
-    if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
+    file: Path
+    most: int
+    stated: Corrections
+    summary: Summary
+
+    def error(self, message: str, expected: str) -> InputError:
+        """What is wrong with the file."""
+        return InputError(message, file=self.file, expected=expected)
+
+    def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
+        """The run with its level: as the label says where the control agrees, else the median of the control.
+
+        A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
+        universal files may: values of every channel in g are then divided by g.
+        """
+        assert run.drive is not None
+        stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
+        if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
+            return replace(run, level=measured)
+        level, control = (
+            stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor,
+            f"the control of {run.label!r}",
+        )
+        if abs(measured / level - 1.0) <= LABEL_AGREES:
+            return replace(run, level=level)
+        g = STANDARD_GRAVITY_M_S2
+        if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
+            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({control} says so): taken as such")
+            channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
+            return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
+        self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
         return replace(run, level=measured)
-    level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
-    if abs(measured / level - 1.0) <= LABEL_AGREES:
-        return replace(run, level=level)
-    if run.drive_unit == "g" and abs(measured / level / STANDARD_GRAVITY_M_S2 - 1.0) <= LABEL_AGREES:
-        summary.note(
-            f"{file.name}: values labelled g are in m/s^2 (the control of {run.label!r} says so): taken as such"
-        )
-        channels = tuple(
-            channel.scaled(1.0 / STANDARD_GRAVITY_M_S2) if channel.unit == "g" else channel for channel in run.channels
-        )
-        return replace(run, level=level, drive=run.drive / STANDARD_GRAVITY_M_S2, channels=channels)
-    summary.note(f"{file.name}: the control of {run.label!r} reads {measured:.3g} {run.drive_unit}, taken as its level")
-    return replace(run, level=measured)

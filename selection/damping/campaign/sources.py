@@ -6,7 +6,6 @@ A universal file says it in ID lines, points and units; an HDF5 file in a group 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,17 +14,18 @@ from damping.campaign.runs import (
     CampaignRun,
     Channel,
     Corrections,
+    Source,
     correct_run,
     describe_quantity,
     find_level,
     is_drive,
-    set_level,
 )
 from damping.campaign.tracked import (
     LOOKED_AT,
     TIMES,
     find_channels,
     find_table,
+    make_decay,
     name_function,
     read_histories,
     track_channels,
@@ -52,16 +52,17 @@ def read_runs(
             what is not there.
     """
     summary, stated = Summary(), corrections or Corrections()
-    runs = [run for file in files for run in _read(Path(file), max_size, summary, stated)]
+    runs = [run for file in files for run in _read(Source(Path(file), max_size, stated, summary))]
     drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
-    stated.require_known([run.label for run in runs], [*drives, *(one.name for run in runs for one in run.channels)])
+    sensors = [channel.name for run in runs for channel in run.channels]
+    stated.require_known([run.label for run in runs], [*drives, *sensors])
     runs = [correct_run(run, stated) for run in runs if stated.levels.get(run.label, 0.0) is not None]
     if not runs:
         raise InputError("every run is left out", file=stated.source or None, expected="one at least")
     if len({run.is_time for run in runs}) > 1:
         raise InputError("free decays beside sweeps", expected="files of one kind")
     runs = sorted(runs, key=lambda run: run.level or 0.0)
-    _described(runs, summary)
+    _summarise(runs, summary)
     return runs, summary
 
 
@@ -73,93 +74,74 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
     return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
 
 
-def _read(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
-    start = _read_start(file, max_size)
+def _read(source: Source) -> list[CampaignRun]:
+    start = _read_start(source)
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
-    channels = find_channels(file, kind, max_size) if kind else None
+    channels = find_channels(source, kind) if kind else None
     if channels is not None:
-        return track_channels(channels, file, kind, max_size, summary, stated)
+        return track_channels(channels, source, kind)
     if kind:
-        return _list_hdf(file, max_size, summary, stated)
+        return _list_hdf(source)
     if start.lstrip()[:2] == b"-1":
-        return _list_functions(read_functions(read_bytes(file, max_size), file, summary), file, summary, stated)
+        functions = read_functions(read_bytes(source.file, source.most), source.file, source.summary)
+        return _list_functions(functions, source)
     table = find_table(start)
-    drive = next((h.name for h in table[1] if is_drive(h.name, stated)), None) if table else None
-    if table and drive:
-        run = track_table(file, *table, drive, stated)
-        return [set_level(run, find_level(file.stem.replace("_", " ")), file, summary)]
-    return [_read_decay(read_bytes(file, max_size), file, summary)]
+    drive = next((h.name for h in table[1] if is_drive(h.name, source.stated)), None) if table else None
+    return [track_table(source, *table, drive) if table and drive else _read_decay(source)]
 
 
-def _read_start(file: Path, max_size: int) -> bytes:
-    """The first bytes of a file that may be read."""
+def _read_start(source: Source) -> bytes:
+    """The first bytes of a file."""
     try:
-        if file.stat().st_size > max_size:
-            raise InputError(
-                f"larger than {max_size} bytes", file=file, expected="a smaller file or a larger --max-size"
-            )
-        with file.open("rb") as stream:
+        with source.file.open("rb") as stream:
             return stream.read(LOOKED_AT)
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+        raise InputError(f"cannot be read: {error.strerror}", file=source.file) from None
 
 
-def _list_functions(
-    functions: Sequence[Function], file: Path, summary: Summary, stated: Corrections
-) -> list[CampaignRun]:
+def _list_functions(functions: Sequence[Function], source: Source) -> list[CampaignRun]:
     """Runs of a universal file: functions of one level in their ID lines belong together."""
     groups: dict[str, list[Function]] = {}
     for function in functions:
         level = find_level(function.title)
         groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(function)
-    return [_function_run(label, group, file, summary, stated) for label, group in groups.items()]
+    return [_function_run(label, group, source) for label, group in groups.items()]
 
 
-def _function_run(
-    label: str, group: Sequence[Function], file: Path, summary: Summary, stated: Corrections
-) -> CampaignRun:
-    if any(one.is_time for one in group):
-        return read_histories(label, group, file, summary, stated)
-    drives = [one for one in group if not one.per and (one.quantity == "force" or is_drive(name_function(one), stated))]
-    sensors = [one for one in group if not any(one is drive for drive in drives)]
+def _function_run(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
+    stated = source.stated
+    if any(function.is_time for function in group):
+        return read_histories(label, group, source)
+    drives = [f for f in group if not f.per and (f.quantity == "force" or is_drive(name_function(f), stated))]
+    sensors = [function for function in group if not any(function is drive for drive in drives)]
     ratio = bool(sensors) and bool(sensors[0].per)
     if not sensors or (not drives and not ratio):
         what = "no response" if not sensors else "neither a control channel nor a ratio to the drive"
-        raise InputError(f"{label}: {what}", file=file, expected="a channel named control, drive, base or force")
+        raise source.error(f"{label}: {what}", "a channel named control, drive, base or force")
     x = sensors[0].x
-    if any(len(one.x) != len(x) or not np.allclose(one.x, x, rtol=1e-4, atol=0.0) for one in group):
-        raise InputError(f"{label}: channels at different frequencies", file=file, expected="one list of frequencies")
-    drive_unit = sensors[0].units[1] if ratio else drives[0].units[0]
-    level = find_level(label)
-    channels = [_channel(sensor) for sensor in sensors]
+    if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for f in group):
+        raise source.error(f"{label}: channels at different frequencies", "one list of frequencies")
+    level, channels = find_level(label), tuple(_channel(sensor) for sensor in sensors)
     if ratio:
         if level is None:
-            raise InputError(
-                "functions without a level", file=file, expected="the level in the ID line, such as 0.5 g or 2 N"
-            )
-        run = CampaignRun(label, level[0], level[1], x, np.full(len(x), level[0], dtype=complex), tuple(channels))
-        return run if drive_unit in ("", level[1]) else replace(run, drive_unit=drive_unit)
-    drive = _join_controls([one.y * stated.of(name_function(one)).scale for one in drives], stated.control)
-    drive_unit = stated.of(name_function(drives[0])).unit or drive_unit
-    return set_level(CampaignRun(label, None, drive_unit or "g", x, drive, tuple(channels)), level, file, summary)
+            raise source.error("functions without a level", "the level in the ID line, such as 0.5 g or 2 N")
+        drive_unit = sensors[0].units[1] or level[1]
+        return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), channels)
+    drive = _join_controls([f.y * stated.of(name_function(f)).scale for f in drives], stated.control)
+    drive_unit = stated.of(name_function(drives[0])).unit or drives[0].units[0] or "g"
+    return source.set_level(CampaignRun(label, None, drive_unit, x, drive, channels), label)
 
 
 def _channel(function: Function) -> Channel:
-    name = name_function(function)
-    quantity = function.quantity or describe_quantity(function.units[0], name)
-    return Channel(
-        name,
-        quantity,
-        function.units[0],
-        np.asarray(function.y),
-        bool(function.per),
-        function.per == "force" and function.response == function.reference,
-    )
+    name, of = name_function(function), function.units[0]
+    quantity = function.quantity or describe_quantity(of, name)
+    at_drive = function.per == "force" and function.response == function.reference
+    return Channel(name, quantity, of, np.asarray(function.y), bool(function.per), at_drive)
 
 
-def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) -> list[CampaignRun]:
+def _list_hdf(source: Source) -> list[CampaignRun]:
     """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
-    known = read_arrays(file, "hdf5", [], max_size).known
+    known = read_arrays(source.file, "hdf5", [], None).known
     groups: dict[str, list[str]] = {}
     for name in known:
         group, _, leaf = name.rpartition("/")
@@ -167,59 +149,48 @@ def _list_hdf(file: Path, max_size: int, summary: Summary, stated: Corrections) 
     runs = []
     for group, leaves in groups.items():
         x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
-        drive = next((leaf for leaf in leaves if is_drive(leaf, stated)), None)
+        drive = next((leaf for leaf in leaves if is_drive(leaf, source.stated)), None)
         t = next((leaf for leaf in leaves if leaf.lower() in TIMES), None)
         if t and drive and not x:
-            runs.append(track_group(file, group, t, drive, leaves, known, max_size, summary, stated))
+            runs.append(track_group(source, group, t, drive, leaves, known))
         if x and drive and len(leaves) > 2:
-            runs.append(_group_run(file, group, x, drive, leaves, max_size, summary, stated))
+            runs.append(_group_run(source, group, x, drive, leaves))
     if not runs:
         listed = ", ".join(list(known)[:8])
-        expected = f"groups with frequency, control (or force) and responses; it has {listed}"
-        raise InputError("no runs", file=file, expected=expected)
+        raise source.error("no runs", f"groups with frequency, control (or force) and responses; it has {listed}")
     return runs
 
 
-def _group_run(
-    file: Path,
-    group: str,
-    x: str,
-    drive: str,
-    leaves: Sequence[str],
-    max_size: int,
-    summary: Summary,
-    stated: Corrections,
-) -> CampaignRun:
+def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[str]) -> CampaignRun:
+    stated = source.stated.of(drive)
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
-    arrays = read_arrays(file, "hdf5", list(path.values()), max_size)
-    f = arrays.arrays[path[x]][0].real.reshape(-1)
-    units = {leaf: arrays.units.get(path[leaf], "") for leaf in leaves}
+    contents = read_arrays(source.file, "hdf5", list(path.values()), source.most)
+    f = contents.arrays[path[x]][0].real.reshape(-1)
+    units = {leaf: contents.units.get(path[leaf], "") for leaf in leaves}
     level = find_level(group.replace("_", " "))
     channels: list[Channel] = []
     for leaf in leaves:
-        if leaf in (x, drive) or path[leaf] not in arrays.arrays:
+        if leaf in (x, drive) or path[leaf] not in contents.arrays:
             continue
-        values = arrays.arrays[path[leaf]][0]
-        rows = values if values.ndim == 2 and values.shape[1] == len(f) else values.T
-        rows = np.atleast_2d(rows)
+        values = contents.arrays[path[leaf]][0]
+        rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
-            summary.note(f"{file.name}: {path[leaf]} is passed over: no complex spectra at {len(f)} frequencies")
+            what = f"{path[leaf]} is passed over: no complex spectra at {len(f)} frequencies"
+            source.summary.note(f"{source.file.name}: {what}")
             continue
         of = units[leaf] or units[drive] or (level[1] if level else "")
-        for k, row in enumerate(rows):
-            name = leaf if len(rows) == 1 else f"{leaf}[{k}]"
-            channels.append(Channel(name, describe_quantity(of, leaf), of, row))
-    drive_unit = units[drive] or (level[1] if level else channels[0].unit if channels else "")
-    values = arrays.arrays[path[drive]][0] * stated.of(drive).scale
-    rows = values if values.shape[-1] == len(f) else values.T
-    values = _join_controls(list(np.atleast_2d(rows)), stated.control)
-    drive_unit = stated.of(drive).unit or drive_unit
-    run = CampaignRun(group, None, drive_unit, f, values, tuple(channels))
-    return set_level(run, level, file, summary)
+        names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
+        channels += [Channel(name, describe_quantity(of, leaf), of, row) for name, row in zip(names, rows, strict=True)]
+    drive_unit = stated.unit or units[drive] or (level[1] if level else channels[0].unit if channels else "")
+    values = contents.arrays[path[drive]][0] * stated.scale
+    rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
+    control = _join_controls(list(rows), source.stated.control)
+    return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)
 
 
-def _read_decay(data: bytes, file: Path, summary: Summary) -> CampaignRun:
+def _read_decay(source: Source) -> CampaignRun:
     """The run of a table of motions against time: a free decay."""
+    data = read_bytes(source.file, source.most)
     table = find_table(data[:LOOKED_AT])
     headers = table[1] if table else []
     time = next((h for h in headers if h.name.lower() in TIMES), None)
@@ -227,24 +198,22 @@ def _read_decay(data: bytes, file: Path, summary: Summary) -> CampaignRun:
     if time is None or not sensors:
         first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        raise InputError(f"columns {describe_shortened(first, 80)}", file=file, expected=expected)
-    mapped = {"time": time.text} | {f"sensor {k}": header.text for k, header in enumerate(sensors)}
-    columns = read_columns(data, file, mapped, {})
-    channels = []
-    for k, header in enumerate(sensors):
-        of = header.unit.replace("m/s2", "m/s^2")
-        channels.append(Channel(header.name, describe_quantity(of, header.name), of, columns.numbers[f"sensor {k}"]))
-    return CampaignRun(file.stem, None, "", columns.numbers["time"], None, tuple(channels), is_time=True)
+        raise source.error(f"columns {describe_shortened(first, 80)}", expected)
+    roles = [f"sensor {k}" for k in range(len(sensors))]
+    mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
+    numbers = read_columns(data, source.file, mapped, {}).numbers
+    names, units = [header.name for header in sensors], [header.unit for header in sensors]
+    return make_decay(source.file.stem, numbers["time"], names, units, [numbers[role] for role in roles])
 
 
-def _described(runs: Sequence[CampaignRun], summary: Summary) -> None:
+def _summarise(runs: Sequence[CampaignRun], summary: Summary) -> None:
     """A row a run and a row a channel: what can be corrected, by the names that a correction uses."""
     for run in runs:
         drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
         span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
         summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
-    for one in {channel.name: channel for run in runs for channel in run.channels}.values():
-        ratio = ", per drive" if one.per_drive else ""
-        text = f"sensor of {one.quantity}{ratio} in {one.unit or 'no unit'}"
-        summary.add(f"channel {one.name!r}", text, "found in the file")
+    for channel in {channel.name: channel for run in runs for channel in run.channels}.values():
+        ratio = ", per drive" if channel.per_drive else ""
+        text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
+        summary.add(f"channel {channel.name!r}", text, "found in the file")

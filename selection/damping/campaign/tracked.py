@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -18,23 +17,20 @@ from damping.campaign.runs import (
     CampaignRun,
     Channel,
     Corrections,
+    Source,
     describe_quantity,
-    find_level,
     is_drive,
-    set_level,
 )
-from damping.errors import InputError
 from damping.formats.arrays import Arrays, read_arrays
 from damping.formats.headers import ABSCISSAS, DELIMITERS, ColumnHeader, Layout, find_layout, parse_header
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
 from damping.formats.uff import Function
 from damping.records.text import describe_shortened
 from damping.signals.tracking import track_sine
 
-#: Bytes of a table, and samples of a channel, that are read together.
+#: Bytes of a table, and samples of all channels, that are read together.
 BLOCK = 8_000_000
-SAMPLES = 500_000
+SAMPLES = 2_000_000
 #: First bytes of a table by which its layout is told.
 LOOKED_AT = 100_000
 #: Steps of time that differ by more than this share of one are no even sampling.
@@ -52,9 +48,7 @@ def find_table(start: bytes) -> tuple[Layout, list[ColumnHeader]] | None:
     return layout, headers
 
 
-def track_table(
-    file: Path, layout: Layout, headers: Sequence[ColumnHeader], drive: str, stated: Corrections
-) -> CampaignRun:
+def track_table(source: Source, layout: Layout, headers: Sequence[ColumnHeader], drive: str) -> CampaignRun:
     """The run of a table of time, a drive and responses.
 
     Raises:
@@ -63,26 +57,26 @@ def track_table(
     place = next(k for k, header in enumerate(headers) if header.name.lower() in TIMES)
     columns = [k for k, header in enumerate(headers) if header.text and k != place]
     factor = ABSCISSAS["time"].get(headers[place].unit.lower(), 1.0)
-    blocks = _list_blocks(file, layout, [place, *columns])
+    blocks = _list_blocks(source, layout, [place, *columns])
     first = next(blocks, None)
     if first is None or first.shape[1] < 2:
-        raise InputError("no samples", file=file, expected="rows of time, drive and responses")
+        raise source.error("no samples", "rows of time, drive and responses")
     step = float(first[0, -1] - first[0, 0]) / (first.shape[1] - 1) * factor
 
     def samples() -> Iterator[FloatArray]:
         for block in (part for parts in ([first], blocks) for part in parts):
-            _require_even(block[0] * factor, step, file)
+            _require_even(block[0] * factor, step, source)
             yield block[1:]
 
     names = [headers[k].name for k in columns]
     units = [headers[k].unit for k in columns]
-    return track_samples(samples(), names, units, names.index(drive), step, file.stem, stated)
+    label = source.file.stem
+    return source.set_level(track_samples(samples(), names, units, drive, step, label, source.stated), label)
 
 
 def track_arrays(
-    file: Path, kind: str, channels: Mapping[str, str], drive: str, step: float, label: str, most: int,
-    stated: Corrections,
-) -> CampaignRun:  # fmt: skip
+    source: Source, kind: str, channels: Mapping[str, str], drive: str, step: float, label: str
+) -> CampaignRun:
     """The run of arrays or channels of one length, a drive and responses.
 
     Args:
@@ -90,26 +84,27 @@ def track_arrays(
     """
     paths = list(channels)
     # channels of a file are read all together or not at all, arrays one by one
-    asked = paths if kind == "hdf5" and find_channels(file, kind, most) is None else []
+    asked = paths if kind == "hdf5" and find_channels(source, kind) is None else []
 
     def samples() -> Iterator[FloatArray]:
-        first = 0
+        first, count = 0, max(SAMPLES // len(paths), 1)
         while True:
-            arrays = read_arrays(file, kind, asked, most, rows=(first, first + SAMPLES)).arrays
+            arrays = read_arrays(source.file, kind, asked, None, rows=(first, first + count)).arrays
             block = np.array([arrays[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
                 yield block
-            if block.shape[1] < SAMPLES:
+            if block.shape[1] < count:
                 return
-            first += SAMPLES
+            first += count
 
     names = [path.rpartition("/")[2] for path in paths]
-    return track_samples(samples(), names, list(channels.values()), names.index(drive), step, label, stated)
+    run = track_samples(samples(), names, list(channels.values()), drive, step, label, source.stated)
+    return source.set_level(run, label)
 
 
-def find_channels(file: Path, kind: str, most: int) -> Arrays | None:
+def find_channels(source: Source, kind: str) -> Arrays | None:
     """The first samples of every channel of a file that says their time step; None for a file of mere arrays."""
-    arrays = read_arrays(file, kind, [], most, rows=(0, 1))
+    arrays = read_arrays(source.file, kind, [], None, rows=(0, 1))
     return arrays if arrays.steps else None
 
 
@@ -117,36 +112,31 @@ def track_samples(
     samples: Iterable[FloatArray],
     names: Sequence[str],
     units: Sequence[str],
-    drive: int,
+    drive: str,
     step: float,
     label: str,
     stated: Corrections,
 ) -> CampaignRun:
-    """The run of blocks of samples (channels, n), the drive at the place ``drive`` among them."""
-    found = track_sine(samples, drive, step)
-    units = [text.replace("m/s2", "m/s^2") for text in units]
-    order = np.argsort(found.frequency, kind="stable")
-    others = [k for k in range(len(names)) if k != drive]
+    """The run of blocks of samples (channels, n), one of whose names is the drive."""
+    place = names.index(drive)
+    track = track_sine(samples, place, step)
+    texts = [text.replace("m/s2", "m/s^2") for text in units]
+    order = np.argsort(track.frequency, kind="stable")
+    others = [(name, text) for k, (name, text) in enumerate(zip(names, texts, strict=True)) if k != place]
     channels = tuple(
-        Channel(
-            names[k],
-            describe_quantity(units[k], names[k]),
-            units[k],
-            found.response[place][order],
-            third=found.third[place][order],
-        )
-        for place, k in enumerate(others)
-        if stated.of(names[k]).role != "out"
+        Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
+        for (name, text), values, third in zip(others, track.response, track.third, strict=True)
+        if stated.of(name).role != "out"
     )
-    size = found.drive[order].astype(complex) * stated.of(names[drive]).scale
-    text = stated.of(names[drive]).unit or units[drive]
-    return CampaignRun(label, None, text, found.frequency[order], size, channels, rate=found.rate[order])
+    size = track.drive[order].astype(complex) * stated.of(drive).scale
+    text = stated.of(drive).unit or texts[place]
+    return CampaignRun(label, None, text, track.frequency[order], size, channels, rate=track.rate[order])
 
 
-def _list_blocks(file: Path, layout: Layout, columns: Sequence[int]) -> Iterator[FloatArray]:
+def _list_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iterator[FloatArray]:
     """Columns (k, n) of a table, some lines at a time."""
     decimal, delimiter = layout.decimal == "comma", DELIMITERS[layout.delimiter]
-    with file.open("rb") as stream:
+    with source.file.open("rb") as stream:
         for _ in range(layout.header):
             stream.readline()
         line = layout.header
@@ -163,16 +153,16 @@ def _list_blocks(file: Path, layout: Layout, columns: Sequence[int]) -> Iterator
                 )
             except ValueError as error:
                 reason = describe_shortened(str(error), 100)
-                raise InputError(reason, file=file, expected=f"numbers in every row from line {line + 1} on") from None
+                raise source.error(reason, f"numbers in every row from line {line + 1} on") from None
             line += block.count(b"\n")
             yield table.T
 
 
-def _require_even(t: FloatArray, step: float, file: Path) -> None:
+def _require_even(t: FloatArray, step: float, source: Source) -> None:
     """InputError for times that are not evenly spaced."""
     even = t[0] + step * np.arange(len(t))
     if not step > 0.0 or float(np.max(np.abs(t - even))) > max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
-        raise InputError("the times are not evenly spaced", file=file, expected="one step throughout, rising")
+        raise source.error("the times are not evenly spaced", "one step throughout, rising")
 
 
 def name_function(function: Function) -> str:
@@ -182,25 +172,28 @@ def name_function(function: Function) -> str:
     return " ".join(name.split()) or f"node {function.response[0]}"
 
 
-def read_histories(
-    label: str, group: Sequence[Function], file: Path, summary: Summary, stated: Corrections
-) -> CampaignRun:
+def read_histories(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
     """The run of functions of time: tracked where one is the drive, else free decays."""
-    t, names = group[0].x, [name_function(one) for one in group]
-    if not all(one.is_time and len(one.x) == len(t) and np.allclose(one.x, t) for one in group):
-        raise InputError(f"{label}: functions of time of several lengths", file=file, expected="one list of times")
-    units = [one.units[0] for one in group]
-    drive = choose_drive(dict(zip(names, units, strict=True)), stated)
+    t, names = group[0].x, [name_function(function) for function in group]
+    if not all(function.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
+        raise source.error(f"{label}: functions of time of several lengths", "one list of times")
+    units = [function.units[0] for function in group]
+    samples = [np.asarray(function.y).real for function in group]
+    drive = choose_drive(dict(zip(names, units, strict=True)), source.stated)
     if drive is None:
-        channels = [
-            Channel(name, describe_quantity(of, name), of, np.asarray(one.y).real)
-            for name, of, one in zip(names, units, group, strict=True)
-        ]
-        return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
+        return make_decay(label, t, names, units, samples)
     step = float(t[-1] - t[0]) / (len(t) - 1)
-    samples = np.array([np.asarray(one.y).real for one in group])
-    run = track_samples([samples], names, units, names.index(drive), step, label, stated)
-    return set_level(run, find_level(label), file, summary)
+    run = track_samples([np.array(samples)], names, units, drive, step, label, source.stated)
+    return source.set_level(run, label)
+
+
+def make_decay(
+    label: str, t: FloatArray, names: Sequence[str], units: Sequence[str], samples: Iterable[FloatArray]
+) -> CampaignRun:
+    """The run of motions against time that nothing drives: a free decay."""
+    of = [text.replace("m/s2", "m/s^2") for text in units]
+    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, of, samples, strict=True)]
+    return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
 
 
 def choose_drive(units: Mapping[str, str], stated: Corrections) -> str | None:
@@ -210,48 +203,39 @@ def choose_drive(units: Mapping[str, str], stated: Corrections) -> str | None:
     return named or (forces[0] if len(forces) == 1 else None)
 
 
-def track_channels(
-    found: Arrays, file: Path, kind: str, max_size: int, summary: Summary, stated: Corrections
-) -> list[CampaignRun]:
+def track_channels(contents: Arrays, source: Source, kind: str) -> list[CampaignRun]:
     """Runs of a file of channels with their time step, one for each of its groups: tracked, or free decays."""
     groups: dict[str, list[str]] = {}
-    for path in found.steps:
+    for path in contents.steps:
         groups.setdefault(path.rpartition("/")[0], []).append(path)
-    runs = []
-    for group, paths in groups.items():
-        of = {path: found.units.get(path, "") for path in paths}
-        steps, sizes = {found.steps[path] for path in paths}, {found.known[path] for path in paths}
-        if len(steps) > 1 or len(sizes) > 1:
-            raise InputError(
-                f"channels of {group or file.stem} of several rates or lengths", file=file, expected="one for all"
-            )
-        start, step = next(iter(steps))
-        drive = choose_drive({path.rpartition("/")[2]: text for path, text in of.items()}, stated)
-        label = group or file.stem
-        if drive is not None:
-            run = track_arrays(file, kind, of, drive, step, label, max_size, stated)
-            runs.append(set_level(run, find_level(label.replace("_", " ")), file, summary))
-            continue
-        arrays = read_arrays(file, kind, [], max_size).arrays
-        t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-        channels = [
-            Channel(name := path.rpartition("/")[2], describe_quantity(text, name), text, arrays[path][0].reshape(-1))
-            for path, text in of.items()
-        ]
-        runs.append(CampaignRun(label, None, "", t, None, tuple(channels), is_time=True))
-    return runs
+    stem = source.file.stem
+    return [_track_paths(group or stem, contents, paths, source, kind) for group, paths in groups.items()]
 
 
-def track_group(file: Path, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]],
-              max_size: int, summary: Summary, stated: Corrections) -> CampaignRun:  # fmt: skip
+def _track_paths(label: str, contents: Arrays, paths: Sequence[str], source: Source, kind: str) -> CampaignRun:
+    of = {path: contents.units.get(path, "") for path in paths}
+    steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
+    if len(steps) > 1 or len(sizes) > 1:
+        raise source.error(f"channels of {label} of several rates or lengths", "one for all")
+    start, step = next(iter(steps))
+    names = [path.rpartition("/")[2] for path in paths]
+    drive = choose_drive(dict(zip(names, of.values(), strict=True)), source.stated)
+    if drive is not None:
+        return track_arrays(source, kind, of, drive, step, label)
+    arrays = read_arrays(source.file, kind, [], source.most).arrays
+    t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
+    return make_decay(label, t, names, list(of.values()), (arrays[path][0].reshape(-1) for path in paths))
+
+
+def track_group(
+    source: Source, group: str, t: str, drive: str, leaves: Sequence[str], known: Mapping[str, tuple[int, ...]]
+) -> CampaignRun:
     """The run of a group with times, a drive and responses of one length."""
     path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
     like = [leaf for leaf in leaves if leaf != t and known[path[leaf]] == known[path[t]]]
-    first = read_arrays(file, "hdf5", list(path.values()), max_size, rows=(0, 1000))
-    times = first.arrays[path[t]][0].real.reshape(-1)
-    step = np.diff(times)
+    first = read_arrays(source.file, "hdf5", list(path.values()), None, rows=(0, 1000))
+    step = np.diff(first.arrays[path[t]][0].real.reshape(-1))
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
-        raise InputError(f"{path[t]} is not evenly spaced", file=file, expected="one step throughout, rising")
-    label, channels = group or file.stem, {path[leaf]: first.units.get(path[leaf], "") for leaf in like}
-    run = track_arrays(file, "hdf5", channels, drive, float(np.mean(step)), label, max_size, stated)
-    return set_level(run, find_level(label.replace("_", " ")), file, summary)
+        raise source.error(f"{path[t]} is not evenly spaced", "one step throughout, rising")
+    channels = {path[leaf]: first.units.get(path[leaf], "") for leaf in like}
+    return track_arrays(source, "hdf5", channels, drive, float(np.mean(step)), group or source.file.stem)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import wofz
@@ -72,10 +71,6 @@ class _Memory(NamedTuple):
         ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
         return _Memory(lewis, np.where(moving, lewis - ringing, lewis), z.imag < 0.0, p, alpha)
 
-    def taken(self, take: Callable[[Any], Any]) -> _Memory:
-        """The same of the rows that ``take`` makes of each part."""
-        return _Memory(take(self.lewis), take(self.quiet), take(self.beyond), take(self.p), take(self.alpha))
-
     def by_p(self, V: ComplexArray) -> ComplexArray:
         """Derivative of a solution V by p: i alpha V' = 1 - p V."""
         slow = np.abs(self.alpha) < _SLOW * np.abs(self.p) ** 2
@@ -95,11 +90,12 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     taken to follow one that went on for ever.
     """
     way = np.sign(memory.alpha.reshape(-1, memory.alpha.shape[-1])[0])
-    order = np.lexsort((way * drive.omega, np.asarray(drive.sweep)))
-    memory = memory.taken(lambda part: part[..., order])
+    sweep = np.asarray(drive.sweep)
+    order = np.lexsort((way * drive.omega, sweep))
+    memory = _Memory._make(part[..., order] for part in memory)
     p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
-    first = np.diff(np.asarray(drive.sweep)[order], prepend=np.nan) != 0.0
-    last = memory.taken(lambda part: np.roll(part, 1, -1))
+    first = np.diff(sweep[order], prepend=np.nan) != 0.0
+    last = _Memory._make(np.roll(part, 1, -1) for part in memory)
     V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
     by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
     by_rate = memory.by_rate(V, by_p)

@@ -52,14 +52,15 @@ class Arrays:
 
 
 def read_arrays(
-    path: str | Path, kind: str, names: Sequence[str], max_size: int, rows: tuple[int, int] | None = None
+    path: str | Path, kind: str, names: Sequence[str], max_size: int | None, rows: tuple[int, int] | None = None
 ) -> Arrays:
     """The arrays ``names`` that the file has, and what is in it.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes. rows: first and behind the last sample that are read, of every channel, and
+        max_size: largest file read, bytes; None: any, for what is read in blocks.
+        rows: first and behind the last sample that are read, of every channel, and
             of every array of an HDF5 file along its longest axis; all where None.
 
     Raises:
@@ -108,16 +109,16 @@ _EXPECTED = {
 }
 
 
-def _size(path: str | Path, max_size: int) -> int:
+def _size(path: str | Path, max_size: int | None) -> int:
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise InputError("is no regular file", file=path, expected="a file")
-    if found.st_size > max_size:
+    if max_size is not None and status.st_size > max_size:
         raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
-    return found.st_size
+    return status.st_size
 
 
 def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:
@@ -137,12 +138,12 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     channels = kind in ("tdms", "lvm")
     own = [name for names in OWN_NAMES.values() for name in names]
     wanted = [] if channels else list(stated.columns.values()) or own
-    found = read_arrays(path, kind, wanted, max_size)
-    if channels or not found.arrays:
-        everything = found if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else found
+    contents = read_arrays(path, kind, wanted, max_size)
+    if channels or not contents.arrays:
+        everything = contents if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else contents
         if everything.steps or channels:
             return _list_channels(everything, stated, path, summary)
-    arrays, known = found.arrays, found.known
+    arrays, known = contents.arrays, contents.known
     names = dict(stated.columns)
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
@@ -166,10 +167,10 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
-    said = Said(
-        units=list_units({role: found.units[name] for role, name in names.items() if name in found.units}, stated)
+    statement = Said(
+        units=list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
     )
-    return _list_each(names, arrays, said, path, summary)
+    return _list_each(names, arrays, statement, path, summary)
 
 
 def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
@@ -183,7 +184,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
 def _list_each(
     names: Mapping[str, str],
     arrays: Mapping[str, list[Samples]],
-    said: Said,
+    statement: Said,
     path: str | Path,
     summary: Summary,
 ) -> list[Series]:
@@ -200,38 +201,40 @@ def _list_each(
         labels = None
         if "sweep" in of_role:
             labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
-        series += to_series(of_role, labels, said, path, label, summary, peak=True)
+        series += to_series(of_role, labels, statement, path, label, summary, peak=True)
     return series
 
 
-def _list_channels(found: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
+def _list_channels(contents: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
     """Time histories of a file that says the time step of each of its channels."""
     unheeded = next((role for role in stated.columns if role != "response"), None)
     if unheeded:
         raise InputError(f"--column {unheeded} of a file of channels", file=path, expected="--column response=NAME")
     asked = stated.columns.get("response")
-    names = [name for name in found.arrays if asked in (None, name) or name.split("/")[-1] == asked]
+    names = [name for name in contents.arrays if asked in (None, name) or name.split("/")[-1] == asked]
     if not names:
-        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(found.known))
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(contents.known))
     for name in names:
-        if name not in found.steps:
+        if name not in contents.steps:
             raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
         summary.add(
             f"channel {describe_shortened(name)!r}",
-            f"{found.arrays[name][0].size} samples, step {found.steps[name][1]:g} s",
+            f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s",
             "found in the file",
         )
-    kinds = {unit(found.units[name]).powers for name in names if name in found.units} if not stated.units else set()
+    kinds = (
+        {unit(contents.units[name]).powers for name in names if name in contents.units} if not stated.units else set()
+    )
     if len(kinds) > 1:
-        listed = ", ".join(f"{name} ({found.units.get(name, 'no unit')})" for name in names[:8])
+        listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", file=path, expected="--column response=NAME")
     series = []
     for name in names:
-        start, step = found.steps[name]
-        values = np.asarray(found.arrays[name][0], dtype=np.float64).reshape(-1)
-        said = Found(units={"response": found.units[name]} if name in found.units else {})
+        start, step = contents.steps[name]
+        values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
+        own = Found(units={"response": contents.units[name]} if name in contents.units else {})
         t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
-        series.append(Series(name, t, values, is_time=True, has_phase=False, found=said))
+        series.append(Series(name, t, values, is_time=True, has_phase=False, found=own))
     return series
 
 

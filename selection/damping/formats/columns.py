@@ -5,11 +5,9 @@ Lines are taken one at a time and only the mapped columns are kept, so that memo
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import DELIMITERS, ColumnHeader, Layout, find_layout, parse_header, recognise
 from damping.records.keys import describe_nearest
-from damping.records.text import decode, describe_shortened, unguarded
+from damping.records.text import CsvRows, describe_shortened, unguarded
 
 #: Numbers as they look with the other mark than the stated one.
 _OTHER_MARK = {
@@ -34,7 +32,7 @@ _SETTING = ("frequency", "omega", "time")
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """ColumnMap that have a role: ``numbers`` (n,) and ``headers`` by role, text for the role ``sweep``.
+    """Columns that have a role: ``numbers`` (n,) and ``headers`` by role, text for the role ``sweep``.
 
     ``response`` is the type of response that a name says, ``layout`` how the table is laid out.
     """
@@ -71,28 +69,29 @@ def read_columns(
             belongs (an empty cell and NaN are no measurement there), or no rows.
     """
     layout = _layout(data, file, delimiter, skip, decimal)
-    rows = _Rows(data, file, layout.delimiter, comments=layout.comments)
     whole = not (layout.comments or layout.numbered)  # a header of quoted cells may span lines
-    for _ in range(skip + (layout.header - 1 if whole else layout.header)):
-        rows.skip()
-    header = next(rows, None) if whole else list(layout.names)
+    above, mark = skip + layout.header - whole, DELIMITERS[layout.delimiter]
+    rows = CsvRows(data, file, mark, comments=layout.comments, skip=above)
+    line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
     if header is None:
-        raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
+        expected = f"a row of column names after {skip} lines"
+        raise rows.problem or InputError("no header", file=file, expected=expected)
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
-    places, response = _places(names, mapped, known, file, rows.line)
+    places, response = _places(names, mapped, known, file, line)
     if not places:
-        raise _no_role(names, layout, file, rows.line)
+        raise _no_role(names, layout, file, line)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
-    for row in rows:
+    for line, row in rows:
         if len(row) != len(names):
-            raise InputError(
-                f"{len(row)} cells in the row", file=file, line=rows.line, expected=f"{len(names)} as in the header"
-            )
+            expected = f"{len(names)} as in the header"
+            raise InputError(f"{len(row)} cells in the row", file=file, line=line, expected=expected)
         for role, column in values.items():
-            column.append(_number(row[places[role]], layout.decimal, file, rows.line, names[places[role]]))
+            column.append(_number(row[places[role]], layout.decimal, file, line, names[places[role]]))
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
+    if rows.problem is not None:
+        raise rows.problem
     numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
     if not numbers:
         raise InputError("no data rows", file=file, expected="at least one row below the header")
@@ -111,49 +110,6 @@ def _layout(data: bytes, file: str | Path, delimiter: str, skip: int, decimal: s
     return layout
 
 
-class _Rows:
-    """Iterator over the rows of a file as lists of cells, blank ones passed over; ``line`` is that of the last."""
-
-    def __init__(self, data: bytes, file: str | Path, delimiter: str, *, comments: bool = False) -> None:
-        self.file, self.line, self._comments = file, 0, comments
-        data = data.removeprefix(b"\xef\xbb\xbf")
-        self._stream = io.BytesIO(data if b"\n" in data else data.replace(b"\r", b"\n"))  # old Macintosh line ends
-        self._reader = csv.reader(
-            self._lines(), delimiter=DELIMITERS[delimiter], strict=True, skipinitialspace=delimiter == "space"
-        )
-
-    def _lines(self) -> Iterator[str]:
-        for line in self._stream:
-            self.line += 1
-            if len(line) > _LONGEST_LINE:
-                raise InputError(
-                    f"a line of {len(line)} bytes", file=self.file, line=self.line, expected="cells in rows"
-                )
-            text, broken = decode(line, self.file)
-            if broken is not None:
-                raise InputError(broken.message, file=self.file, line=self.line, expected=broken.expected)
-            if self._comments and text.lstrip().startswith(("#", "%")):
-                continue
-            yield text.rstrip(" \r\n") + "\n"
-
-    def skip(self) -> None:
-        self.line += bool(self._stream.readline())
-
-    def __iter__(self) -> Iterator[list[str]]:
-        return self
-
-    def __next__(self) -> list[str]:
-        while True:
-            try:
-                cells = next(self._reader)
-            except csv.Error as error:
-                raise InputError(
-                    f"not CSV: {error}", file=self.file, line=self.line, expected="cells separated as stated"
-                ) from None
-            if len(cells) > 1 or (cells and cells[0].strip()):
-                return cells
-
-
 def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -> float:
     """The number in a cell; NaN where nothing was measured. A mark between thousands is no number."""
     text = cell.strip()
@@ -167,13 +123,8 @@ def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -
         pass
     name = "comma" if decimal == "point" else "point"
     hint = f" (is --decimal {name} meant?)" if _OTHER_MARK[decimal].fullmatch(text) else ""
-    raise InputError(
-        f"{describe_shortened(text)!r} is not a number{hint}",
-        file=file,
-        line=line,
-        column=describe_shortened(column),
-        expected=f"a number with a decimal {decimal}",
-    )
+    message, expected = f"{describe_shortened(text)!r} is not a number{hint}", f"a number with a decimal {decimal}"
+    raise InputError(message, file=file, line=line, column=describe_shortened(column), expected=expected)
 
 
 def _places(
@@ -195,16 +146,14 @@ def _places(
 def _by_name(
     headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], file: str | Path, line: int
 ) -> tuple[dict[str, int], str | None]:
-    """ColumnMap by role where their names are those of roles, or else what tables of laboratories call them."""
+    """Columns by role where their names are those of roles, or else what tables of laboratories call them."""
     lower = [header.name.lower() for header in headers]
-    found = {role: [name for name in named if name in lower] for role, named in known.items()}
-    for first in (matches[0] for matches in found.values() if matches):
+    matches_of = {role: [name for name in named if name in lower] for role, named in known.items()}
+    for first in (matches[0] for matches in matches_of.values() if matches):
         if lower.count(first) > 1 and first != "f":
-            expected = "one, or --column ROLE=NAME"
-            raise InputError(
-                f"several columns are {describe_shortened(first)!r}", file=file, line=line, expected=expected
-            )
-    own = {role: lower.index(matches[0]) for role, matches in found.items() if matches}
+            message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
+            raise InputError(message, file=file, line=line, expected=expected)
+    own = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
     usual, response = recognise(headers)
     if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
         own = {role: place for role, place in own.items() if role not in ("x", "y")}

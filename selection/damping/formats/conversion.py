@@ -39,70 +39,92 @@ class Conversion:
     force: float | None
 
 
-def conversion(found: Found, stated: Stated, file: str, summary: Summary) -> Conversion:
+@dataclass(frozen=True)
+class Statements:
+    """What a file says of a series (``found``) and what the user says, who goes first; ``summary`` grows."""
+
+    found: Found
+    stated: Stated
+    file: str
+    summary: Summary
+
+    @property
+    def response(self) -> str | None:
+        """Name of the response type."""
+        return self.stated.response or self.found.response
+
+    @property
+    def scaling(self) -> str | None:
+        """What amplitudes are."""
+        return self.stated.scaling or self.found.scaling
+
+    def unit_of(self, what: str) -> str:
+        """Text of a unit, '' where nobody says it."""
+        return self.stated.units.get(what) or self.found.units.get(what) or ""
+
+    def add_unit(self, what: str) -> None:
+        """Put a unit into the summary, with who says it."""
+        self.summary.add(f"unit of {what}", self.unit_of(what), _STATED if self.stated.units.get(what) else _FOUND)
+
+    def error(self, message: str, expected: str | None = None) -> InputError:
+        """What is wrong, or missing."""
+        return InputError(message, file=self.file, expected=expected)
+
+
+def conversion(known: Statements) -> Conversion:
     """Response type and factors of a series.
 
     Raises:
         InputError: type or unit neither stated nor found, not understood, or at odds with each other.
     """
-    texts = {what: stated.units.get(what) or found.units.get(what) for what in ("response", "force")}
-    units = (
-        {} if stated.consistent else {what: unit(text, what=f"unit of {what}") for what, text in texts.items() if text}
-    )
-    name = _describe_response_type(found, stated, units, file)
+    found, stated, summary = known.found, known.stated, known.summary
+    texts = {what: known.unit_of(what) for what in ("response", "force") if known.unit_of(what)}
+    units = {} if stated.consistent else {what: unit(text, what=f"unit of {what}") for what, text in texts.items()}
+    name = _find_response_type(known, units)
     order, per_force = RESPONSES[name]
-    whence = _STATED if stated.response else _FOUND if found.response else _FOLLOWS
-    summary.add("response", name, f"{whence} from its unit" if whence == _FOLLOWS else whence)
+    whence = _STATED if stated.response else _FOUND if found.response else f"{_FOLLOWS} from its unit"
+    summary.add("response", name, whence)
     if found.response and found.response != name:
         summary.note(f"the file says {found.response}, {name} is stated")
     if stated.consistent:
         summary.add("units", "one consistent system, values as they are", _STATED)
         return Conversion(order, per_force, stated.scale.get("response", 1.0), stated.scale.get("force", 1.0))
     for what in units:
-        summary.add(f"unit of {what}", texts[what] or "", _STATED if stated.units.get(what) else _FOUND)
-    whole = _response_unit(name, units, file)
+        known.add_unit(what)
+    whole = _response_unit(name, units, known)
     force, length = (unit(text) for text in SYSTEMS[stated.system])
     angular = whole.powers == (0, 0, -order)  # a rotation in rad: its force is a moment, its mass one of inertia
     if angular:
         summary.note(f"a rotation: amplitudes in rad, forces in {force.text} {length.text}")
     arm = length.factor if angular else 1.0
     per = force.factor * arm if per_force else 1.0
+    of_response = whole.factor / (1.0 if angular else length.factor) * per * stated.scale.get("response", 1.0)
     of_force = units["force"].factor / (force.factor * arm) if "force" in units else None
-    return Conversion(
-        order,
-        per_force,
-        whole.factor / (1.0 if angular else length.factor) * per * stated.scale.get("response", 1.0),
-        None if of_force is None else of_force * stated.scale.get("force", 1.0),
-    )
+    scaled = None if of_force is None else of_force * stated.scale.get("force", 1.0)
+    return Conversion(order, per_force, of_response, scaled)
 
 
-def _describe_response_type(found: Found, stated: Stated, units: dict[str, Unit], file: str) -> str:
+def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
     """Name of the response type: stated, found, or the only one that has the unit."""
-    name = stated.response or found.response
+    found, name = known.found, known.response
     if name is not None:
         if name not in RESPONSES:
             raise InputError(f"response type {name!r}", expected=", ".join(RESPONSES))
         if found.per_force is not None and found.per_force != RESPONSES[name][1]:
             kind = "a ratio to force" if found.per_force else "no ratio to force"
-            raise InputError(
-                f"the response is {kind} and {name} is stated", file=file, expected=_describe_choices(found)
-            )
+            raise known.error(f"the response is {kind} and {name} is stated", _describe_choices(found))
         return name
     if "response" in units:
-        powers = units["response"].powers
-        fits = [n for n in _list_fitting(found) if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
+        powers, possible = units["response"].powers, _list_fitting(found)
+        fits = [n for n in possible if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
         fits = [n for n in fits if not RESPONSES[n][1]] if powers[:2] == (0, 0) else fits
         if not fits and found.per_force and "force" in units:
-            fits = [
-                name for name in _list_fitting(found) if _powers(name) == units["response"].per(units["force"]).powers
-            ]
+            ratio = units["response"].per(units["force"]).powers
+            fits = [n for n in possible if _powers(n) == ratio]
         if len(fits) == 1:
             return fits[0]
-    raise InputError(
-        "the type of the response is neither in the file nor stated",
-        file=file,
-        expected=f"--response {_describe_choices(found)}",
-    )
+    expected = f"--response {_describe_choices(found)}"
+    raise known.error("the type of the response is neither in the file nor stated", expected)
 
 
 def _list_fitting(found: Found) -> list[str]:
@@ -119,22 +141,17 @@ def _powers(name: str) -> tuple[int, int, int]:
     return (-1 if per_force else 0), 1, -order
 
 
-def _response_unit(name: str, units: dict[str, Unit], file: str) -> Unit:
+def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit:
     """The unit of the response, put together from that of the motion and that of the force where needed."""
     if "response" not in units:
-        raise InputError(
-            "the unit of the response is neither in the file nor stated",
-            file=file,
-            expected=f"--unit response={_EXAMPLES[name]}, or --consistent",
-        )
-    found = units["response"]
-    if found.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
-        found = found.per(units["force"])
-    if found.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
-        raise InputError(
-            f"{units['response'].text} is no unit of {name}", file=file, expected=f"such as {_EXAMPLES[name]}"
-        )
-    return found
+        expected = f"--unit response={_EXAMPLES[name]}, or --consistent"
+        raise known.error("the unit of the response is neither in the file nor stated", expected)
+    of = units["response"]
+    if of.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
+        of = of.per(units["force"])
+    if of.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
+        raise known.error(f"{units['response'].text} is no unit of {name}", f"such as {_EXAMPLES[name]}")
+    return of
 
 
 _EXAMPLES = {
@@ -147,79 +164,73 @@ _EXAMPLES = {
 }
 
 
-def ask(found: Found, stated: Stated, file: str, *, force: bool | None) -> None:
+def ask(known: Statements, *, force: bool | None) -> None:
     """One InputError that names everything that neither the file nor the user says, where that is more than one thing.
 
     Args:
         force: whether a force is there, None where none is wanted (a free decay).
     """
     missing: dict[str, str] = {}
-    texts = {what: stated.units.get(what) or found.units.get(what) for what in ("response", "force")}
-    typed = stated.response or found.response
-    if typed is None and (stated.consistent or not texts["response"]):
-        missing["type of the response"] = f"--response {_describe_choices(found)}"
-    if not stated.consistent:
-        units = [what for what in texts if not texts[what] and (what == "response" or force is not None)]
-        for what in units:
-            example = _EXAMPLES.get(typed or "", "m/s^2") if what == "response" else "N"
+    stated, typed = known.stated, known.response
+    if typed is None and (stated.consistent or not known.unit_of("response")):
+        missing["type of the response"] = f"--response {_describe_choices(known.found)}"
+    examples = {"response": _EXAMPLES.get(typed or "", "m/s^2"), **({} if force is None else {"force": "N"})}
+    for what, example in examples.items():
+        if not stated.consistent and not known.unit_of(what):
             missing[f"unit of the {what}"] = f"--unit {what}={example}"
     if force is False:
         missing["force"] = "--force AMPLITUDE of each sweep"
-    ratio = found.per_force or (stated.response in RESPONSES and RESPONSES[stated.response][1])
-    if force is not None and not ratio and not (stated.scaling or found.scaling):
+    ratio = known.found.per_force or (stated.response in RESPONSES and RESPONSES[stated.response][1])
+    if force is not None and not ratio and not known.scaling:
         missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
     if len(missing) > 1:
         *first, last = missing
         message = f"neither in the file nor stated: {', '.join(first)} and {last}"
-        raise InputError(message, file=file, expected=" ".join(missing.values()))
+        raise known.error(message, " ".join(missing.values()))
 
 
-def scaling(found: Found, stated: Stated, file: str, summary: Summary, *, of_force: bool = False) -> float:
+def scaling(known: Statements, *, of_force: bool = False) -> float:
     """Amplitudes of the sine in one unit of what was recorded; a force of real numbers has a scaling of its own.
 
     Raises:
         InputError: neither stated nor found.
     """
-    name = stated.scaling or found.scaling
-    if of_force and (stated.force_scaling or found.force_scaling):
-        name = stated.force_scaling or found.force_scaling
-        if name != found.scaling or stated.scaling:
-            summary.add("amplitudes of force", name or "", _STATED if stated.force_scaling else _OF_ROLE)
-            if stated.scaling not in (None, name) and not stated.force_scaling:
-                summary.note(f"--scaling is that of the response; the force is {name} (--scaling force=... to say so)")
-        return SCALINGS[name or "peak"]
+    found, stated, name = known.found, known.stated, known.scaling
+    own = (stated.force_scaling or found.force_scaling) if of_force else None
+    if own:
+        if own != found.scaling or stated.scaling:
+            known.summary.add("amplitudes of force", own, _STATED if stated.force_scaling else _OF_ROLE)
+            if stated.scaling not in (None, own) and not stated.force_scaling:
+                known.summary.note(
+                    f"--scaling is that of the response; the force is {own} (--scaling force=... to say so)"
+                )
+        return SCALINGS[own]
+    expected = " or ".join(SCALINGS)
     if name is None:
-        raise InputError(
-            "whether amplitudes are peak or rms is neither in the file nor stated",
-            file=file,
-            expected=f"--scaling {' or '.join(SCALINGS)}",
+        raise known.error(
+            "whether amplitudes are peak or rms is neither in the file nor stated", f"--scaling {expected}"
         )
     if name not in SCALINGS:
-        raise InputError(f"scaling {name!r}", expected=" or ".join(SCALINGS))
-    summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
+        raise InputError(f"scaling {name!r}", expected=expected)
+    known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
     return SCALINGS[name]
 
 
-def other_factor(
-    what: str, powers: tuple[int, int, int], found: Found, stated: Stated, file: str, summary: Summary
-) -> float:
+def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> float:
     """Factor of ``energy`` or ``mass`` to the system.
 
     Raises:
         InputError: a unit neither stated nor found, or of another kind.
     """
-    if stated.consistent:
+    if known.stated.consistent:
         return 1.0
-    text = stated.units.get(what) or found.units.get(what)
-    if not text:
-        raise InputError(
-            f"the unit of {what} is neither in the file nor stated", file=file, expected=f"--unit {what}=..."
-        )
-    of = unit(text, what=f"unit of {what}")
+    if not known.unit_of(what):
+        raise known.error(f"the unit of {what} is neither in the file nor stated", f"--unit {what}=...")
+    of = unit(known.unit_of(what), what=f"unit of {what}")
     if of.powers != powers:
-        raise InputError(f"{of.text} is no unit of {what}", file=file)
-    summary.add(f"unit of {what}", text, _STATED if stated.units.get(what) else _FOUND)
-    force, length = (unit(name) for name in SYSTEMS[stated.system])
+        raise known.error(f"{of.text} is no unit of {what}")
+    known.add_unit(what)
+    force, length = (unit(name) for name in SYSTEMS[known.stated.system])
     return of.factor / (force.factor ** powers[0] * length.factor ** powers[1])
 
 
@@ -243,16 +254,17 @@ def time_histories(series: Sequence[Series], stated: Stated, file: str | Path, s
     if stated.labels and len(stated.labels) != len(series):
         raise InputError(f"{len(stated.labels)} labels", file=file, expected=f"{len(series)}, one a time history")
     histories = []
-    for k, one in enumerate(series):
-        if not one.is_time:
-            raise InputError(f"{one.label!r} is no time history", file=file, expected="a signal against time")
-        ask(one.found, stated, str(file), force=None)
-        to = conversion(one.found, stated, str(file), summary)
+    for k, row in enumerate(series):
+        known = Statements(row.found, stated, str(file), summary)
+        if not row.is_time:
+            raise known.error(f"{row.label!r} is no time history", "a signal against time")
+        ask(known, force=None)
+        to = conversion(known)
         if to.per_force:
-            raise InputError("a time history is no ratio to force", file=file, expected="--response acceleration")
-        if not (np.isfinite(one.abscissa).all() and np.isfinite(one.response).all()):
-            raise InputError(f"{one.label!r} holds values that are no numbers", file=file, expected="finite numbers")
-        signal = np.asarray(one.response, dtype=np.float64) * to.response
-        label = stated.labels[k] if stated.labels else one.label
-        histories.append(TimeHistory(label, np.asarray(one.abscissa, dtype=np.float64), signal, to.order))
+            raise known.error("a time history is no ratio to force", "--response acceleration")
+        if not (np.isfinite(row.abscissa).all() and np.isfinite(row.response).all()):
+            raise known.error(f"{row.label!r} holds values that are no numbers", "finite numbers")
+        signal = np.asarray(row.response, dtype=np.float64) * to.response
+        label = stated.labels[k] if stated.labels else row.label
+        histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order))
     return histories

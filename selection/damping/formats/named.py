@@ -43,7 +43,7 @@ _FEWEST_ROWS = 4
 def to_series(
     arrays: Mapping[str, Samples],
     labels: Sequence[str] | None,
-    said: Said,
+    statement: Said,
     file: str | Path,
     name: str,
     summary: Summary,
@@ -63,8 +63,8 @@ def to_series(
     Raises:
         InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, said, file)
-    role, x = _abscissa(arrays, said.units, file)
+    arrays = _in_radians(arrays, statement, file)
+    role, x = _abscissa(arrays, statement.units, file)
     n = len(x)
     response, phased = _response(arrays, n, role == "time", file)
     force = _force(arrays, n, response.shape[1], file)
@@ -73,10 +73,10 @@ def to_series(
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     found = Found(
-        response=None if "response" in said.units else said.response,
-        scaling=said.scaling or ("peak" if of_role else None),
-        force_scaling=said.force_scaling or ("peak" if own else None),
-        units=dict(said.units),
+        response=None if "response" in statement.units else statement.response,
+        scaling=statement.scaling or ("peak" if of_role else None),
+        force_scaling=statement.force_scaling or ("peak" if own else None),
+        units=dict(statement.units),
         turn="angle" in arrays,
     )
     is_time = role == "time"
@@ -117,10 +117,10 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
     first = 0  # place of the current sweep's first row among ``rows``
     for k in range(1, len(rows)):
-        here = frequency[rows[first:k]]
-        step = frequency[rows[k]] - here[-1]
-        back = step * (here[-1] - here[0]) < 0.0
-        if back and len(here) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(here):
+        passed = frequency[rows[first:k]]
+        step = frequency[rows[k]] - passed[-1]
+        back = step * (passed[-1] - passed[0]) < 0.0
+        if back and len(passed) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(passed):
             starts.add(int(rows[k]))
             first = k
     if force is not None:
@@ -131,7 +131,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Samples], said: Said, file: str | Path) -> dict[str, Samples]:
+def _in_radians(arrays: Mapping[str, Samples], statement: Said, file: str | Path) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
     Raises:
@@ -144,7 +144,7 @@ def _in_radians(arrays: Mapping[str, Samples], said: Said, file: str | Path) -> 
         values = np.asarray(turned[role], dtype=np.float64)
         known = values[np.isfinite(values)]
         large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
-        degrees = role in said.degrees or role.endswith("_deg")
+        degrees = role in statement.degrees or role.endswith("_deg")
         if role in ("phase", "lead") and large and not degrees:
             other = "lag_deg" if role == "phase" else "lead_deg"
             message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
@@ -284,17 +284,17 @@ def _real(values: Samples, role: str, file: str | Path) -> FloatArray:
 
 def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
     """Amplitudes (n, k): a minus sign there is a mistake or a phase that nobody states, and would be lost."""
-    found = _real(values, role, file)
-    below = np.argwhere(found < 0.0)
+    sizes = _real(values, role, file)
+    below = np.argwhere(sizes < 0.0)
     if len(below):
         row, sweep = (int(place) for place in below[0])
-        where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if found.shape[1] > 1 else "")
-        raise InputError(f"{role} {found[row, sweep]:g} in {where}", file=file, expected=f"{role} >= 0, an amplitude")
-    return found
+        where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if sizes.shape[1] > 1 else "")
+        raise InputError(f"{role} {sizes[row, sweep]:g} in {where}", file=file, expected=f"{role} >= 0, an amplitude")
+    return sizes
 
 
 def _column(values: Samples, n: int, role: str, file: str | Path) -> FloatArray:
-    found = _real(_matrix(values, n, role, file), role, file)
-    if found.shape[1] != 1:
-        raise InputError(f"array of {role} has {found.shape[1]} columns", file=file, expected="one")
-    return found[:, 0]
+    column = _real(_matrix(values, n, role, file), role, file)
+    if column.shape[1] != 1:
+        raise InputError(f"array of {role} has {column.shape[1]} columns", file=file, expected="one")
+    return column[:, 0]

@@ -119,7 +119,7 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
         elif wants_name:
             of_name, size = _named(token)
             power = signs[-1] * sign * _power(tokens)
-            powers = [total + power * one for total, one in zip(powers, of_name, strict=True)]
+            powers = [total + power * own for total, own in zip(powers, of_name, strict=True)]
             factor *= size**power
             sign, wants_name = 1, False
         else:

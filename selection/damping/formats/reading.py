@@ -69,14 +69,14 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
     if kind == "csv":
         require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated, path)
-    said = Said(
+    statement = Said(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=columns.response,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
-    return to_series(numbers, columns.sweep, said, path, Path(path).stem, summary, peak=kind == "csv"), summary
+    return to_series(numbers, columns.sweep, statement, path, Path(path).stem, summary, peak=kind == "csv"), summary
 
 
 def check(stated: Stated) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,8 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError
-from damping.formats.conversion import Conversion, ask, conversion, other_factor, scaling
-from damping.formats.quantity import SYSTEMS, unit
+from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
+from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Imported, Series, Stated, Summary
 from damping.records.record import Record, find_problems
 
@@ -34,8 +34,8 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     labels, forces = _list_labels(series, stated, file), _stated_forces(series, stated, file)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
-            _tabulate_table(one, label, force, stated, str(file), summary)
-            for one, label, force in zip(series, labels, forces, strict=True)
+            _tabulate_sweep(row, label, force, Statements(row.found, stated, str(file), summary))
+            for row, label, force in zip(series, labels, forces, strict=True)
         ]
     if len({"phase" in table for table in tables}) > 1:
         raise InputError("some sweeps have phases and some have none", file=file, expected="sweeps of one kind")
@@ -43,9 +43,8 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     _checked(table, file)
     if stated.system in SYSTEMS and not stated.consistent:
         force, length = SYSTEMS[stated.system]
-        summary.add(
-            "record", f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}", "stated"
-        )
+        system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
+        summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
     _phases(table, file, summary)
     return Imported(Record(table, str(file)), summary)
@@ -53,24 +52,22 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
 
 def _not_too_many(series: Sequence[Series], stated: Stated, file: str | Path) -> None:
     low, high = stated.band or (0.0, np.inf)
-    rows = sum(int(np.count_nonzero((one.abscissa >= low) & (one.abscissa <= high))) for one in series)
-    if rows > MOST_ROWS:
-        raise InputError(
-            f"{rows} rows", file=file, expected=f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
-        )
+    count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
+    if count > MOST_ROWS:
+        expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
+        raise InputError(f"{count} rows", file=file, expected=expected)
 
 
 def _list_labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
     """Label of each sweep, all different."""
     if stated.labels:
         if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
-            raise InputError(
-                f"{len(stated.labels)} labels", file=file, expected=f"{len(series)} different ones, one a sweep"
-            )
+            expected = f"{len(series)} different ones, one a sweep"
+            raise InputError(f"{len(stated.labels)} labels", file=file, expected=expected)
         return list(stated.labels)
     labels: dict[str, None] = {}  # in order
-    for one in series:
-        base, number = " ".join(one.label.split()) or "sweep", 2
+    for row in series:
+        base, number = " ".join(row.label.split()) or "sweep", 2
         label = base
         while label in labels:
             label, number = f"{base} ({number})", number + 1
@@ -90,20 +87,18 @@ def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -
     return many if len(many) == len(series) else many * len(series)
 
 
-def _tabulate_table(
-    row: Series, label: str, level: float | None, stated: Stated, file: str, summary: Summary
-) -> pd.DataFrame:
+def _tabulate_sweep(row: Series, label: str, level: float | None, known: Statements) -> pd.DataFrame:
     """Rows of one sweep."""
-    ask(row.found, stated, file, force=level is not None or row.force is not None)
-    to = conversion(row.found, stated, file, summary)
+    ask(known, force=level is not None or row.force is not None)
+    to = conversion(known)
     frequency = np.asarray(row.abscissa, dtype=np.float64)
-    keep = _usable(row, stated, label, file, summary)
+    keep = _usable(row, label, known)
     omega = RAD_S_PER_HZ * frequency[keep]
-    F = _force(row, keep, level, to, stated, file, summary)
-    X = row.response[keep] * (to.response * (-1.0 if stated.reverse else 1.0)) / (1j * omega) ** to.order
+    F = _force(row, keep, level, to, known)
+    X = row.response[keep] * (to.response * (-1.0 if known.stated.reverse else 1.0)) / (1j * omega) ** to.order
     if row.found.turn:
-        X = _turned(row.response[keep], X, frequency[keep], to.order, label, file, summary)
-    X = X * (np.abs(F) if to.per_force else scaling(row.found, stated, file, summary))
+        X = _turned(row.response[keep], X, frequency[keep], label, known)
+    X = X * (np.abs(F) if to.per_force else scaling(known))
     columns: dict[str, FloatArray | list[str]] = {
         "sweep": [label] * len(omega),
         "force": np.abs(F),
@@ -114,27 +109,26 @@ def _tabulate_table(
         drive = np.ones_like(F) if to.per_force else F
         columns["phase"] = _wrapped(np.angle(drive) - np.angle(X))
     for name, values in row.extra.items():
-        columns[name] = _extra(name, values[keep], row, columns, keep, stated, file, summary)
+        columns[name] = _extra(name, values[keep], row, columns, keep, known)
     return pd.DataFrame(columns)
 
 
-def _usable(row: Series, stated: Stated, label: str, file: str, summary: Summary) -> BoolArray:
+def _usable(row: Series, label: str, known: Statements) -> BoolArray:
     """Rows that are steady states within the band."""
-    f = row.abscissa
-    reasons = _left_out(row)
+    f, band, reasons = row.abscissa, known.stated.band, _left_out(row)
     keep: BoolArray = ~np.any(list(reasons.values()), axis=0)
     lost = int(np.count_nonzero(~keep))
-    counts = _describe_counted(reasons)
+    sizes = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
+    counts = ", ".join(f"{count} {reason}" for reason, count in sizes.items() if count)
     if lost:
-        summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
-    if stated.band is not None:
-        low, high = stated.band
-        summary.add("band", f"{low:g} to {high:g} Hz", "stated")
-        keep &= (f >= low) & (f <= high)
+        known.summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
+    if band is not None:
+        known.summary.add("band", f"{band[0]:g} to {band[1]:g} Hz", "stated")
+        keep &= (f >= band[0]) & (f <= band[1])
     if not keep.any():
-        within = "" if stated.band is None else f" within {stated.band[0]:g} to {stated.band[1]:g} Hz"
+        within = "" if band is None else f" within {band[0]:g} to {band[1]:g} Hz"
         why = f": of {len(f)}, {counts}" if lost else ""
-        raise InputError(f"no row of {label!r} is a steady state{within}{why}", file=file, expected="at least one")
+        raise known.error(f"no row of {label!r} is a steady state{within}{why}", "at least one")
     return keep
 
 
@@ -155,31 +149,19 @@ def _left_out(row: Series) -> dict[str, BoolArray]:
     return reasons
 
 
-def _describe_counted(reasons: Mapping[str, BoolArray]) -> str:
-    counts = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
-    return ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
-
-
-def _force(
-    row: Series, keep: BoolArray, level: float | None, to: Conversion, stated: Stated, file: str, summary: Summary
-) -> FloatArray:
+def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, known: Statements) -> FloatArray:
     """Force amplitude of each row (complex where the file has its phase)."""
     if level is None and row.force is None:
-        raise InputError(
-            "no force in the file: how hard the structure was driven decides what its damping is",
-            file=file,
-            expected="--force AMPLITUDE of each sweep",
-        )
+        message = "no force in the file: how hard the structure was driven decides what its damping is"
+        raise known.error(message, "--force AMPLITUDE of each sweep")
     if to.force is None:
-        raise InputError(
-            "the unit of the force is neither in the file nor stated", file=file, expected="--unit force=N"
-        )
+        raise known.error("the unit of the force is neither in the file nor stated", "--unit force=N")
     if level is not None:
-        summary.add("force", f"{level:g} at every row", "stated")
+        known.summary.add("force", f"{level:g} at every row", "stated")
         return np.full(int(np.count_nonzero(keep)), level * to.force)
-    summary.add("force", "measured at every row", "found in the file")
+    known.summary.add("force", "measured at every row", "found in the file")
     assert row.force is not None  # checked above
-    values: FloatArray = row.force[keep] * to.force * scaling(row.found, stated, file, summary, of_force=True)
+    values: FloatArray = row.force[keep] * to.force * scaling(known, of_force=True)
     return values
 
 
@@ -189,20 +171,16 @@ def _extra(
     row: Series,
     columns: dict[str, FloatArray | list[str]],
     keep: BoolArray,
-    stated: Stated,
-    file: str,
-    summary: Summary,
+    known: Statements,
 ) -> FloatArray:
     """A further column in units of the record: standard uncertainties go with what they belong to."""
     if name == "amplitude_sd":
         return values / np.abs(row.response[keep]) * np.asarray(columns["amplitude"])
     if name == "force_sd":
         if row.force is None:
-            raise InputError("force_sd without a force", file=file, expected="a column of the force")
+            raise known.error("force_sd without a force", "a column of the force")
         return values / np.abs(row.force[keep]) * np.asarray(columns["force"])
-    if name in _POWERS:
-        return values * other_factor(name, _POWERS[name], row.found, stated, file, summary)
-    return values
+    return values * other_factor(name, _POWERS[name], known) if name in _POWERS else values
 
 
 def _wrapped(phase: FloatArray) -> FloatArray:
@@ -210,9 +188,7 @@ def _wrapped(phase: FloatArray) -> FloatArray:
     return (phase + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
 
 
-def _turned(
-    response: FloatArray, X: FloatArray, frequency: FloatArray, order: int, label: str, file: str, summary: Summary
-) -> FloatArray:
+def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:
     """The displacement, its phase taken as a lead or as a lag, whichever lets the structure take energy.
 
     The lag of the displacement of a passive structure lies between 0 and pi and rises through pi/2 with frequency.
@@ -220,13 +196,10 @@ def _turned(
     other = np.conj(response) * (X / response)  # X of the conjugate response
     passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
     if len(passive) != 1:
-        raise InputError(
-            f"whether the phase of {label!r} leads or lags cannot be told from its turn",
-            file=file,
-            expected="--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)",
-        )
-    says = "a lead of the response" if passive[0] is X else "a lag of the response"
-    summary.add("phase", says, "follows: a passive structure takes energy")
+        message = f"whether the phase of {label!r} leads or lags cannot be told from its turn"
+        raise known.error(message, "--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
+    sense = "a lead of the response" if passive[0] is X else "a lag of the response"
+    known.summary.add("phase", sense, "follows: a passive structure takes energy")
     return passive[0]
 
 
@@ -263,9 +236,3 @@ def _checked(table: pd.DataFrame, file: str | Path) -> None:
             label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
             where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
         raise InputError(where, file=file, column=problem.column, expected=problem.expected)
-
-
-def system_factors(system: str) -> tuple[float, float]:
-    """N in one unit of force, and m in one unit of length, of a system."""
-    force, length = SYSTEMS[system]
-    return unit(force).factor, unit(length).factor

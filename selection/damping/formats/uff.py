@@ -135,13 +135,13 @@ def read_functions(data: bytes, file: str | Path, summary: Summary) -> list[Func
     if not sets:
         raise InputError("no data set 58", file=file, expected="a universal file with functions at nodal DOF")
     taken = []
-    for one in (one for one in sets if one.header.function in (*_TAKEN, 5)):
-        head = one.header
-        x, y = values(data, one.block, head, file)
-        at = abscissa(x, head.abscissa, one.is_time, file, summary)
-        labels = (head.numerator.unit, head.denominator.unit if one.per else "")
+    for dataset in (dataset for dataset in sets if dataset.header.function in (*_TAKEN, 5)):
+        head = dataset.header
+        x, y = values(data, dataset.block, head, file)
+        at = abscissa(x, head.abscissa, dataset.is_time, file, summary)
+        labels = (head.numerator.unit, head.denominator.unit if dataset.per else "")
         points = (head.response_point, head.reference_point)
-        taken.append(Function(head.title, *points, one.is_time, one.quantity, one.per, labels, at, y))
+        taken.append(Function(head.title, *points, dataset.is_time, dataset.quantity, dataset.per, labels, at, y))
     return taken
 
 
@@ -150,7 +150,7 @@ def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
     sets: list[_Set] = []
     others: list[int] = []
     code = 0
-    for block in blocks(data, file, lambda found: binary_form(data, found, header(found, file), file)[1]):
+    for block in blocks(data, file, lambda block_: binary_form(data, block_, header(block_, file), file)[1]):
         if block.kind == 58:
             sets.append(_Set(len(sets) + 1, block, header(block, file), code))
         elif block.kind not in others and len(others) < _MOST_LISTED:
@@ -162,14 +162,14 @@ def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
 
 
 def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
-    for one in sets[:_MOST_LISTED]:
-        head = one.header
-        of = f"{one.quantity or 'unknown quantity'}{f' per {one.per}' if one.per else ''}"
+    for dataset in sets[:_MOST_LISTED]:
+        head = dataset.header
+        of = f"{dataset.quantity or 'unknown quantity'}{f' per {dataset.per}' if dataset.per else ''}"
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
-        form = "bytes" if one.block.binary else "text"
+        form = "bytes" if dataset.block.binary else "text"
         title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
-        text = f"{what}, {of}, {head.points} points ({form}), {one.point}{title}"
-        summary.add(f"data set {one.number}", text, "found in the file")
+        text = f"{what}, {of}, {head.points} points ({form}), {dataset.point}{title}"
+        summary.add(f"data set {dataset.number}", text, "found in the file")
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
     if others:
@@ -182,17 +182,21 @@ def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) 
     if bad is not None:
         raise InputError(f"no data set {bad}", file=file, expected=f"numbers from 1 to {len(sets)}")
     chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.header.function in _TAKEN]
-    for one in chosen:
-        problem = _describe_unfit(one)
+    for dataset in chosen:
+        problem = _describe_unfit(dataset)
         if problem and datasets:
-            raise InputError(f"data set {one.number} is {problem}", file=file, line=one.block.line, expected=_EXPECTED)
-    chosen = [one for one in chosen if not _describe_unfit(one)]
-    if not any(not one.is_force for one in chosen):
+            raise InputError(
+                f"data set {dataset.number} is {problem}", file=file, line=dataset.block.line, expected=_EXPECTED
+            )
+    chosen = [dataset for dataset in chosen if not _describe_unfit(dataset)]
+    if not any(not dataset.is_force for dataset in chosen):
         raise InputError("no data set is a response", file=file, expected=_EXPECTED)
-    has_ratio = any(one.header.function == 4 for one in chosen)
+    has_ratio = any(dataset.header.function == 4 for dataset in chosen)
     if has_ratio and not datasets:  # the spectra of responses beside their frequency responses say the same twice
-        chosen = [one for one in chosen if one.header.function == 4 or (one.is_force and not one.is_time)]
-    if len({one.is_time for one in chosen}) > 1:
+        chosen = [
+            dataset for dataset in chosen if dataset.header.function == 4 or (dataset.is_force and not dataset.is_time)
+        ]
+    if len({dataset.is_time for dataset in chosen}) > 1:
         raise InputError("both time histories and spectra", file=file, expected="--dataset numbers of one kind")
     return chosen
 
@@ -200,18 +204,18 @@ def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) 
 _EXPECTED = "a frequency response (type 4), spectrum (12), general function (0) or time response (1) of a motion"
 
 
-def _describe_unfit(one: _Set) -> str:
+def _describe_unfit(dataset: _Set) -> str:
     """Why a data set is neither a response nor a force; '' if it is one."""
-    head = one.header
+    head = dataset.header
     if head.function not in _TAKEN:
         return _FUNCTIONS.get(head.function, f"of function type {head.function}")
-    if head.function == 4 and (one.quantity == "force" or one.per not in ("", "force")):
-        return f"a ratio of {one.quantity or 'unknown'} to {one.per or 'unknown'}"
+    if head.function == 4 and (dataset.quantity == "force" or dataset.per not in ("", "force")):
+        return f"a ratio of {dataset.quantity or 'unknown'} to {dataset.per or 'unknown'}"
     if head.function == 4 and head.ordinate in (2, 4):
         return "a frequency response of real values, whose phase is lost"
-    if one.is_time and head.ordinate in (5, 6):
+    if dataset.is_time and head.ordinate in (5, 6):
         return "a time history of complex values"
-    if not one.is_time and head.function != 4 and head.abscissa.code not in (_FREQUENCY, 0):
+    if not dataset.is_time and head.function != 4 and head.abscissa.code not in (_FREQUENCY, 0):
         return f"a function of abscissa type {head.abscissa.code}"
     if head.function == 0 and head.abscissa.code == 0:
         return "a function whose abscissa is neither said to be frequency nor time"
@@ -229,33 +233,37 @@ def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Pat
         raise InputError(message, file=file, expected=expected)
 
 
-def _series(one: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
-    x, y = values(data, one.block, one.header, file)
-    head = one.header
-    response = (_PER_FORCE.get(one.quantity) if one.per == "force" else None) if head.function == 4 else one.quantity
+def _series(dataset: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
+    x, y = values(data, dataset.block, dataset.header, file)
+    head = dataset.header
+    response = (
+        (_PER_FORCE.get(dataset.quantity) if dataset.per == "force" else None)
+        if head.function == 4
+        else dataset.quantity
+    )
     (_, along), (_, against) = head.response_point, head.reference_point
     if along * against < 0:
-        summary.note(f"data set {one.number}: response and reference directions are opposite ({along}, {against})")
+        summary.note(f"data set {dataset.number}: response and reference directions are opposite ({along}, {against})")
     return Series(
-        label=head.title or f"set {one.number}",
-        abscissa=abscissa(x, head.abscissa, one.is_time, file, summary),
+        label=head.title or f"set {dataset.number}",
+        abscissa=abscissa(x, head.abscissa, dataset.is_time, file, summary),
         response=y,
-        is_time=one.is_time,
+        is_time=dataset.is_time,
         has_phase=bool(np.iscomplexobj(y)),
         found=Found(
             response or None,
             per_force=head.function == 4,
             scaling="peak" if PEAK in head.notes else None,
-            units=units(head, one.quantity, one.per, one.units_code, summary),
+            units=units(head, dataset.quantity, dataset.per, dataset.units_code, summary),
         ),
     )
 
 
 def _list_labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
     """ID lines as labels where they tell the sweeps apart, else numbers of data sets."""
-    if len({one.label for one in series}) == len(series):
+    if len({row.label for row in series}) == len(series):
         return series
-    return [replace(one, label=f"set {found.number}") for one, found in zip(series, sets, strict=True)]
+    return [replace(row, label=f"set {dataset.number}") for row, dataset in zip(series, sets, strict=True)]
 
 
 def _list_with_forces(
@@ -271,7 +279,7 @@ def _list_with_forces(
             expected="a force for each response, in the same order; choose them with --dataset",
         )
     pairs = zip(series, _forces(forces, data, file, summary), strict=True)
-    return [_joined(one, one_force, number, file) for (one, one_force), number in zip(pairs, forces, strict=True)]
+    return [_joined(row, one_force, number, file) for (row, one_force), number in zip(pairs, forces, strict=True)]
 
 
 def _forces(
@@ -287,13 +295,13 @@ def _forces(
         )
 
 
-def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], found: _Set, file: str | Path) -> Series:
+def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], dataset: _Set, file: str | Path) -> Series:
     x, y, named = force
     if len(x) != len(row.abscissa) or not np.allclose(x, row.abscissa, rtol=1e-4, atol=0.0):
         raise InputError(
-            f"the force of data set {found.number} is at other abscissas than response {row.label!r}",
+            f"the force of data set {dataset.number} is at other abscissas than response {row.label!r}",
             file=file,
-            line=found.block.line,
+            line=dataset.block.line,
             expected="the same frequencies",
         )
     known = dict(row.found.units) | ({"force": named["force"]} if "force" in named else {})

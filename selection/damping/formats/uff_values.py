@@ -36,11 +36,11 @@ _PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 def abscissa(x: FloatArray, axis: Axis, is_time: bool, file: str | Path, summary: Summary) -> FloatArray:
     """Abscissa in Hz or s."""
     if is_time:
-        found = unit(axis.unit or "s", what="unit of time")
-        if found.powers != (0, 0, 1):
+        time = unit(axis.unit or "s", what="unit of time")
+        if time.powers != (0, 0, 1):
             raise InputError(f"time in {axis.unit!r}", file=file, expected="a unit of time")
-        summary.add("time", found.text, "found in the file" if axis.unit else "of the format")
-        return x * found.factor
+        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
+        return x * time.factor
     name = axis.unit.lower()
     factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
     factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
@@ -57,21 +57,21 @@ def units(head: Header, quantity: str, per: str, code: int, summary: Summary) ->
 
     ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
     """
-    found = {}
+    texts = {}
     if head.numerator.unit:
-        found["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
+        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
     if head.function == 4 and head.denominator.unit:
-        found["force"] = head.denominator.unit
+        texts["force"] = head.denominator.unit
     if code in _UNIT_CODES:
         length, force = _UNIT_CODES[code]
-        if quantity in _PER_TIME and "response" not in found:
-            found["response"] = length + _PER_TIME[quantity]
+        if quantity in _PER_TIME and "response" not in texts:
+            texts["response"] = length + _PER_TIME[quantity]
             summary.note(f"units code {code} of data set 164 gives {length} and {force}")
         if "force" in (quantity, per):
-            found.setdefault("force", force)
+            texts.setdefault("force", force)
     elif code:
         summary.note(f"units code {code} of data set 164 is not used: it names no units")
-    return found
+    return texts
 
 
 _PART = 1_000_000  # bytes of text taken at a time
@@ -163,10 +163,10 @@ def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...
     numbers = np.empty(needed)
     count, line = 0, block.line + 12
     for part in _parts(data, block.start, block.end):
-        found = _numbers(part, widths, line, file)
-        taken = min(len(found), needed - count)
-        numbers[count : count + taken] = found[:taken]
-        surplus = found[taken:]
+        values = _numbers(part, widths, line, file)
+        taken = min(len(values), needed - count)
+        numbers[count : count + taken] = values[:taken]
+        surplus = values[taken:]
         if len(surplus) > _PADDING or np.any(surplus != 0.0):
             raise InputError(
                 f"more values than the {needed} of the header",
@@ -199,10 +199,10 @@ def _numbers(part: bytes, widths: tuple[int, ...], line: int, file: str | Path) 
     """Numbers of some lines: separated by blanks, else in columns (where they may touch)."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(_D_TO_E))
     for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
-        found = fields(part)
+        texts = fields(part)
         try:
-            if max(map(len, found), default=0) <= _LONGEST:
-                return np.array(found, dtype=np.bytes_).astype(np.float64)
+            if max(map(len, texts), default=0) <= _LONGEST:
+                return np.array(texts, dtype=np.bytes_).astype(np.float64)
         except ValueError:
             continue
     bad = next((i for i, text in enumerate(part.split(b"\n")) if not _readable(text, widths)), 0)

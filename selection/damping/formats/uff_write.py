@@ -37,9 +37,9 @@ def uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes
     notes = [f"column {name} is not in the universal file" for name in _list_left_out(record)]
     sets = []
     for label in record.sweeps:
-        one = record.of(label)
-        f, F = one.column("frequency"), one.column("force")
-        receptance = one.column("amplitude") / F * np.exp(-1j * _lag(one, label))
+        sweep = record.of(label)
+        f, F = sweep.column("frequency"), sweep.column("force")
+        receptance = sweep.column("amplitude") / F * np.exp(-1j * _lag(sweep, label))
         title = " ".join(label.split())
         if len(title.encode()) > 80 or title != label:
             notes.append(f"label {label!r} is shortened")

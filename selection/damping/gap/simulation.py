@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class Simulation:
         first = 2 + len(forces)
         own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
         first += len(self.further)
-        rates = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
+        rates: dict[str, Any] = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
         first += len(self.swept)
         return Terms(
             M=self.mode.mass * factor[:, 1],

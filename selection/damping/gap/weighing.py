@@ -72,7 +72,7 @@ def blend_probabilities(
 
 
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
-#: where nothing is blamed; less for each of the `list_doubts`.
+#: where nothing is blamed; less for each of the `describe_doubts`.
 IN_LIBRARY = 1.86
 NOTHING_BLAMED = 1.07
 PER_DECADE = 1.17
@@ -108,7 +108,7 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
     ]
 
 
-def list_doubts(tests: Sequence[Test], leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> FloatArray:
+def describe_doubts(tests: Sequence[Test], leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> FloatArray:
     """What speaks against an explanation, (4,).
 
     Decades of the smallest p-value (at most six), effects beyond one, whether a held-out level fails, best fits at the

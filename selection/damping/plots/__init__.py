@@ -1,1 +1,294 @@
-"""Plotting functions: tables and arrays in, a matplotlib Figure out; style in one place."""
+"""Plotting functions: tables and arrays in, a matplotlib Figure out. Here the look of every figure and the way to SVG.
+
+A law has one colour and one line everywhere. A force alone is solid; viscous with another force has that force's
+colour, dashed; any other sum (a selected polynomial) is dash-dotted or dotted in a colour found from its name. The
+colours are of the Okabe-Ito and Tol sets, which people with the common colour deficiencies can tell apart; line
+styles, labels and position say the same thing once more.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import warnings
+from collections.abc import Callable, Iterable
+from functools import wraps
+from pathlib import Path
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+from xml.etree import ElementTree
+from zlib import crc32
+
+from matplotlib import rc_context, rc_params_from_file
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
+
+from damping.forces import CATALOGUE, Viscous
+
+_POINTS = 72.0
+_SCALES = ("linear", "log")
+
+
+def describe_scales(figure: Figure) -> str:
+    """The axes of a figure that has been drawn, as JSON; empty where no value can be read off it.
+
+    A list of ``{"box": [left, top, width, height], "x": scale, "y": scale}``, the box in points from the upper left
+    corner as in SVG; a scale is ``{"name", "low", "high", "log"}`` from left to right or from bottom to top, or null
+    where an axis has no name (rows of labels, densities).
+    """
+    described = [_describe_axes(axes, figure) for axes in figure.axes if axes.get_visible() and axes.axison]
+    readable = [axes for axes in described if axes["x"] or axes["y"]]
+    return json.dumps(readable, ensure_ascii=False, separators=(",", ":")) if readable else ""
+
+
+def _describe_axes(axes: Axes, figure: Figure) -> dict[str, Any]:
+    width, height = (_POINTS * inches for inches in figure.get_size_inches())
+    place = axes.get_position()
+    box = (place.x0 * width, (1.0 - place.y1) * height, place.width * width, place.height * height)
+    named = axes.get_label() != "<colorbar>"
+    scales = {which: _describe_scale(axes, figure, which) if named else None for which in "xy"}
+    return {"box": [round(edge, 2) for edge in box], **scales}
+
+
+def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
+    """What an axis measures; None without a name of its own, of a panel that shares it, or of the whole figure."""
+    panels = (axes, *getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes))
+    axis, limits, kind = (getattr(axes, f"get_{which}{what}")() for what in ("axis", "lim", "scale"))
+    labels = [getattr(panel, f"{which}axis").get_label_text() for panel in panels]
+    if isinstance(axis.get_major_formatter(), ScalarFormatter):
+        labels.append(figure.get_supxlabel() if which == "x" else figure.get_supylabel())
+    name = next((" ".join(label.split()) for label in labels if label), "")
+    if not name or kind not in _SCALES:
+        return None
+    low, high = (float(f"{limit:.7g}") for limit in limits)
+    return {"name": name, "low": low, "high": high, "log": kind == "log"}
+
+
+#: Width of the text of an A4 page, inches (17 cm).
+TEXT_WIDTH = 6.7
+#: Width of a figure, inches: read on a telephone without scrolling, and two stand side by side elsewhere.
+WIDTH = 4.8
+#: Labels beside points: more hide the points.
+MOST_LABELS = 40
+#: Texts and axes.
+INK = "#1f2328"
+#: Texts of less weight: 5.9 to 1 against white, above the 4.5 that small text needs (WCAG 2.1).
+MUTED = "#5c6670"
+#: Lines of the grid.
+GRID = "#e3e6e9"
+#: Measured values.
+MEASURED = "#1f2328"
+#: The average over models.
+AVERAGE = "#0b2545"
+#: What linear damping says.
+LINEAR = "#a3123a"
+#: Ground of what lies beyond the test.
+BEYOND = "#f6f1e6"
+#: What needs attention.
+ALERT = "#c8500a"
+#: Credible band of the average, inner of the two.
+CREDIBLE = "#93b3d1"
+#: Predictive band, outer of the two.
+PREDICTIVE = "#cddcea"
+
+#: Colours of the forces of the catalogue, in its order; of what comes after, as of any other law.
+_COLOURS = ("#5c6670", "#e69f00", "#d55e00", "#0060a8", "#009e73", *("#d45fb0", "#332288", "#999933", "#56b4e9"))
+_FORCE_COLOURS = dict(zip(CATALOGUE, _COLOURS, strict=False))
+_OTHER_COLOURS = (
+    *("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677"),
+    *("#3d5a80", "#c774b8", "#7a3e12", "#44aa99"),
+)
+_OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+
+#: The look of every figure, its colours those above.
+_STYLE: Any = rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
+
+Parameters = ParamSpec("Parameters")
+
+
+class LawStyle(NamedTuple):
+    """Colour and matplotlib line style of a law."""
+
+    colour: str
+    line: Any
+
+
+Result = TypeVar("Result")
+
+
+class Drawn(NamedTuple):
+    """A figure with its text alternative."""
+
+    figure: Figure
+    title: str
+    description: str
+
+    @property
+    def caption(self) -> str:
+        """Title and description."""
+        return f"{self.title}. {self.description}"
+
+    def to_svg(self, name: str) -> str:
+        """The figure as an SVG element (:func:`to_svg`)."""
+        return to_svg(self.figure, name, self.title, self.description)
+
+
+class Drawing(Figure):
+    """A figure that a notebook shows as it is, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+        return buffer.getvalue()
+
+
+def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
+
+    @wraps(draw)
+    def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        with rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def law_style(name: str) -> LawStyle:
+    """Colour and line of the law called ``name`` (component names joined by `` + ``), the same in every figure."""
+    parts = name.split(" + ")
+    others = [part for part in parts if part != Viscous.name] or [Viscous.name]
+    if len(others) == 1 and others[0] in _FORCE_COLOURS:
+        return LawStyle(_FORCE_COLOURS[others[0]], "-" if len(parts) == 1 else (0, (4.5, 1.6)))
+    number = crc32(name.encode())
+    lines, colours = len(_OTHER_LINES), len(_OTHER_COLOURS)
+    return LawStyle(_OTHER_COLOURS[number % colours], _OTHER_LINES[number // colours % lines])
+
+
+def describe_with_unit(what: str, unit: str) -> str:
+    """An axis label: ``what`` with its unit in parentheses, where it has one."""
+    return f"{what} ({unit})" if unit else what
+
+
+def weight_text(weight: float) -> str:
+    """A posterior probability for a label: three decimals where it is small."""
+    if weight >= 0.0095 or weight == 0.0:
+        return f"{weight:.2f}" if weight else "0"
+    return f"{weight:.3f}" if weight >= 0.0005 else "< 0.001"
+
+
+def plain_log(axis: Axis) -> None:
+    """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
+    low, high = sorted(axis.get_view_interval())
+    short = high < 15.0 * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=7))
+    axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
+    axis.set_minor_locator(NullLocator())
+
+
+def draw_plain_rows(axes: Axes, labels: list[str]) -> None:
+    """Label a vertical axis with one row per label, the first on top, and no ticks or horizontal grid."""
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+
+
+def describe_short(label: object, most: int = 14) -> str:
+    """A label for beside a point: one line of at most ``most`` characters."""
+    text = " ".join(str(label).split())
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def distinguish(labels: Iterable[object], most: int = 10) -> list[str]:
+    """Labels in a line without the words that all of them begin or end with; at most ``most`` characters each."""
+    words = [str(label).split() for label in labels]
+    if len(words) > 1:
+        while all(len(w) > 1 for w in words) and len({w[0] for w in words}) == 1:
+            words = [w[1:] for w in words]
+        while all(len(w) > 1 for w in words) and len({w[-1] for w in words}) == 1:
+            words = [w[:-1] for w in words]
+    return [describe_short(" ".join(w), most) for w in words]
+
+
+def identifier(name: str) -> str:
+    """``name`` as an id in a page and a file stem: letters, digits, underscores and hyphens, starting with a letter."""
+    slug = re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-")
+    return slug if slug[:1].isalpha() else f"n-{slug}"
+
+
+def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
+    """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
+
+    Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
+    so figures with different names can share a page. ``data-axes`` says how to read values off it
+    (:func:`damping.plots.describe_scales`).
+    """
+    prefix = identifier(name)
+    buffer = io.BytesIO()
+    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with rc_context({**_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
+        # the reader's fonts may have what the bundled one lacks
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        # print_svg lays the figure out and draws it once, where savefig does so twice
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
+    svg = _replace_invalid(buffer.getvalue().decode("utf-8"))
+    return _describe_standing_alone(svg, prefix, *map(_replace_invalid, (title, description, describe_scales(figure))))
+
+
+def _replace_invalid(text: str) -> str:
+    """The text without the characters that XML does not allow."""
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+_NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+_SVG = "http://www.w3.org/2000/svg"
+_XLINK = "http://www.w3.org/1999/xlink"
+
+
+def _describe_standing_alone(svg: str, prefix: str, title: str, description: str, axes: str) -> str:
+    """Matplotlib's SVG with a text alternative and its axes, ids only where they are used, and two decimals."""
+    ElementTree.register_namespace("", _SVG)
+    ElementTree.register_namespace("xlink", _XLINK)
+    root = ElementTree.fromstring(svg)
+    _shorten(root, prefix)
+    for container in root.iter():
+        # matplotlib's style sheet and metadata would reach beyond the figure: the same is said on the root
+        for child in [c for c in container if c.tag in (f"{{{_SVG}}}style", f"{{{_SVG}}}metadata")]:
+            container.remove(child)
+    root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt", "role": "img"}
+    root.set("aria-labelledby", f"{prefix}-title {prefix}-desc")
+    if axes:
+        root.set("data-axes", axes)
+    for position, (tag, text) in enumerate((("title", title), ("desc", description))):
+        element = ElementTree.Element(f"{{{_SVG}}}{tag}", {"id": f"{prefix}-{tag}"})
+        element.text = text
+        root.insert(position, element)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+_REFERENCE = re.compile(r"url\(#([^)]+)\)")
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_NUMBERS = ("d", "x", "y", "width", "height", "transform")
+
+
+def _shorten(root: ElementTree.Element, prefix: str) -> None:
+    """Prefix the ids that are referred to, drop the others, round coordinates to 0.01 point."""
+    href = f"{{{_XLINK}}}href"
+    elements = list(root.iter())
+    used = {e.get(href, "").removeprefix("#") for e in elements}
+    used |= {name for e in elements for value in e.attrib.values() for name in _REFERENCE.findall(value)}
+    for element in elements:
+        attributes = element.attrib
+        own = attributes.pop("id", None)
+        if own in used:
+            attributes["id"] = f"{prefix}-{own}"
+        for key, value in list(attributes.items()):
+            if key == href and value.startswith("#"):
+                attributes[key] = f"#{prefix}-{value.removeprefix('#')}"
+            elif "url(#" in value:
+                attributes[key] = _REFERENCE.sub(rf"url(#{prefix}-\1)", value)
+            elif key in _NUMBERS:
+                attributes[key] = _LONG_NUMBER.sub(lambda number: f"{float(number[0]):.2f}", value)

@@ -1,13 +1,4 @@
-"""Maps over sweep and frequency, one panel a quantity: residuals of the simulation, or footprint of an explanation.
-
-Measured amplitude and phase of every sweep with the simulation before and after the explanation.
-
-Local estimates of natural frequency and damping ratio over amplitude, with what simulation and explanation say.
-
-Resonant amplitude of every sweep over force, with the simulation before and after the explanation.
-
-Probabilities of the explanations as bars.
-"""
+"""A gap between simulation and test: where it lies, measured beside simulated, local estimates, probabilities."""
 
 from __future__ import annotations
 
@@ -17,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
-from damping.plots.style import (
+from damping.plots import (
     ALERT,
     AVERAGE,
     INK,
@@ -108,8 +99,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
             _draw_panel(lowest, points, curves, "phase")
             upper.tick_params(axis="x", labelbottom=False)
             if column == 0:
-                lowest.set_ylabel("phase lag (rad)")
-        lowest.set_xlabel("frequency (Hz)")
+                lowest.set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure

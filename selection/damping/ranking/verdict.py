@@ -31,8 +31,9 @@ Verdict = Literal["fits", "poor", "none fits"]
 UNLIKELY = 0.01
 #: Draws of the scatters: the p-value is then known to 1.6 % at a half and to 0.2 % at ``UNLIKELY``.
 DRAWS = 1000
-#: Root mean square misfit, relative amplitude, from which on few runs speak against a law: twice the median scatter.
-SYSTEMATIC = 2.0 * SCATTER_MEDIAN
+#: Root mean square misfit, relative amplitude, from which on few runs speak against a law: what laws of a few
+#: terms leave on real structures.
+SYSTEMATIC = 0.04
 #: Rows of a sweep from which on second differences and runs are looked at.
 FEWEST_ROWS = 6
 #: Second differences of white noise have six times its variance and, being correlated, two thirds of their number in

@@ -173,11 +173,11 @@ def sense_rate(runs: Sequence[Run]) -> float | None:
     if count < FREE_ROWS:
         return None
     swept = np.column_stack([linear, slope])
-    found, left, spread = _solve(swept, real)
+    solution, left, spread = _solve(swept, real)
     steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
     error = spread * np.sqrt(left / count)
-    told = abs(found[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent
-    return float(found[-1] / found[-2]) if told and found[-2] > 0.0 else None
+    certain = abs(solution[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent
+    return float(solution[-1] / solution[-2]) if certain and solution[-2] > 0.0 else None
 
 
 def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | None:
@@ -210,7 +210,7 @@ def _solve(design: FloatArray, target: FloatArray) -> tuple[FloatArray, float, f
     """Least squares of columns of any size, the sum of squares left, and the spread of the last for one of 1."""
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
-    found = np.linalg.lstsq(design / size, target)[0] / size
-    left = target - design @ found
+    solution = np.linalg.lstsq(design / size, target)[0] / size
+    left = target - design @ solution
     spread = np.sqrt(np.linalg.pinv((design / size).T @ (design / size))[-1, -1]) / size[-1]
-    return found, float(left @ left), float(spread)
+    return solution, float(left @ left), float(spread)

@@ -123,10 +123,10 @@ def _resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     if len(rows) > 1 and "phase" in table.columns:
         phase = table["phase"].to_numpy(dtype=np.float64)
         offset = phase_offset(force, frequency, amplitude, phase)
-        found = _at_resonance(force, frequency, amplitude, phase - offset)
-        if found is not None:
+        passage = _at_resonance(force, frequency, amplitude, phase - offset)
+        if passage is not None:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
-            return Resonance(sweep, *found, offset, "interpolated", row)
+            return Resonance(sweep, *passage, offset, "interpolated", row)
     peak = int(np.argmax(amplitude))
     method = "row" if len(rows) == 1 else "peak"
     return Resonance(

@@ -94,13 +94,21 @@ class CsvRows:
 
     It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
     ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row.
+
+    Args:
+        data: the file. file: its name, for messages. delimiter: between cells; of blanks several count as one.
+        comments: pass over lines that begin with # or %. skip: lines that are passed over first.
     """
 
-    def __init__(self, data: bytes, file: str | Path) -> None:
+    def __init__(
+        self, data: bytes, file: str | Path, delimiter: str = ",", *, comments: bool = False, skip: int = 0
+    ) -> None:
         self._data, self._file = data.removeprefix(codecs.BOM_UTF8), file
-        self._reader = csv.reader(self._lines(), strict=True)
+        self._delimiter, self._comments, self._skip = delimiter, comments, skip
+        blanks = delimiter == " "
+        self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=blanks)
         self._broken: InputError | None = None
-        self._size = 0
+        self._size = self._start = 0
         self.problem: InputError | None = None
 
     def __iter__(self) -> Iterator[tuple[int, list[str]]]:
@@ -108,18 +116,17 @@ class CsvRows:
 
     def __next__(self) -> tuple[int, list[str]]:
         while True:
-            line = self._reader.line_num + 1
-            self._size = 0
+            self._size = self._start = 0
             try:
                 cells = next(self._reader)
             except StopIteration:
                 self.problem = self._broken
                 raise
             except csv.Error as error:
-                self.problem = self._unreadable(line, str(error))
+                self.problem = self._unreadable(str(error))
                 raise StopIteration from None
             if len(cells) > 1 or (cells and cells[0].strip()):
-                return line, cells
+                return self._start, cells
 
     def _lines(self) -> Iterator[str]:
         """Lines with their ends, up to the first that is no text or makes a row too long; ``_broken`` then says why."""
@@ -129,23 +136,28 @@ class CsvRows:
             text, broken = decode(self._data[start:end], self._file)
             for match in _LINE.finditer(text):
                 number += 1
+                if number <= self._skip or (self._comments and match[0].lstrip().startswith(("#", "%"))):
+                    continue
+                self._start = self._start or number
                 self._size += match.end() - match.start()
                 if self._size > LONGEST_ROW:
                     message = f"a row of more than {LONGEST_ROW} characters"
                     self._broken = InputError(message, file=self._file, line=number, expected="cells in rows")
                     return
-                yield match[0]
+                yield match[0] if self._delimiter != " " else match[0].rstrip(" \r\n") + "\n"
             if broken is not None:
                 line = number + 1
                 self._broken = InputError(broken.message, file=self._file, line=line, expected=broken.expected)
                 return
             start = end
 
-    def _unreadable(self, line: int, reason: str) -> InputError:
+    def _unreadable(self, reason: str) -> InputError:
+        line = self._start
         if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
             quote = InputError("a quote that is opened and never closed", file=self._file, line=line, expected='"..."')
             return self._broken or quote
-        return InputError(f"not CSV: {reason}", file=self._file, line=line, expected="cells separated by commas")
+        separated = "by commas" if self._delimiter == "," else "as stated"
+        return InputError(f"not CSV: {reason}", file=self._file, line=line, expected=f"cells separated {separated}")
 
 
 _CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one

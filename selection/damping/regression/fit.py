@@ -1,4 +1,8 @@
-"""Criteria of selection, for one model or for arrays of models.
+"""One regression with its statistics and the criteria of selection (report, section 5.2): arrays in, a result out.
+
+The fit minimises sum_j (sum_k a_k phi_k(Q_j) - E(Q_j))^2 (Eq. 5.2.4). The columns are replaced by an orthonormal basis,
+statsmodels fits what a first solution left over, and the coefficients and their statistics are linear combinations of
+that fit's: the condition of the columns costs no digits.
 
 With e the deviations, SSE = sum e^2, n observations and k coefficients, and K = k + 1 parameters (the coefficients and
 the variance of the deviations), for independent normal deviations of one variance
@@ -12,14 +16,6 @@ the variance of the deviations), for independent normal deviations of one varian
 
 Programs that leave the variance out of K give an AIC smaller by 2 and a BIC smaller by ln n. A criterion that does not
 exist is NaN. SSE below the rounding of the response counts as that rounding: exact fits differ in k alone.
-
-One regression with its statistics (report, section 5.2): arrays in, a frozen result out.
-
-The fit minimises sum_j (sum_k a_k phi_k(Q_j) - E(Q_j))^2 (Eq. 5.2.4). The columns are replaced by an orthonormal basis,
-statsmodels fits what a first solution left over, and the coefficients and their statistics are linear combinations of
-that fit's: the condition of the columns costs no digits.
-
-One-term fits: each transformed variable "as an indicator of E when taken by itself" (report, section 5.2).
 """
 
 from __future__ import annotations
@@ -32,9 +28,8 @@ from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.errors import InputError
-from damping.regression.decomposition import Basis, decompose, power_of_two
-from damping.regression.design import Design
-from damping.regression.terms import deviations
+from damping.regression import deviations
+from damping.regression.design import Basis, Design, decompose, power_of_two
 
 _ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # deviations below this share of the response say nothing
 #: Names on the command line, with the name in print.
@@ -247,4 +242,4 @@ def one_term_fits(design: Design) -> list[Fit]:
     column is zero at every observation.
     """
     fits = [fit(design.take([i])) for i in range(design.k)]
-    return sorted(fits, key=lambda one: one.sse)
+    return sorted(fits, key=lambda single: single.sse)

@@ -28,8 +28,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.regression.decomposition import Basis
-from damping.regression.design import Design
+from damping.regression.design import Basis, Design
 from damping.regression.fit import leave_one_out
 from damping.regression.shortlist import LARGEST_LEVERAGE, Shortlist, SubsetProblem, state_problem
 
@@ -197,18 +196,18 @@ def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
     if problem.nonnegative:
         coefficients, rest = _nonnegative(nodes, problem)
         subsets = coefficients > 0.0
-        mine = (subsets | ~stay).all(axis=1)
+        standing = (subsets | ~stay).all(axis=1)
         numbers = np.take_along_axis(coefficients, nodes.terms, axis=1) * nodes.is_open
     else:
-        subsets, rest, mine = nodes.inside, nodes.rest, np.ones(len(nodes), dtype=np.bool_)
+        subsets, rest, standing = nodes.inside, nodes.rest, np.ones(len(nodes), dtype=np.bool_)
         numbers = nodes.duals @ problem.along
     sse = problem.sse(rest)
     if not problem.leaves_out:
-        best.enter(subsets[mine], sse[mine])
+        best.enter(subsets[standing], sse[standing])
         return _open(nodes, numbers, numbers, sse, stay, best)
     deviations = problem.deviations(rest)
-    leverages = _leverages(subsets[mine], problem) if problem.nonnegative else nodes.leverages
-    best.enter(subsets[mine], np.asarray(leave_one_out(deviations[mine], leverages)))
+    leverages = _leverages(subsets[standing], problem) if problem.nonnegative else nodes.leverages
+    best.enter(subsets[standing], np.asarray(leave_one_out(deviations[standing], leverages)))
     least, change = _weighted(nodes, deviations, problem)
     return _open(nodes, numbers, numbers + change, least, stay, best)
 

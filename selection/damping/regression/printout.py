@@ -25,16 +25,16 @@ def printout(result: Regression) -> str:
         _describe_one_term(result),
     ]
     if result.plane is not None:
-        parts.append(_describe_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _list_coefficients(result.plane)))
+        parts.append(_describe_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _format_coefficients(result.plane)))
     selects = result.choice.method != "none" or result.choice.nonnegative
     if selects:
-        parts.append(_describe_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _list_coefficients(result.full)))
+        parts.append(_describe_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _format_coefficients(result.full)))
         parts.append(_describe_selection(result))
     fit = result.selected.fit
     parts.append(
-        _describe_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _list_coefficients(fit))
+        _describe_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _format_coefficients(fit))
     )
-    parts.append(_describe_section("TERMS IN DESCENDING ORDER OF T-RATIO", _list_by_t_ratio(fit)))
+    parts.append(_describe_section("TERMS IN DESCENDING ORDER OF T-RATIO", _rank_by_t_ratio(fit)))
     parts += [
         _describe_goodness(result),
         _describe_criteria(result),
@@ -54,12 +54,12 @@ def describe_comparison(results: Sequence[Regression]) -> str:
             " + ".join(result.selected.fit.names),
             str(result.selected.fit.k),
             *map(_number, (result.selected.fit.rms_error, result.deviations.average_absolute_percent)),
-            *map(_number, (_one(result, "bic"), _one(result, "loo"))),
+            *map(_number, (_score_by(result, "bic"), _score_by(result, "loo"))),
         )
         for result in results
     ]
     header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
-    return _describe_shown(_describe_section("COMPARISON OF FITS", _list_table(header, rows, left=2)))
+    return _describe_shown(_describe_section("COMPARISON OF FITS", _align_columns(header, rows, left=2)))
 
 
 def _describe_shown(text: str) -> str:
@@ -67,7 +67,7 @@ def _describe_shown(text: str) -> str:
     return "\n".join(map(escape_control, text.split("\n")))
 
 
-def _one(result: Regression, criterion: str) -> float:
+def _score_by(result: Regression, criterion: str) -> float:
     return float(result.selected.fit.criteria.score(criterion))
 
 
@@ -79,7 +79,7 @@ def _describe_section(title: str, lines: Iterable[str]) -> str:
     return "\n".join([title, "-" * len(title), *lines, ""])
 
 
-def _list_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+def _align_columns(header: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
     """Aligned columns, the first ``left`` to the left; those that do not fit beside them follow below."""
     widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
     lines: list[str] = []
@@ -118,7 +118,7 @@ def _wrap(text: str) -> list[str]:
 def _describe_variables(result: Regression) -> str:
     header = ("variable", "sum", "average value", "standard deviation", "sum of squares")
     rows = [(v.name, *map(_number, (v.sum, v.mean, v.standard_deviation, v.sum_of_squares))) for v in result.variables]
-    return _describe_section("TRANSFORMED VARIABLES", _list_table(header, rows))
+    return _describe_section("TRANSFORMED VARIABLES", _align_columns(header, rows))
 
 
 def _describe_correlations(result: Regression) -> str:
@@ -127,29 +127,29 @@ def _describe_correlations(result: Regression) -> str:
         (name, *("-" if np.isnan(value) else f"{value:.5f}" for value in row[: i + 1]), *[""] * (len(names) - i - 1))
         for i, (name, row) in enumerate(zip(names, result.correlations, strict=True))
     ]
-    return _describe_section("CORRELATION COEFFICIENTS", _list_table(("", *names), rows))
+    return _describe_section("CORRELATION COEFFICIENTS", _align_columns(("", *names), rows))
 
 
 def _describe_one_term(result: Regression) -> str:
     header = ("term", "coefficient", "T-ratio", "rms error", "R^2 about zero")
     rows = [
-        (one.names[0], *map(_number, (one.coefficients[0], one.t_ratios[0], one.rms_error, one.r_squared)))
-        for one in result.one_term
+        (fit.names[0], *map(_number, (fit.coefficients[0], fit.t_ratios[0], fit.rms_error, fit.r_squared)))
+        for fit in result.one_term
     ]
-    return _describe_section("ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", _list_table(header, rows))
+    return _describe_section("ONE-TERM FITS IN DECREASING ORDER OF SIGNIFICANCE", _align_columns(header, rows))
 
 
-def _list_coefficients(fit: Fit) -> list[str]:
+def _format_coefficients(fit: Fit) -> list[str]:
     header = ("term", "coefficient", "standard error", "T-ratio", "p-value")
     columns = (fit.coefficients, fit.std_errors, fit.t_ratios, fit.p_values)
     rows = [(name, *map(_number, row)) for name, *row in zip(fit.names, *columns, strict=True)]
     held = [] if fit.active.all() else ["A coefficient of 0 without standard error is held there: coefficients >= 0."]
-    return [*_list_table(header, rows), *held, f"Scaled condition number {fit.condition_number:.4g}"]
+    return [*_align_columns(header, rows), *held, f"Scaled condition number {fit.condition_number:.4g}"]
 
 
-def _list_by_t_ratio(fit: Fit) -> list[str]:
+def _rank_by_t_ratio(fit: Fit) -> list[str]:
     order = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
-    return _list_table(("term", "T-ratio"), [(fit.names[i], _number(fit.t_ratios[i])) for i in order])
+    return _align_columns(("term", "T-ratio"), [(fit.names[i], _number(fit.t_ratios[i])) for i in order])
 
 
 def _describe_selection(result: Regression) -> str:
@@ -158,10 +158,10 @@ def _describe_selection(result: Regression) -> str:
     title = f"SELECTION: {choice.method}" + ("" if choice.method == "none" else f", by {by}")
     title += ", coefficients >= 0" if choice.nonnegative else ""
     lines = [f"{step.action:5s}  {step.term:14s}  {step.reason}" for step in result.selected.steps]
-    return _describe_section(title, [*lines, *_list_models(result)])
+    return _describe_section(title, [*lines, *_describe_models(result)])
 
 
-def _list_models(result: Regression, most: int = 20) -> list[str]:
+def _describe_models(result: Regression, most: int = 20) -> list[str]:
     """The best subsets, where all were searched, and what proves them so."""
     models = result.selected.models
     if models is None:
@@ -172,13 +172,13 @@ def _list_models(result: Regression, most: int = 20) -> list[str]:
         for i in range(min(most, len(models)))
     ]
     proof, every = models.proof, f"all 2^{len(models.names)} - 1 subsets"
-    said = f"best of {every}, each fitted" if proof is None else f"best of {every}, proved by {proof.nodes} fits"
-    return ["", *_list_table(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows), said]
+    proved = f"best of {every}, each fitted" if proof is None else f"best of {every}, proved by {proof.nodes} fits"
+    return ["", *_align_columns(("best subsets", "k", NAMES[result.choice.criterion], "rms error"), rows), proved]
 
 
 def _describe_goodness(result: Regression) -> str:
     sums, fit, deviations = result.sums, result.selected.fit, result.deviations
-    table = _list_table(
+    table = _align_columns(
         ("", "fitted E", "observed E", "E fitted - observed"),
         [
             ("sum", *map(_number, (sums.fitted, sums.observed, sums.difference))),
@@ -198,7 +198,7 @@ def _describe_goodness(result: Regression) -> str:
         ("   R^2 about the mean, 1 - SSE/sum (y - mean)^2", fit.r_squared_centred),
     ]
     return _describe_section(
-        "GOODNESS OF FIT", [*table, "", *_list_table(("", ""), [(k, _number(v)) for k, v in rows])[1:]]
+        "GOODNESS OF FIT", [*table, "", *_align_columns(("", ""), [(k, _number(v)) for k, v in rows])[1:]]
     )
 
 
@@ -212,7 +212,7 @@ def _describe_criteria(result: Regression) -> str:
         ("leave-one-out error", values.leave_one_out_error),
     ]
     return _describe_section(
-        "CRITERIA", _list_table(("", ""), [(name, _number(float(value))) for name, value in rows])[1:]
+        "CRITERIA", _align_columns(("", ""), [(name, _number(float(value))) for name, value in rows])[1:]
     )
 
 
@@ -226,7 +226,7 @@ def _describe_bands(result: Regression) -> str:
         for band in result.bands
     ]
     header = ("i) |per cent deviation|", "observations", "per cent of them")
-    return _describe_section("OBSERVATIONS BY PER CENT OF DEVIATION", _list_table(header, rows))
+    return _describe_section("OBSERVATIONS BY PER CENT OF DEVIATION", _align_columns(header, rows))
 
 
 def _describe_deviations(result: Regression) -> str:
@@ -239,4 +239,4 @@ def _describe_deviations(result: Regression) -> str:
     left_out = len(d.observed) - len(rows)
     more = [f"and {left_out} more"] if left_out else []
     header = ("row", "observed", "fitted", "deviation", "per cent")
-    return _describe_section("DEVIATIONS (observed - fitted)", [*_list_table(header, rows), *more])
+    return _describe_section("DEVIATIONS (observed - fitted)", [*_align_columns(header, rows), *more])

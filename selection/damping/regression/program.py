@@ -1,22 +1,22 @@
-"""Deviations of a fit and what the SHARE program prints of them (report, section 5.2, items a to i).
-
-The "Multivariate Regression Program I" (SHARE SDA 3104) of the report's section 5.2, for one curve on one table.
-"""
+"""The "Multivariate Regression Program I" (SHARE SDA 3104) of section 5.2 for one curve on one table, and its form."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray, IntArray, plain
 from damping.errors import AnalysisError
+from damping.regression import CONSTANT, Term, list_columns_of, parse_term
 from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.selecting import Choice, Selected, select
-from damping.regression.terms import CONSTANT, Term, list_columns_of, parse_term
+from damping.regression.subsets import Subsets
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
@@ -167,7 +167,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         deviations=deviations,
         sums=goodness_of_fit(selected.fit),
         bands=breakdown(deviations),
-        notes=(*columns.notes, *why_not, *_list_cautions(selected.fit)),
+        notes=(*columns.notes, *why_not, *_collect_cautions(selected.fit)),
     )
 
 
@@ -180,17 +180,118 @@ def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tup
         return None, (f"no plane: {error}",)
 
 
-def _list_cautions(found: Fit) -> tuple[str, ...]:
+def _collect_cautions(fit: Fit) -> tuple[str, ...]:
     """What a reader of the coefficients must know."""
     cautions = []
-    if found.n == found.k:
+    if fit.n == fit.k:
         cautions.append("as many terms as observations: the fit is exact and says nothing of errors")
-    if found.condition_number > 1e4:
-        digits = int(np.log10(found.condition_number))
+    if fit.condition_number > 1e4:
+        digits = int(np.log10(fit.condition_number))
         cautions.append(
-            f"nearly dependent terms: the scaled condition number {found.condition_number:.2g} magnifies errors of the"
+            f"nearly dependent terms: the scaled condition number {fit.condition_number:.2g} magnifies errors of the"
             f" data by up to {digits} powers of ten, whatever the fit's own accuracy"
         )
-    if not found.active.all():
+    if not fit.active.all():
         cautions.append("statistics take the terms that are not held at 0 as given")
     return tuple(cautions)
+
+
+Form = dict[str, Any]
+
+
+def tabulate_terms(fit: Fit) -> pd.DataFrame:
+    """A row a term: ``name, coefficient, std_error, t_ratio, p_value``."""
+    numbers = {"coefficient": fit.coefficients, "std_error": fit.std_errors, "t_ratio": fit.t_ratios}
+    return pd.DataFrame({"name": fit.names, **numbers, "p_value": fit.p_values})
+
+
+def regress_form(result: Regression) -> Form:
+    """The JSON form ``regress/1``; what does not exist is None."""
+    fit, choice, models = result.selected.fit, result.choice, result.selected.models
+    form: Form = {
+        "format": "regress/1",
+        "data": result.data,
+        "n": fit.n,
+        "response": result.design.response,
+        "terms": _build_terms(fit),
+        "one_term_fits": [_describe_one_term(single) for single in result.one_term],
+        "summary": _summary(result),
+        "criteria": asdict(fit.criteria),
+        "deviations": [],  # in its place among the keys
+        "steps": _build_steps(result),
+        "selection": asdict(choice),
+        "subsets": _build_subsets(models),
+        # None where every subset was fitted, or none searched
+        "proof": asdict(models.proof) if models is not None and models.proof is not None else None,
+        "all_terms": _build_terms(result.full),
+        "plane": None if result.plane is None else _build_terms(result.plane),
+        "variables": [asdict(variable) for variable in result.variables],
+        "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
+        "goodness_of_fit": asdict(result.sums),
+        "breakdown": [asdict(band) for band in result.bands],
+        "notes": list(result.notes),
+    }
+    return {**plain(form), "deviations": _build_deviations(result)}
+
+
+def _build_terms(fit: Fit) -> list[Form]:
+    return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
+
+
+def _describe_one_term(fit: Fit) -> Form:
+    alone = {"coefficient": fit.coefficients[0], "t_ratio": fit.t_ratios[0]}
+    return {"name": fit.names[0], **alone, "rms_error": fit.rms_error, "r_squared": fit.r_squared}
+
+
+def _summary(result: Regression) -> Form:
+    fit, deviations = result.selected.fit, result.deviations
+    return {
+        "rms_error": fit.rms_error,
+        "average_absolute_deviation": deviations.average_absolute,
+        "average_absolute_percent": deviations.average_absolute_percent,
+        "standard_error": fit.standard_error,
+        "largest_absolute_deviation": deviations.largest_absolute,
+        "largest_absolute_percent": deviations.largest_absolute_percent,
+        "r_squared": fit.r_squared,
+        "r_squared_centred": fit.r_squared_centred,
+        "correlation_fitted_observed": fit.correlation,
+        "squared_correlation": fit.correlation**2,
+        "condition_number": fit.condition_number,
+        "degrees_of_freedom": fit.n - fit.k,
+    }
+
+
+def _build_deviations(result: Regression) -> list[Form]:
+    columns = plain(vars(result.deviations) | {"row": result.rows + 1})
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _build_steps(result: Regression) -> list[Form]:
+    return [
+        {
+            "action": step.action,
+            "term": step.term,
+            "reason": step.reason,
+            "t_ratio": step.t_ratio,
+            "score": step.score,
+            "terms": _build_terms(step.fit),
+        }
+        for step in result.selected.steps
+        if step.action != "start"
+    ]
+
+
+def _build_subsets(models: Subsets | None) -> list[Form] | None:
+    """The best subsets, best first; None where subsets were not searched."""
+    if models is None:
+        return None
+    columns: Mapping[str, Any] = {"sse": models.sse, "rms_error": models.rms_errors, **asdict(models.criteria)}
+    return [
+        {
+            "terms": list(models.label(i)),
+            "coefficients": models.coefficients[i, models.members[i]],
+            "t_ratios": models.t_ratios[i, models.members[i]],
+            **{name: values[i] for name, values in columns.items()},
+        }
+        for i in range(len(models))
+    ]

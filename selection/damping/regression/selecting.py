@@ -1,21 +1,173 @@
-"""Least squares with every coefficient >= 0: damping takes energy out, so a negative coefficient is no damping.
+"""Which terms stay: none taken out, step by step, or the best of all subsets; free or with every coefficient >= 0.
 
-Which terms stay: none taken out, step by step, or the best of all subsets; free or with every coefficient >= 0.
+Damping takes energy out, so a negative coefficient is no damping. Steps are those of the report: "By repeating the
+procedure with the few terms of most significance a new set of improved results occur" (section 5.3). T-ratios propose
+a step, to drop the term of least |T| or to add the one that would enter with the largest; the T-ratio to stop at, or
+else a criterion, decides whether it is taken. Nested searches see few of the models; ``subsets`` sees all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import BoolArray, IntArray
 from damping.errors import AnalysisError, InputError
-from damping.regression.decomposition import Basis, decompose
-from damping.regression.design import Design
+from damping.regression.design import Basis, Design, decompose
 from damping.regression.fit import NAMES, Fit, check_criterion, fit
-from damping.regression.stepwise import DIRECTIONS, Step, stepwise
 from damping.regression.subsets import Subsets, all_subsets, best_subsets, rank_subsets
+
+DIRECTIONS = ("backward", "forward", "stepwise")
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step: ``action`` is "start", "drop" or "add", ``term`` what is dropped or added, ``reason`` why; ``t_ratio`` is
+    the |T| it rests on (NaN where it rests on none), ``fit`` the model after it and ``score`` that model's criterion as
+    a score, lower is better."""
+
+    action: str
+    term: str
+    reason: str
+    t_ratio: float
+    score: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The selected terms (indices into the design) and the whole way to them: "start" from all terms, or "add" the
+    first to none."""
+
+    chosen: tuple[int, ...]
+    steps: tuple[Step, ...]
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the selected terms."""
+        return self.steps[-1].fit
+
+
+Fitter: TypeAlias = Callable[[Design], Fit]
+
+
+def stepwise(
+    design: Design,
+    direction: str = "backward",
+    *,
+    criterion: str = "bic",
+    t_stop: float | None = None,
+    fitter: Fitter = fit,
+) -> Selection:
+    """Select terms step by step; at least one is always kept.
+
+    Args:
+        design: all terms and the response.
+        direction: ``backward`` starts from all terms, ``forward`` and ``stepwise`` from the most significant one;
+            ``stepwise`` drops a term where it can before it adds one.
+        criterion: decides where ``t_stop`` does not: a step is taken while it improves it.
+        t_stop: drop while the least |T| is below it, add while the entering |T| is not.
+        fitter: ``fit``, or ``fit_nonnegative``; a term that it holds at 0 is dropped at once.
+
+    Raises:
+        InputError: an unknown direction or criterion.
+        AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
+            backward elimination no degrees of freedom.
+    """
+    if direction not in DIRECTIONS:
+        raise InputError(f"no direction {direction!r}", expected=f"one of {', '.join(DIRECTIONS)}")
+    decompose(design)
+    if direction == "backward" and design.n == design.k:
+        message = f"backward elimination needs more than {design.k} observations to judge {design.k} terms by"
+        raise AnalysisError(message)
+    search = _Search(design, criterion, t_stop, fitter)
+    if direction == "backward":
+        mask = np.ones(design.k, dtype=np.bool_)
+        steps = [search.step("start", None, mask, np.nan, f"all {design.k} terms")]
+    else:
+        first = int(np.argmin([fitter(design.take([i])).sse for i in range(design.k)]))
+        mask = np.arange(design.k) == first
+        steps = [search.step("add", first, mask, np.nan, "the most significant when taken by itself")]
+    seen: set[bytes] = set()
+    while mask.tobytes() not in seen:
+        seen.add(mask.tobytes())
+        step = search.drop(mask, steps[-1], held_only=direction == "forward")
+        if step is None and direction != "backward":
+            step = search.add(mask, steps[-1])
+        if step is None:
+            break
+        steps.append(step)
+        mask = mask ^ (np.array(design.names) == step.term)
+    return Selection(tuple(int(i) for i in np.flatnonzero(mask)), tuple(steps))
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What steps are proposed from and judged by."""
+
+    design: Design
+    criterion: str
+    t_stop: float | None
+    fitter: Fitter
+
+    def step(self, action: str, j: int | None, mask: BoolArray, t_ratio: float, reason: str) -> Step:
+        """The step to the terms of ``mask``, fitted."""
+        model = self.fitter(self.design.take(np.flatnonzero(mask)))
+        term = "" if j is None else self.design.names[j]
+        score = float(model.criteria.score(self.criterion))
+        return Step(action, term, reason, t_ratio, np.inf if np.isnan(score) else score, model)
+
+    def drop(self, mask: BoolArray, now: Step, held_only: bool) -> Step | None:
+        """To the model without the term of least |T| (a term held at 0 first), if that is to be taken."""
+        if mask.sum() == 1:
+            return None
+        terms, ratios = np.flatnonzero(mask), np.abs(now.fit.t_ratios)
+        if not now.fit.active.all():
+            held = int(terms[np.argmin(now.fit.active)])
+            return self.step("drop", held, _flipped(mask, held), np.nan, "held at 0 by coefficients >= 0")
+        if held_only:
+            return None
+        j, least = int(terms[np.argmin(ratios)]), float(ratios.min())
+        reason = f"|T| = {least:.4g} is the least"
+        if self.t_stop is not None:
+            reason = f"{reason} and below {self.t_stop:g}"
+            return self.step("drop", j, _flipped(mask, j), least, reason) if least < self.t_stop else None
+        return self._if_better(self.step("drop", j, _flipped(mask, j), least, reason), now)
+
+    def add(self, mask: BoolArray, now: Step) -> Step | None:
+        """To the model with the term that enters with the largest |T|, if that is to be taken."""
+        entering = [self._entering(mask, int(j)) for j in np.flatnonzero(~mask)]
+        able = [step for step in entering if not np.isnan(step.t_ratio)]
+        if not able:
+            return None
+        best = max(able, key=lambda step: step.t_ratio)
+        if self.t_stop is not None:
+            reason = f"{best.reason} and not below {self.t_stop:g}"
+            return replace(best, reason=reason) if best.t_ratio >= self.t_stop else None
+        return self._if_better(best, now)
+
+    def _entering(self, mask: BoolArray, j: int) -> Step:
+        step = self.step("add", j, _flipped(mask, j), np.nan, "")
+        ratio = float(abs(step.fit.t_ratios[step.fit.names.index(self.design.names[j])]))
+        return replace(step, t_ratio=ratio, reason=f"|T| = {ratio:.4g} is the largest on entry")
+
+    def _if_better(self, step: Step, now: Step) -> Step | None:
+        reason = f"{step.reason}; {NAMES[self.criterion]} {_describe_shown(self.criterion, now.score, step.score)}"
+        return replace(step, reason=reason) if step.score < now.score else None
+
+
+def _flipped(mask: BoolArray, j: int) -> BoolArray:
+    changed = mask.copy()
+    changed[j] = not changed[j]
+    return changed
+
+
+def _describe_shown(criterion: str, before: float, after: float) -> str:
+    sign = -1.0 if criterion == "adjusted-r2" else 1.0  # a score is lower when it is better; people see the criterion
+    return f"{sign * before:.6g} -> {sign * after:.6g}"
 
 
 def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
@@ -38,56 +190,38 @@ def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
         raise AnalysisError(f"no least-squares fit with coefficients >= 0 was found: {error}") from error
     free = np.flatnonzero(solution > 0.0)
     while len(free):
-        found = fit(design.take(free))
-        if (found.coefficients > 0.0).all():
-            return _with_zeros(found, free, design, basis)
-        free = free[found.coefficients > 0.0]  # a coefficient that is 0 but for rounding
-    return _all_zero(design, basis)
+        fitted = fit(design.take(free))
+        if (fitted.coefficients > 0.0).all():
+            return _with_zeros(fitted, free, design, basis)
+        free = free[fitted.coefficients > 0.0]  # a coefficient that is 0 but for rounding
+    return _with_zeros(None, free, design, basis)
 
 
-def _with_zeros(found: Fit, free: IntArray, design: Design, basis: Basis) -> Fit:
-    """The fit of the free terms, with the others put in at 0."""
+def _with_zeros(fitted: Fit | None, free: IntArray, design: Design, basis: Basis) -> Fit:
+    """The fit of the free terms, with the others put in at 0; without any free term every coefficient is held at 0."""
     k = design.k
-    covariance = np.full((k, k), np.nan)
-    covariance[np.ix_(free, free)] = found.covariance
-    active = np.zeros(k, dtype=np.bool_)
-    active[free] = True
-    return replace(
-        found,
-        names=design.names,
-        coefficients=_put(found.coefficients, free, np.zeros(k)),
-        std_errors=_put(found.std_errors, free, np.full(k, np.nan)),
-        t_ratios=_put(found.t_ratios, free, np.full(k, np.nan)),
-        p_values=_put(found.p_values, free, np.full(k, np.nan)),
-        covariance=covariance,
-        active=active,
-        condition_number=basis.condition_number,
-    )
-
-
-def _put(values: FloatArray, at: IntArray, into: FloatArray) -> FloatArray:
-    into[at] = values
-    return into
-
-
-def _all_zero(design: Design, basis: Basis) -> Fit:
-    """The fit in which the constraint holds every coefficient at 0."""
-    nothing = np.full(design.k, np.nan)
+    active, covariance = np.zeros(k, dtype=np.bool_), np.full((k, k), np.nan)
+    statistics = {"coefficients": np.zeros(k)} | {name: np.full(k, np.nan) for name in _STATISTICS}
+    deviations, leverages = design.observed.copy(), np.zeros(design.n)
+    if fitted is not None:
+        active[free] = True
+        covariance[np.ix_(free, free)] = fitted.covariance
+        for name, values in statistics.items():
+            values[free] = getattr(fitted, name)
+        deviations, leverages = fitted.deviations, fitted.leverages
     return Fit(
         names=design.names,
-        coefficients=np.zeros(design.k),
-        std_errors=nothing,
-        t_ratios=nothing,
-        p_values=nothing,
-        covariance=np.full((design.k, design.k), np.nan),
-        active=np.zeros(design.k, dtype=np.bool_),
+        **statistics,
+        covariance=covariance,
+        active=active,
         observed=design.observed,
-        deviations=design.observed.copy(),
-        leverages=np.zeros(design.n),
+        deviations=deviations,
+        leverages=leverages,
         condition_number=basis.condition_number,
     )
 
 
+_STATISTICS = ("std_errors", "t_ratios", "p_values")
 #: Of so many terms every subset is listed, best first; of more the best ones.
 _MOST_TERMS_LISTED = 9
 _BEST_LISTED = 20
@@ -143,8 +277,8 @@ def select(design: Design, choice: Choice) -> Selected:
         return Selected(design, fitter(design), (), None)
     if choice.method == "best":
         return _best(design, choice)
-    found = stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
-    return Selected(design.take(found.chosen), found.fit, found.steps, None)
+    selection = stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
+    return Selected(design.take(selection.chosen), selection.fit, selection.steps, None)
 
 
 def _best(design: Design, choice: Choice) -> Selected:
@@ -156,6 +290,6 @@ def _best(design: Design, choice: Choice) -> Selected:
     kept = [int(i) for i in np.flatnonzero(models.members[0])]
     chosen = design.take(kept)
     reason = f"not in the subset with the best {NAMES[choice.criterion]} of all {2**design.k - 1}"
-    found, score = fit(chosen), float(models.scores(choice.criterion)[0])
+    best, score = fit(chosen), float(models.scores(choice.criterion)[0])
     dropped = [name for i, name in enumerate(design.names) if i not in kept]
-    return Selected(chosen, found, tuple(Step("drop", name, reason, np.nan, score, found) for name in dropped), models)
+    return Selected(chosen, best, tuple(Step("drop", name, reason, np.nan, score, best) for name in dropped), models)

@@ -12,8 +12,7 @@ from math import comb
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
-from damping.regression.decomposition import Basis
-from damping.regression.design import Design
+from damping.regression.design import Basis, Design
 from damping.regression.fit import criteria
 
 #: Roundings of the response, times the condition number, that a sum of squares' root may be wrong by.

@@ -19,8 +19,7 @@ from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.regression.decomposition import Basis, decompose
-from damping.regression.design import Design
+from damping.regression.design import Basis, Design, decompose
 from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, leave_one_out
 from damping.regression.leaps import Proof, search
 from damping.regression.shortlist import rounding_of

@@ -1,1 +1,213 @@
-"""The report: results in, tables, figures and one self-contained HTML page out."""
+"""The report: results in, tables, figures and one self-contained HTML page out. Here what is said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from math import isfinite
+from typing import SupportsFloat
+
+from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
+from damping.errors import InputError
+from damping.forces import component
+from damping.forces.shapes import Dimension
+from damping.formats.quantity import unit as parse_unit
+from damping.records.mode import Units
+
+_SMALL = ("no", "one", "two", "three", "four", "five", "six")
+
+
+def format_joined(parts: Iterable[str]) -> str:
+    """``a, b and c``; items that hold commas are joined by semicolons."""
+    items = list(parts)
+    comma = "; " if any("," in item for item in items) else ", "
+    if len(items) < 2:
+        return "".join(items)
+    return comma.join(items[:-1]) + " and " + items[-1]
+
+
+def format_numbers(values: Iterable[SupportsFloat], digits: int = 3) -> str:
+    """``1.24 and 2.00``."""
+    return format_joined(number(value, digits) for value in values)
+
+
+def format_points_text(points: Iterable[int]) -> str:
+    """``points 1 to 6, 14 and 15``."""
+    numbers = sorted(int(p) for p in points)
+    if not numbers:
+        return "no point"
+    cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
+    runs = [numbers[a:b] for a, b in pairwise(cuts)]
+    parts = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(n) for n in run])]
+    return f"point{'s' * (len(numbers) > 1)} {format_joined(parts)}"
+
+
+def format_counted(n: int, what: str) -> str:
+    """``no peak``, ``one peak``, ``two peaks``, ``15 peaks``."""
+    return f"{_SMALL[n] if n < len(_SMALL) else n} {what}{'s' * (n > 1)}"
+
+
+#: What stands for a number that does not exist.
+NOTHING = "–"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: SupportsFloat, digits: int = 3) -> str:
+    """``value`` with so many significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if x == 0.0:
+        return "0"
+    mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -4 < power < 6:
+        return f"{x:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def format_share(value: SupportsFloat) -> str:
+    """A probability with two decimals, three where small."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if x == 0.0 or x >= 0.0095:
+        return f"{x:.2f}" if x else "0"
+    return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
+
+
+def count(n: int, what: str) -> str:
+    """``1 sweep``, ``3 sweeps``."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+    """A number with its unit, where it has one: ``2.90 in``."""
+    return f"{number(value, digits)} {unit}".strip()
+
+
+#: Smaller names of a metre, each with what it is multiplied by, for amplitudes up to the first number.
+_SMALLER_METRES = ((2e-5, 1e6, "µm"), (0.02, 1e3, "mm"))
+
+
+def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
+    """Factor and name of the unit that a length up to ``largest`` is said in: small ones of metres in mm or µm."""
+    size = abs(float(largest))
+    for most, factor, name in _SMALLER_METRES:
+        if unit == "m" and 0.0 < size < most:
+            return factor, name
+    return 1.0, unit
+
+
+def format_length(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+    """A length with its unit, small ones of metres in mm or µm."""
+    factor, name = choose_length(unit, value)
+    return format_quantity(factor * float(value), name, digits)
+
+
+def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> str:
+    """The ends of a band of lengths, in the unit of the upper one."""
+    factor, name = choose_length(unit, high)
+    return format_between(factor * float(low), factor * float(high), name)
+
+
+def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str) -> str:
+    """Peak acceleration omega^2 A of a harmonic motion in standard gravities; a dash where the unit is not known."""
+    try:
+        metres = parse_unit(unit)
+    except InputError:
+        return NOTHING
+    if metres.powers != parse_unit("m").powers:
+        return NOTHING
+    omega = RAD_S_PER_HZ * float(frequency)
+    return format_quantity(metres.factor * float(amplitude) * omega**2 / STANDARD_GRAVITY_M_S2, "g")
+
+
+def format_force_text(force: SupportsFloat, unit: str) -> str:
+    """A force as it was asked for: ``90 lb``."""
+    return f"{float(force):.6g} {unit}".strip()
+
+
+def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
+    """``2.59 to 3.26 in``."""
+    return f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
+
+
+def format_percent(value: SupportsFloat) -> str:
+    """Per cent: whole numbers from 10, two digits below, and ``< 0.01`` for less than that either way."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if 0.0 < abs(x) < 0.01:
+        return "< 0.01"
+    return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
+
+
+def format_signed(value: SupportsFloat) -> str:
+    """Per cent with its sign: ``+68 %``."""
+    x = float(value)
+    return f"{'+' if x > 0.0 else ''}{format_percent(x)} %" if isfinite(x) else NOTHING
+
+
+#: What parameters that are no part of a force are called for people.
+SCATTERS = {
+    "scatter": "scatter of a row",
+    "level_scatter": "scatter of a level",
+    "doubt": "straying of the local exponent",
+}
+
+
+def format_parameter_unit(parameter: str, units: Units) -> str:
+    """Unit of a parameter as :meth:`Coordinates.parameters` names it; empty where it has none or none is known."""
+    if not (units.force and units.length and units.time) or parameter in SCATTERS:
+        return ""
+    force, _, name = parameter.partition(" ")
+    shapes = component(force).shapes
+    return format_dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
+
+
+def format_parameter_label(parameter: str, units: Units) -> str:
+    """A parameter with its unit for an axis."""
+    unit = format_parameter_unit(parameter, units)
+    name = SCATTERS.get(parameter, parameter)
+    return f"{name} ({unit})" if unit else name
+
+
+def format_dimension_text(dimension: Dimension, units: Units) -> str:
+    """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``."""
+    names = vars(units)
+    plain = {base: float(getattr(dimension, base)) for base in names}
+    raised = {base: sum(float(getattr(part, base)) for _, part in dimension.raised) for base in names}
+    both = any(plain[base] and raised[base] for base in names)
+    if both or sum(map(bool, raised.values())) < 2:
+        signs = {base: (raised[base] or plain[base]) for base in names}
+        return _format_quotient(
+            {names[base]: (sign, _format_raised(plain[base], raised[base])) for base, sign in signs.items()}
+        )
+    free = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in raised.items()})
+    fixed = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in plain.items()})
+    return f"{fixed}·({free})^p" if fixed else f"({free})^p"
+
+
+def _format_quotient(parts: dict[str, tuple[float, str]]) -> str:
+    """Units over units; of each unit the sign of its power, and the power as text without the sign."""
+    above = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign > 0)
+    below = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign < 0)
+    if not below:
+        return above
+    return f"{above or 1}/{below}" if "·" not in below else f"{above or 1}/({below})"
+
+
+def _format_raised(plain: float, raised: float) -> str:
+    """The power plain + raised p without the sign of its leading part: ``²``, ``^p``, ``^(p+1)``."""
+    if not raised:
+        return _format_power(abs(plain))
+    free = "p" if abs(raised) == 1.0 else f"{abs(raised):g}p"
+    rest = plain if raised > 0.0 else -plain
+    return f"^({free}{rest:+g})" if rest else f"^{free}"
+
+
+def _format_power(power: float) -> str:
+    if power == 1.0:
+        return ""
+    return f"{power:.0f}".translate(_SUPERSCRIPT) if power == round(power) else f"^{power:g}"

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import pandas as pd
 
 from damping.campaign.answer import Campaign, ModeAnswer
-from damping.plots.damping_curve import mode_over_level
-from damping.plots.style import to_svg
-from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, describe_page
+from damping.plots import to_svg
+from damping.plots.curves import mode_over_level
+from damping.report.page import Block, FigureBlock, Footer, List, Section, Table, Text, render_page
 
 
-def describe_campaign_page(
+def render_campaign_page(
     campaign: Campaign, title: str, seed: int, versions: Mapping[str, str], inputs: Mapping[str, str]
 ) -> str:
     """The page as HTML."""
@@ -22,7 +22,7 @@ def describe_campaign_page(
         *(_build_mode(mode, campaign) for mode in campaign.modes),
         _build_understood(campaign),
     ]
-    return describe_page(title, sections, Footer(seed, versions, inputs))
+    return render_page(title, sections, Footer(seed, versions, inputs))
 
 
 def _build_overview(campaign: Campaign) -> Section:
@@ -39,8 +39,8 @@ def _build_overview(campaign: Campaign) -> Section:
                 "sensors left out": ", ".join(mode.left_out) or "none",
             }
         )
-    said = f"{len(campaign.modes)} modes at {len(campaign.levels)} levels."
-    return Section("modes", "Modes", [Text(said, lead=True), Table(pd.DataFrame(rows), "Modes of the campaign.")])
+    summary = f"{len(campaign.modes)} modes at {len(campaign.levels)} levels."
+    return Section("modes", "Modes", [Text(summary, lead=True), Table(pd.DataFrame(rows), "Modes of the campaign.")])
 
 
 def _build_outcomes(campaign: Campaign) -> list[Section]:
@@ -62,10 +62,10 @@ def _build_outcomes(campaign: Campaign) -> list[Section]:
         }
         for outcome in campaign.outcomes
     ]
-    held = sum(one.held for one in campaign.outcomes)
-    said = f"{held} of {len(rows)} peaks lie in the 90 % band that was predicted before the run."
+    held = sum(outcome.held for outcome in campaign.outcomes)
+    summary = f"{held} of {len(rows)} peaks lie in the 90 % band that was predicted before the run."
     table = Table(pd.DataFrame(rows), "Peaks measured beside those predicted before the run.")
-    return [Section("outcomes", "Predicted and measured", [Text(said, lead=True), table])]
+    return [Section("outcomes", "Predicted and measured", [Text(summary, lead=True), table])]
 
 
 def _describe_percent(band: tuple[float, float, float] | None) -> str:
@@ -87,12 +87,10 @@ def _build_mode(mode: ModeAnswer, campaign: Campaign) -> Section:
         svg = to_svg(mode_over_level(levels, campaign.unit), f"{mode.name}-levels", mode.name, words)
         blocks.append(FigureBlock(svg, words))
     for at in (at for at in mode.places if not at.tested):
-        rows = [
-            {"sensor": one.sensor, "median": one.band[0], "low": one.band[1], "high": one.band[2], "unit": one.unit}
-            for one in at.response
-        ]
+        rows = [(peak.sensor, *peak.band, peak.unit) for peak in at.response]
+        peaks = pd.DataFrame(rows, columns=["sensor", "median", "low", "high", "unit"])
         caption = f"Peak of {mode.name} at each sensor at {at.level:.4g} {campaign.unit}; 90 % bands."
-        blocks.append(Table(pd.DataFrame(rows), caption))
+        blocks.append(Table(peaks, caption))
         blocks.append(List([*at.cautions, *(f"{name}: {why}" for name, why in mode.left_out.items())]))
     return Section(mode.name, mode.name, blocks)
 

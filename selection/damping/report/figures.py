@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.plots.damping_curve import damping_curve, fitted_sweeps
-from damping.plots.design_loads import design_loads
-from damping.plots.fits import ranking
-from damping.plots.posteriors import corner, predictive_check
+from damping.plots import Drawn
+from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
+from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
-from damping.report import forms, tables
-from damping.report.results import (
-    LawPosterior,
-    RecordResult,
-    posterior_draws,
-    prior_draws,
-    weighted,
-)
-from damping.report.words import (
+from damping.report import (
     choose_length,
     format_force_text,
     format_joined,
     format_parameter_label,
     format_quantity,
     format_share,
+    forms,
     number,
+    tables,
+)
+from damping.report.results import (
+    LawPosterior,
+    RecordResult,
+    posterior_draws,
+    prior_draws,
+    weighted,
 )
 
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
@@ -38,14 +35,6 @@ MOST_SWEEPS = 8
 MOST_BARS = 12
 #: Points of a fitted curve between the ends of a sweep.
 POINTS = 120
-
-
-class Drawn(NamedTuple):
-    """A figure with its text alternative."""
-
-    figure: Figure
-    title: str
-    description: str
 
 
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
@@ -58,7 +47,7 @@ def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
         "corner": _draw_corner(result),
         "predictive_check": _draw_predictive_check(result, level),
     }
-    return {name: one for name, one in drawn.items() if one is not None}
+    return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
 def leading(result: RecordResult) -> LawPosterior | None:
@@ -80,13 +69,13 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
         ratio = data.tested_force / (2.0 * mass * data.tested_omega**2 * data.tested_amplitude)
         tested = pd.DataFrame({"amplitude": factor * data.tested_amplitude, "damping_ratio": ratio})
     rows = table[np.isfinite(table["damping_ratio"])]
-    said = format_joined(
+    ends = format_joined(
         f"{number(100.0 * z)} per cent at {format_quantity(A, unit)} ({number(100.0 * low)} to {number(100.0 * high)})"
         for A, z, low, high in rows.iloc[[0, -1]][
             ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
         ].itertuples(index=False)
     )
-    description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent band: {said}."
+    description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent band: {ends}."
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
 
 
@@ -131,12 +120,12 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
 def _draw_ranking(result: RecordResult) -> Drawn:
     table = tables.tabulate_ranking(result).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
-    said = format_joined(
+    weights = format_joined(
         f"{law} {format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
     )
     description = (
         f"Bars of the weight of the first {len(table)} candidate laws, beside their error at the tested resonances, "
-        f"fitted and with the level held out. Largest weights: {said}."
+        f"fitted and with the level held out. Largest weights: {weights}."
     )
     return Drawn(ranking(table), f"{result.title}: candidate laws ranked", description)
 
@@ -189,7 +178,7 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
     for table in (design, bands):
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)
-    said = format_joined(
+    predictions = format_joined(
         f"at {format_force_text(force, units.force)} median {number(median)} {length} "
         f"({number(low)} to {number(high)}), linear {number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
@@ -197,6 +186,6 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
     low, high = data.tested_force.min(), data.tested_force.max()
     description = (
         f"Tested from {number(low)} to {number(high)} {units.force}; beyond that extrapolated. "
-        f"Resonant amplitude with its {100 * result.bands.level:g} per cent predictive interval: {said}."
+        f"Resonant amplitude with its {100 * result.bands.level:g} per cent predictive interval: {predictions}."
     )
     return Drawn(figure, f"{result.title}: resonant amplitude against force", description)

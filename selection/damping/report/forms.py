@@ -77,14 +77,14 @@ def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
     return {
         "rank": candidate.rank,
         "name": row["law"],
-        "forces": _list_forces(candidate),
+        "forces": _build_forces(candidate),
         **{key: row[key] for key in _RANK_KEYS},
         "cautions": list(candidate.cautions),
         "equivalents": list(candidate.equivalents),
     }
 
 
-def _list_forces(candidate: Candidate) -> list[Form]:
+def _build_forces(candidate: Candidate) -> list[Form]:
     """One entry a force; its shape parameters are nested by name."""
     entries: list[Form] = []
     for c in candidate.coefficients:
@@ -175,7 +175,7 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
             **{key: row[key] for key in _LOAD_KEYS},
             "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
             **{key: row[key] for key in _LINEAR_KEYS},
-            **(_list_ratio_keys(curve, i) if curve else {}),
+            **(_build_ratio(curve, i) if curve else {}),
             "cautions": list(loads.cautions[i]),
             "by_model": [
                 {"name": b.name, "weight": b.weight, "median": b.median[i], "low": b.low[i], "high": b.high[i]}
@@ -188,7 +188,7 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
     return {**form, **_plan_keys(plan)} if plan else form
 
 
-def _list_ratio_keys(curve: Curve, row: int) -> Form:
+def _build_ratio(curve: Curve, row: int) -> Form:
     """Frequency with its band, and damping ratio, of a row."""
     f = curve.frequency.form(row)
     ends = {"frequency": f["median"], "frequency_low": f["low"], "frequency_high": f["high"]}
@@ -201,7 +201,7 @@ def curve_form(curve: Curve) -> Form:
     rows = [
         {
             **{name: row[name] for end in ("", "_low", "_high") for name in (f"amplitude{end}", f"force{end}")},
-            **_list_ratio_keys(curve, i),
+            **_build_ratio(curve, i),
             "q": curve.q.form(i),
             "tested": bool(row["tested"]),
             "cautions": list(curve.cautions[i]),

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy.special import ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
@@ -20,6 +18,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import LocalEstimate, by_quantity, footprint
+from damping.plots import Drawn
 from damping.plots.gap import gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 
 #: Points of a curve between the ends of a sweep.
@@ -29,40 +28,32 @@ _MOST_BARS = 8
 NO_EFFECT = "no effect"
 
 
-class GapFigure(NamedTuple):
-    """A figure with its text alternative."""
-
-    figure: Figure
-    title: str
-    description: str
-
-
-def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
+def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     leading = diagnosis.leading.best
     rows = leading.model.problem.rows
-    found = {
+    figures = {
         "overlay": _resonances(diagnosis) if rows.at_resonance else _sweeps(diagnosis),
-        "residuals": GapFigure(
+        "residuals": Drawn(
             gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)"),
             "Where the simulation as given misses the test",
             "Residual of amplitude and phase in units of noise, by sweep and frequency.",
         ),
     }
     if leading.model.parts:
-        found["footprint"] = GapFigure(
+        figures["footprint"] = Drawn(
             gap_map(_map(rows, footprint(leading)), "change (sigma)"),
             "Footprint of the explanation",
             "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
         )
     if len(diagnosis.hypotheses) > 1:
-        found["probabilities"] = GapFigure(
+        figures["probabilities"] = Drawn(
             gap_probabilities(tabulate_probability(diagnosis)),
             "Probabilities of the explanations",
             "Bars of the most probable explanations; those that together reach 0.95 stand out.",
         )
     if diagnosis.local:
-        found["local"] = GapFigure(
+        figures["local"] = Drawn(
             gap_local(
                 tabulate_local(diagnosis.local), _tabulate_local_curves(leading, rows), diagnosis.mode.units.length
             ),
@@ -71,12 +62,12 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, GapFigure]:
             "one standard error), with the refitted simulation, the explanation, and what a curve of free form would "
             "add to the explanation (90 per cent band).",
         )
-    return found
+    return figures
 
 
-def _sweeps(diagnosis: Diagnosis) -> GapFigure:
+def _sweeps(diagnosis: Diagnosis) -> Drawn:
     leading = diagnosis.leading.best
-    return GapFigure(
+    return Drawn(
         gap_overlay(tabulate_measured(leading), tabulate_predicted(leading), diagnosis.mode.units.length),
         "Measured and simulated sweeps",
         "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
@@ -84,13 +75,13 @@ def _sweeps(diagnosis: Diagnosis) -> GapFigure:
     )
 
 
-def _resonances(diagnosis: Diagnosis) -> GapFigure:
+def _resonances(diagnosis: Diagnosis) -> Drawn:
     leading, units = diagnosis.leading.best, diagnosis.mode.units
     rows = leading.model.problem.rows
     measured = pd.DataFrame(
         {"sweep": [rows.sweeps[k] for k in rows.sweep], "force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude}
     )
-    return GapFigure(
+    return Drawn(
         gap_resonances(measured, tabulate_resonance(leading), units.force, units.length),
         "Measured and simulated resonances",
         "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
@@ -170,9 +161,9 @@ def tabulate_probability(diagnosis: Diagnosis) -> pd.DataFrame:
     shown = diagnosis.hypotheses[:_MOST_BARS]
     return pd.DataFrame(
         {
-            "explanation": [" + ".join(one.effects) or NO_EFFECT for one in shown],
-            "probability": [one.probability for one in shown],
-            "listed": [one in diagnosis.explanations for one in shown],
+            "explanation": [" + ".join(hypothesis.effects) or NO_EFFECT for hypothesis in shown],
+            "probability": [hypothesis.probability for hypothesis in shown],
+            "listed": [hypothesis in diagnosis.explanations for hypothesis in shown],
         }
     )
 
@@ -220,8 +211,8 @@ def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
-    for name, one in (("refitted", refitted(leading)), ("explained", leading)):
-        terms = fitted_terms(one, deviations=False)
+    for name, fit in (("refitted", refitted(leading)), ("explained", leading)):
+        terms = fitted_terms(fit, deviations=False)
         M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
         drive = Drive(np.ones(80), np.full(80, omega_n))
         Z = complex_stiffness(replace(terms, M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]

@@ -1,7 +1,4 @@
-"""What an engineer would say of a gap: sentences from a diagnosis.
-
-The report of a gap diagnosis: one self-contained page.
-"""
+"""The page of a gap diagnosis: what an engineer would say of it, sentence by sentence."""
 
 from __future__ import annotations
 
@@ -14,8 +11,8 @@ import pandas as pd
 from damping.effects import CATALOGUE
 from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
 from damping.gap.diagnose import Diagnosis
-from damping.plots.style import to_svg
-from damping.report.gap_figures import GapFigure, gap_figures
+from damping.report import NOTHING, format_joined, format_percent, format_share, number
+from damping.report.gap_figures import gap_figures
 from damping.report.page import (
     Block,
     Callout,
@@ -27,9 +24,8 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    describe_page,
+    render_page,
 )
-from damping.report.words import NOTHING, format_joined, format_percent, format_share, number
 
 
 def describe_verdict(diagnosis: Diagnosis) -> str:
@@ -48,15 +44,15 @@ def describe_verdict(diagnosis: Diagnosis) -> str:
     size = f"{number(gap.before)} sigma" if gap.shrinkage is not None else "hardly more than noise"
     effects = format_joined(_describe_sentence(name) for name in leading.effects)
     among = " of what is known here" if diagnosis.unexplained else ""
-    said = (
+    sentence = (
         f"The test differs from the refitted simulation by {size}: {effects} (probability "
         f"{format_share(leading.probability)}{among})"
     )
-    said += ", but that is not all." if diagnosis.unexplained else "."
-    return f"{said} The chance that the cause is in the library at all is {format_share(diagnosis.in_library)}."
+    sentence += ", but that is not all." if diagnosis.unexplained else "."
+    return f"{sentence} The chance that the cause is in the library at all is {format_share(diagnosis.in_library)}."
 
 
-def place(diagnosis: Diagnosis) -> str:
+def describe_place(diagnosis: Diagnosis) -> str:
     """Where most of the gap lies."""
     top = diagnosis.where[0]
     return (
@@ -65,22 +61,22 @@ def place(diagnosis: Diagnosis) -> str:
     )
 
 
-def list_doubts(diagnosis: Diagnosis) -> list[str]:
+def describe_doubts(diagnosis: Diagnosis) -> list[str]:
     """What cannot be told apart."""
     doubts = []
     for group in diagnosis.groups:
-        said = (
+        sentence = (
             f"This record cannot tell {format_joined(group.effects)} apart: their best-fitting predictions differ by "
             f"{number(group.distance, 2)} sigma in all."
         )
         rig = [name for name in group.effects if CATALOGUE[name].kind == "instrument"]
         if rig and len(rig) < len(group.effects):
-            said += f" Look at the rig first: {format_joined(rig)} needs no change of the structure."
-        doubts.append(said)
+            sentence += f" Look at the rig first: {format_joined(rig)} needs no change of the structure."
+        doubts.append(sentence)
     return doubts
 
 
-def reach(diagnosis: Diagnosis) -> str:
+def describe_reach(diagnosis: Diagnosis) -> str:
     """How far the gap shrinks where it did not choose the explanation."""
     held = diagnosis.held_out
     if held is None:
@@ -115,17 +111,17 @@ def describe_following(diagnosis: Diagnosis) -> str:
     )
 
 
-def list_trends(diagnosis: Diagnosis) -> list[str]:
+def describe_trends(diagnosis: Diagnosis) -> list[str]:
     """How local damping and frequency go with amplitude."""
     trends = []
-    for what, one in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
-        if one is not None and one.gain > TREND_SEEN:
-            kind = "grows" if one.change > 0.0 else "falls"
+    for what, trend in (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend)):
+        if trend is not None and trend.gain > TREND_SEEN:
+            kind = "grows" if trend.change > 0.0 else "falls"
             trends.append(
-                f"{what} {kind} with amplitude: of single powers A^{one.power:g} fits best beside a constant "
-                f"(chi-square {number(one.gain)} over none)."
+                f"{what} {kind} with amplitude: of single powers A^{trend.power:g} fits best beside a constant "
+                f"(chi-square {number(trend.gain)} over none)."
             )
-        elif one is not None:
+        elif trend is not None:
             trends.append(f"{what} does not depend on amplitude beyond noise.")
     return trends
 
@@ -141,7 +137,7 @@ def _describe_sentence(name: str) -> str:
 _MOST_CELLS = 12
 
 
-def describe_gap_page(
+def render_gap_page(
     diagnosis: Diagnosis,
     posterior: EffectPosterior | None,
     seed: int,
@@ -149,12 +145,8 @@ def describe_gap_page(
     inputs: Mapping[str, str],
 ) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    figures = {
-        name: FigureBlock(
-            to_svg(figure.figure, f"gap-{name}", figure.title, figure.description), _describe_caption(figure)
-        )
-        for name, figure in gap_figures(diagnosis).items()
-    }
+    drawn = gap_figures(diagnosis)
+    figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn.items()}
     sections = [
         Section("verdict", "What is found", _build_verdict(diagnosis)),
         Section("sweeps", "The gap in every sweep", [figures["overlay"]]),
@@ -164,11 +156,7 @@ def describe_gap_page(
         Section("next", "What to test next", _build_next(diagnosis)),
         Section("basis", "What this rests on", _build_basis(diagnosis)),
     ]
-    return describe_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
-
-
-def _describe_caption(figure: GapFigure) -> str:
-    return f"{figure.title}. {figure.description}"
+    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
 
 
 def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
@@ -180,9 +168,9 @@ def _build_verdict(diagnosis: Diagnosis) -> list[Block]:
         (_describe_percent(held.shrinkage if held else None), "of the gap vanishes on held-out levels"),
     ]
     blocks: list[Block] = [Text(describe_verdict(diagnosis), lead=True), Facts(facts)]
-    said = [place(diagnosis), *list_doubts(diagnosis)]
-    said += list_trends(diagnosis)
-    blocks.append(List([*said, reach(diagnosis), describe_following(diagnosis)]))
+    points = [describe_place(diagnosis), *describe_doubts(diagnosis)]
+    points += describe_trends(diagnosis)
+    blocks.append(List([*points, describe_reach(diagnosis), describe_following(diagnosis)]))
     if diagnosis.cautions:
         blocks.append(Callout("Cautions", diagnosis.cautions))
     return blocks
@@ -229,14 +217,14 @@ def _build_which(
 
 def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     leading = diagnosis.leading.best
-    found = [
+    rows = [
         {"of": effect, "parameter": name, "value": value}
         for effect, values in effect_values(leading).items()
         for name, value in values.items()
     ]
     corrections = refitted_values(leading).items()
-    found += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
-    return pd.DataFrame(found, columns=["of", "parameter", "value"])
+    rows += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
+    return pd.DataFrame(rows, columns=["of", "parameter", "value"])
 
 
 def _tabulate_posterior(posterior: EffectPosterior) -> pd.DataFrame:
@@ -246,7 +234,7 @@ def _tabulate_posterior(posterior: EffectPosterior) -> pd.DataFrame:
 
 def _build_how_far(diagnosis: Diagnosis) -> list[Block]:
     held = diagnosis.held_out
-    blocks: list[Block] = [Text(reach(diagnosis))]
+    blocks: list[Block] = [Text(describe_reach(diagnosis))]
     if held is not None:
         rows = [
             {

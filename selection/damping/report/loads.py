@@ -12,10 +12,7 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
-from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
-from damping.report.tables import tabulate_loads
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     choose_length,
     format_between,
@@ -29,13 +26,9 @@ from damping.report.words import (
     format_signed,
     number,
 )
-
-
-def find_largest(loads: Loads | None) -> int | None:
-    """Index of the largest design force that has a prediction."""
-    if loads is None or not np.isfinite(loads.average.median).any():
-        return None
-    return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
+from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
+from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
+from damping.report.tables import tabulate_loads
 
 
 def format_percent_ratio(ratio: float) -> str:
@@ -55,7 +48,7 @@ def build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
         assert result.design is not None  # chosen so above
         heading = [Heading(result.title)] if len(study.records) > 1 else []
         tables = _tabulate_design(result, result.design), _tabulate_parts(result, result.design)
-        blocks += [*heading, *_list_refusals(result.design), *tables]
+        blocks += [*heading, *_describe_refusals(result.design), *tables]
         further = result.next_level
         if further is not None:
             unit = result.mode.units.force
@@ -72,7 +65,7 @@ def build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
     return [*blocks, Row(drawn)] if drawn else blocks
 
 
-def _list_refusals(design: Loads) -> list[Block]:
+def _describe_refusals(design: Loads) -> list[Block]:
     """Why no prediction is given, where none is."""
     if np.isfinite(design.average.median).any():
         return []
@@ -176,7 +169,7 @@ def build_loads_figure(result: RecordResult, study: StudyResult, svgs: Svgs, sli
     table[list(_DRAWN[1:])] *= factor
     force, unit = table["force"].to_numpy(float), result.mode.units.force
     positions = [int(np.flatnonzero(force == f)[0]) for f in result.design.force]
-    texts = _texts(table, unit, length)
+    texts = _write_texts(table, unit, length)
     start = max(positions)
     level = f"{100 * result.bands.level:g} %"
     shown = tuple(Shown(name, what.format(level=level), texts[name][start]) for name, what in _WHAT.items())
@@ -185,7 +178,7 @@ def build_loads_figure(result: RecordResult, study: StudyResult, svgs: Svgs, sli
             svgs[stem],
             caption,
             name=stem,
-            data={**{name: _numbers(table[name]) for name in _DRAWN}, "texts": texts},
+            data={**{name: _round_numbers(table[name]) for name in _DRAWN}, "texts": texts},
             start=start,
             jumps=tuple((i, format_force_text(force[i], unit)) for i in sorted(set(positions))),
             shown=shown,
@@ -204,7 +197,7 @@ _WHAT = {
 }
 
 
-def _texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
+def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
     """What the page says at each force, written as in the tables."""
     rows = table.to_dict("records")
     return {
@@ -231,5 +224,5 @@ def _describe_given(row: dict[Any, Any], text: str) -> str:
     return text if np.isfinite(row["median"]) else NOTHING
 
 
-def _numbers(column: pd.Series) -> list[float | None]:
+def _round_numbers(column: pd.Series) -> list[float | None]:
     return [float(f"{value:.5g}") if np.isfinite(value) else None for value in column]

@@ -1,15 +1,11 @@
-"""Everything a study found, as the report and the tables need it.
-
-Draws of the parameters of a law, before and after the test.
-
-What several sections need.
-"""
+"""Everything a study found, as the report and the tables need it, and what several of their parts ask of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +26,8 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 from damping.regression.power_law import PowerLaw
-from damping.report.page import Block, FigureBlock, Section
+from damping.report import count, format_quantity, number
+from damping.report.page import Block, Callout, FigureBlock, Heading, List, Section, Text
 
 
 @dataclass(frozen=True)
@@ -173,6 +170,88 @@ def weighted(result: RecordResult) -> list[Candidate]:
     return sorted(carrying, key=lambda candidate: -candidate.weight)
 
 
-def list_failed_chains(result: RecordResult) -> list[str]:
+def describe_failed_chains(result: RecordResult) -> list[str]:
     """Laws whose chain did not get there, and why."""
     return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]
+
+
+def find_largest(loads: Loads | None) -> int | None:
+    """Index of the largest design force that has a prediction."""
+    if loads is None or not np.isfinite(loads.average.median).any():
+        return None
+    return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
+
+
+def describe_record(result: RecordResult) -> str:
+    """The record and its mode in sentences."""
+    record, mode, units = result.record, result.mode, result.mode.units
+    columns = record.table.columns
+    energy = (
+        "The energy per cycle is the record's own column."
+        if "energy" in columns
+        else "The energy per cycle is π F A sin φ from the recorded phases."
+        if record.has_phase
+        else "No phases were recorded: the largest amplitude of a sweep is taken as phase resonance, energy π F A."
+    )
+    left_out = len(record) - len(result.data.A)
+    unused = f" {count(left_out, 'row')} away from resonance without phase or energy are not used." if left_out else ""
+    mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
+    tolerance = mode.tolerance
+    return (
+        f"{mode.name}: {count(len(record), 'point')} in {count(len(record.sweeps), 'sweep')} from "
+        f"{Path(record.source).name}. {energy}{unused} The simulation assumes "
+        f"{format_quantity(mode.frequency, 'Hz', 4)} "
+        f"and a generalized mass of {format_quantity(mode.mass, mass_unit, 4)}, known to "
+        f"{number(100 * tolerance.frequency, 2)} and {number(100 * tolerance.mass, 2)} per cent, and its viscous "
+        f"damping to {number(100 * tolerance.viscous, 2)} per cent."
+    )
+
+
+#: Cautions of laws with less weight change nothing.
+LEAST_WEIGHT = 0.01
+
+STANDING = (
+    "The weights compare the candidates listed and no others; a law that nobody proposed has no weight.",
+    "An extrapolation holds while the same sources of damping act in the same proportion. A joint that begins to "
+    "slip, or a crack, is in no band.",
+    "Credible bands hold the uncertainty of the parameters and of the choice among the candidates; predictive bands "
+    "add the scatter of one more test. Neither holds an error of mode shape, generalized mass or force calibration.",
+    "Laws with the same power of amplitude cannot be told apart by steady tests of one mode, whose frequency hardly "
+    "changes.",
+)
+
+
+def build_cautions(study: StudyResult) -> list[Block]:
+    """Every caution, with the records it holds for."""
+    holders: dict[str, list[str]] = {}
+    for result in study.records:
+        for caution in dict.fromkeys(_collect_cautions(result)):
+            holders.setdefault(caution, []).append(result.title)
+    failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
+    blocks: list[Block] = [Text("What no number on this page knows:"), List(STANDING)]
+    if failed:
+        blocks.append(Callout("Chains that failed; nothing here rests on them", failed))
+    if holders:
+        blocks += [
+            Heading("Of these records"),
+            List([_describe_sentence(caution, titles) for caution, titles in holders.items()]),
+        ]
+    return blocks
+
+
+def _collect_cautions(result: RecordResult) -> Iterator[str]:
+    """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
+    yield from map(str, result.findings)
+    for candidate in weighted(result):
+        if candidate.weight > LEAST_WEIGHT:
+            yield from candidate.cautions
+    rough = [s for s in result.posteriors if s.leave_one_out.caution]
+    if rough:
+        yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
+    i = find_largest(result.design)
+    if result.design is not None:
+        yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
+
+
+def _describe_sentence(caution: str, titles: list[str]) -> str:
+    return f"{caution[:1].upper()}{caution[1:]} ({'; '.join(titles)})."

@@ -14,18 +14,7 @@ from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
 from damping.ranking import Candidate
 from damping.records.resonance import number_levels
-from damping.report.loads import build_loads, find_largest, format_percent_ratio
-from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
-from damping.report.results import (
-    RecordResult,
-    StudyResult,
-    Svgs,
-    build_figure,
-    describe_file_stem,
-    name_record,
-    weighted,
-)
-from damping.report.words import (
+from damping.report import (
     NOTHING,
     count,
     format_between,
@@ -38,6 +27,18 @@ from damping.report.words import (
     format_share,
     format_signed,
     number,
+)
+from damping.report.loads import build_loads, format_percent_ratio
+from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
+from damping.report.results import (
+    RecordResult,
+    StudyResult,
+    Svgs,
+    build_figure,
+    describe_file_stem,
+    find_largest,
+    name_record,
+    weighted,
 )
 
 #: Laws with less weight are folded away.
@@ -73,9 +74,12 @@ def count_levels(result: RecordResult) -> int:
 def _build_answer(study: StudyResult) -> list[Block]:
     lead = find_lead(study)
     others = [result for result in study.records if result is not lead]
-    blocks: list[Block] = [Text(_describe_lead(lead), lead=True), Facts(_list_facts(lead))]
-    blocks.append(Text(_describe_conditions(lead, study)))
-    blocks.append(Callout("Before this is used", _list_cautions(study)))
+    blocks: list[Block] = [
+        Text(_describe_lead(lead), lead=True),
+        Facts(_collect_facts(lead)),
+        Text(_describe_conditions(lead, study)),
+        Callout("Before this is used", _collect_gravest(study)),
+    ]
     if others:
         blocks += [_tabulate_answers(study), List([_describe_conditions(result, study) for result in others])]
     return blocks
@@ -87,16 +91,16 @@ def _describe_lead(result: RecordResult) -> str:
     if i is None or design is None:
         return f"{result.title}: {_describe_tested_damping(result)}."
     band, force = design.average, format_force_text(design.force[i], units.force)
-    said = (
+    sentence = (
         f"{result.title}: at {force} expect {format_length(band.median[i], units.length)} ("
         f"{format_length_band(band.low[i], band.high[i], units.length)}, {100 * design.level:g} % band)"
     )
     curve = result.design_curve
     if curve is None:
-        return said + "."
+        return sentence + "."
     ratio = curve.damping_ratio
     return (
-        f"{said}, with {format_percent_ratio(ratio.median[i])} of critical damping; size loads with "
+        f"{sentence}, with {format_percent_ratio(ratio.median[i])} of critical damping; size loads with "
         f"{format_percent_ratio(ratio.low[i])}, the low end of its band."
     )
 
@@ -127,10 +131,9 @@ def format_ratio_band(curve: Curve, row: int) -> str:
     return format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%")
 
 
-def _list_facts(result: RecordResult) -> list[tuple[str, str]]:
+def _collect_facts(result: RecordResult) -> list[tuple[str, str]]:
     best, units = weighted(result)[0], result.mode.units
-    facts = []
-    i, design = find_largest(result.design), result.design
+    facts, i, design = [], find_largest(result.design), result.design
     if i is not None and design is not None:
         band, force = design.average, format_force_text(design.force[i], units.force)
         over = format_signed(design.overprediction[i])
@@ -140,8 +143,8 @@ def _list_facts(result: RecordResult) -> list[tuple[str, str]]:
     row = None if curve is None else _find_top(curve)
     if curve is not None and row is not None:
         zeta = curve.damping_ratio.median[row]
-        said = f"of critical at the top of the test ({format_ratio_band(curve, row)}); Q {number(0.5 / zeta)}"
-        facts.append((format_percent_ratio(zeta), said))
+        words = f"of critical at the top of the test ({format_ratio_band(curve, row)}); Q {number(0.5 / zeta)}"
+        facts.append((format_percent_ratio(zeta), words))
     facts.append((best.name, f"leading law, weight {format_share(best.weight)} of 1"))
     return facts
 
@@ -180,22 +183,22 @@ def _tabulate_answers(study: StudyResult) -> Table:
 def _describe_conditions(result: RecordResult, study: StudyResult) -> str:
     """Points, levels, how far beyond the test, and what else the answer rests on."""
     data, levels = result.data, count_levels(result)
-    said = f"{name_record(result, study, ':')}{count(len(data.A), 'point')} at {count(levels, 'force level')}"
+    sentence = f"{name_record(result, study, ':')}{count(len(data.A), 'point')} at {count(levels, 'force level')}"
     i, design = find_largest(result.design), result.design
     if i is not None and design is not None and design.ratio[i] > 1.0:
-        said += f"; the design load is {number(design.ratio[i])} times the largest tested force"
+        sentence += f"; the design load is {number(design.ratio[i])} times the largest tested force"
     if levels == 1:
         fitting = sum(1 for c in result.ranking.candidates if c.weight > LEAST_SHOWN)
-        said += (
+        sentence += (
             f"; one sweep does not determine the law ({fitting} laws fit it), and nothing here says how damping "
             "changes with level"
         )
-    return said + (f". {result.note}" if result.note else ".")
+    return sentence + (f". {result.note}" if result.note else ".")
 
 
-def _list_cautions(study: StudyResult) -> list[str]:
+def _collect_gravest(study: StudyResult) -> list[str]:
     """The gravest cautions, each once with the records it holds for, and what no band holds."""
-    said: dict[str, list[str]] = {}
+    holders: dict[str, list[str]] = {}
     for result in study.records:
         cautions = [str(finding) for finding in result.findings]
         if result.ranking.fit.sentence:
@@ -205,9 +208,9 @@ def _list_cautions(study: StudyResult) -> list[str]:
             cautions += result.design.cautions[-1 if i is None else i]
         for caution in list(dict.fromkeys(cautions))[:MOST_CAUTIONS]:
             if not caution.startswith("beyond the test"):  # the conditions say it
-                said.setdefault(caution, []).append(result.title)
+                holders.setdefault(caution, []).append(result.title)
     several = len(study.records) > 1
-    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in said.items()]
+    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in holders.items()]
     standing = (
         "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
         "begins to slip, or a crack, is in no band."
@@ -226,11 +229,11 @@ def _build_curves(study: StudyResult, svgs: Svgs) -> list[Block]:
         )
     if not drawn:
         return []
-    said = (
+    reading = (
         "One damping ratio holds at one amplitude. Solid: tested; dashed on hatched ground: beyond the test. The red "
         "line is the low end of the band, the one to size a load with."
     )
-    return [Text(said), Row(drawn)]
+    return [Text(reading), Row(drawn)]
 
 
 def _build_fits(study: StudyResult, svgs: Svgs) -> list[Block]:
@@ -275,9 +278,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
             "weight": format_share(law.weight),
             "coefficients": _describe_coefficients(result, law),
             "error of amplitude": f"{format_percent(law.average_absolute_percent)} %",
-            "level held out": NOTHING
-            if not np.isfinite(law.held_out_error)
-            else f"{format_percent(law.held_out_error)} %",
+            "level held out": f"{format_percent(law.held_out_error)} %".replace(f"{NOTHING} %", NOTHING),
             "predicts the same": _describe_equivalents(law.equivalents),
         }
         for law in (*shown, *viscous)
@@ -295,7 +296,5 @@ def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
 
 
 def _describe_equivalents(names: Sequence[str]) -> str:
-    if not names:
-        return NOTHING
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return names[0] + more
+    return names[0] + more if names else NOTHING

@@ -14,9 +14,8 @@ from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import forms
+from damping.report import format_parameter_unit, forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
-from damping.report.words import format_parameter_unit
 
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
@@ -215,13 +214,13 @@ def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
 def tabulate_observations(result: RecordResult) -> pd.DataFrame:
     """The rows that say something about damping, with their energy per cycle and what a joint fit takes of them."""
     data, rows = result.data, tabulate_rows(result.data)
-    rows.insert(1, "point", _list_points(result))
+    rows.insert(1, "point", _label_points(result))
     rows.insert(3, "omega", data.omega)
     rows.insert(6, "energy", np.pi * data.A * data.D)
     return rows
 
 
-def _list_points(result: RecordResult) -> list[str]:
+def _label_points(result: RecordResult) -> list[str]:
     """A short label for each row: its sweep, and its number there where a sweep has several rows."""
     data = result.data
     number = pd.Series(data.sweep).groupby(data.sweep).cumcount() + 1

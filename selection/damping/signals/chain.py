@@ -17,8 +17,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
-from damping.signals.description import Description, Principal, Sensor, Yaw
-from damping.signals.modal import (
+from damping.signals import (
     NodeCorrection,
     NodeMode,
     PrincipalPlanes,
@@ -34,6 +33,7 @@ from damping.signals.modal import (
     plane_motion,
     yaw_displacement,
 )
+from damping.signals.description import Description, Principal, Sensor, Yaw
 
 
 @dataclass(frozen=True)

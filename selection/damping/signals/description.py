@@ -2,72 +2,9 @@
 
 The raw table is a CSV file, one row a steady state of one forcing frequency, with any columns; the description says
 which are used. All numbers are in one consistent system of units; names of units are echoed, never converted.
+``docs/reference/files.md`` has an example with every key and its meaning.
 
-    title = "Tower test, second mode"
-
-    [units]                       # optional; `force`, `length` and `time` are names for people
-    force = "lb"
-    length = "in"
-    time = "s"
-    frequency = "rad/s"           # of every frequency here and of its column: "Hz" (default) or "rad/s"
-    phase = "rad"                 # of the phase column: "rad" (default) or "degrees"
-
-    [raw]
-    frequency = "omega_rad_s"     # columns of the raw table
-    force = "force_lb"            # force amplitude at the point of application
-    force_sd = "force_sd_lb"      # optional: its standard uncertainty
-    sweep = "run"                 # labels of the sweeps; or sweep_label = "I", one label for all rows
-    keep = ["point"]              # columns that go unchanged into the record
-
-    [[sensors]]                   # one for each reading; amplitudes
-    name = "tip pitch"
-    column = "tip_pitch_accel_g_per_lb_e4"
-    quantity = "acceleration"     # or "velocity", or "displacement" (default)
-    factor = 1e-4                 # reading = factor times the number in the column (default 1)
-    unit = 386.0                  # of one unit of the reading, in the units above: here g in in/s^2 (default 1)
-    per_force = true              # readings are per unit of force (default false)
-    sd = "tip_pitch_sd_g_per_lb_e4"  # optional: standard uncertainty of the number in the column
-
-    [[yaw]]                       # optional: yaw displacement of a node measured in pitch only (Eq. 3.1.1)
-    name = "tail yaw"
-    tip_yaw = "tip yaw"           # names of sensors
-    tip_pitch = "tip pitch"
-    pitch = "tail pitch"
-
-    [node]                        # the motion that becomes the mode
-    sensor = "tail pitch"
-    phase = "tail_phase_rad"      # column: lag behind the force; without it nothing can be removed
-    phase_sd = "tail_phase_sd"    # optional: its standard uncertainty
-    lag = 0.0                     # known lag of the instruments, taken off the phase (in its unit)
-
-    [mode]
-    phi = 0.041                   # displacement of the node at unit modal displacement
-    phi_drive = 0.041             # the same where the force acts (default: phi)
-
-    [[modes]]                     # optional: other modes to be removed (Eqs. 3.1.13-3.1.15)
-    name = "1"
-    phi = 0.084                   # and phi_drive (default: phi)
-    mass = 62.9
-    frequency = 6.95
-
-    [rigid_body]                  # optional: rigid-body rotation to be removed (Eqs. 3.1.16-3.1.18)
-    frequency = 1.0
-    r2_over_i = 1.92e-4           # R^2/I: displacement of the node per unit force is R^2/I/(omega_R^2 - omega^2); or
-    identify_from = "column"      # a column of known total corrections C_t, to which R^2/I is fitted (Eq. 3.1.20)
-
-    [correction]                  # optional, in place of both: the total correction C_t (Eq. 3.1.20) as known
-    column = "correction_Ct2_in"
-
-    [principal]                   # optional: rotation into the principal planes (section 3.2)
-    theta = 28.0                  # degrees, from the direction of the force to the principal pitch plane
-    mass = 21.0
-    frequency_pitch = 11.40
-    frequency_yaw = 11.50
-    branch = "near"               # which root xi of Eq. 3.2.15: "low", "high", or "near" the one given
-    xi = 0.005                    # with "near"
-    largest = 0.05                # roots above are no damping factors of a structure (default 0.1)
-
-Standard uncertainties that are stated go through the chain (``damping.signals.uncertainty``) into the record's
+Standard uncertainties that are stated go through the chain (``damping.signals.reading``) into the record's
 ``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
 """
 

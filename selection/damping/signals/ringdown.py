@@ -147,11 +147,11 @@ def ring_down(
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
-    lost = _list_lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
+    lost = _describe_lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 
-def _list_lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
+def _describe_lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
     """A note where the motion is larger before ``since``, when the window first fits, than its ``size`` there."""
     peak = int(np.argmax(np.abs(x)))
     largest = float(np.abs(x[peak]))
@@ -193,9 +193,9 @@ def _levels(
     """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them."""
     while True:
         edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
-        found = [_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)]
-        kept, notes = _kept(found)
-        if 2 * len(kept) >= len(found) or levels == 1:
+        levels_cut = [_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)]
+        kept, notes = _kept(levels_cut)
+        if 2 * len(kept) >= len(levels_cut) or levels == 1:
             break
         levels //= 2
     if not kept:
@@ -226,13 +226,13 @@ def _level(t: FloatArray, z: Signal, window: Window, noise: float, order: int) -
     )
 
 
-def _kept(found: list[_Level]) -> tuple[list[_Level], list[str]]:
+def _kept(levels: list[_Level]) -> tuple[list[_Level], list[str]]:
     """Levels whose slope is known, up to the first at which the window would smear the decay."""
     notes = []
-    known = [level for level in found if level.delta > 0.0 and level.sd_delta <= WORST_SLOPE * level.delta]
-    if len(known) < len(found):
+    known = [level for level in levels if level.delta > 0.0 and level.sd_delta <= WORST_SLOPE * level.delta]
+    if len(known) < len(levels):
         notes.append(
-            f"{len(found) - len(known)} of {len(found)} levels left out: their decay is not told from the noise"
+            f"{len(levels) - len(known)} of {len(levels)} levels left out: their decay is not told from the noise"
         )
     bent = next((k for k, level in enumerate(known) if level.bend > LARGEST_BEND), len(known))
     kept = known[:bent]

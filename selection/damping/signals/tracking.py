@@ -129,21 +129,21 @@ def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float) -
         return None
     phase = np.polynomial.polynomial.polyval(u, theta)
     wave = np.exp(1j * phase)
-    found, left = _fit_real(np.column_stack([wave, wave * u, wave**3]), samples)
+    amplitudes, left = _fit_real(np.column_stack([wave, wave * u, wave**3]), samples)
     long = (b - a) * step
     others = [k for k in range(len(x)) if k != drive]
     sd = np.std(left, axis=1) * np.sqrt(2.0 / (b - a))
     frequency, rate = theta[1] / (2.0 * pi * long), theta[2] / (pi * long**2)
-    size = float(abs(found[drive, 0]))
-    return _Window(middle * step, frequency, rate, size, found[others, 0], found[others, 2], sd[others])
+    size = float(abs(amplitudes[drive, 0]))
+    return _Window(middle * step, frequency, rate, size, amplitudes[others, 0], amplitudes[others, 2], sd[others])
 
 
 def _fit_real(basis: Complex, samples: FloatArray) -> tuple[Complex, FloatArray]:
     """Complex coefficients (channels, k) of Re(basis c) + constant, and what is left (channels, n)."""
     design = np.column_stack([basis.real, -basis.imag, np.ones(len(basis))])
-    found = np.linalg.lstsq(design, samples.T)[0]
+    solution = np.linalg.lstsq(design, samples.T)[0]
     k = basis.shape[1]
-    return np.asarray((found[:k] + 1j * found[k : 2 * k]).T), np.asarray(samples - (design @ found).T)
+    return np.asarray((solution[:k] + 1j * solution[k : 2 * k]).T), np.asarray(samples - (design @ solution).T)
 
 
 class _Windows:

@@ -110,8 +110,8 @@ def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArr
     stretched = [abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in np.array_split(step, _PARTS) if len(part)]
     if max(stretched) > _STRETCHED * np.std(step):
         return t, x, []
-    said = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
-    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [said]
+    note = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
+    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), [note]
 
 
 def find_step(t: FloatArray, frequency: float) -> float:

@@ -1,4 +1,4 @@
-"""``damping regress``: tables and curves in, print-outs, the form ``regress/1`` and plots out."""
+"""Commands on tables: ``damping regress`` (form ``regress/1``) and ``damping condition`` (report, chapter III)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.reading import read_table
+from damping.records.record import record_to_csv
+from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
 from damping.regression.selecting import Choice
-from damping.regression.terms import list_columns_of, parse_terms
 from damping.result import RegressionResult
+from damping.signals.chain import ConditioningStep
+from damping.signals.description import Description
+from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
+from damping_pipelines.terminal import console, plain_table
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -120,8 +125,8 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     """File names and SVG of the deviations against every independent variable, every term, the fitted response and the
     row."""
+    from damping.plots import to_svg  # noqa: PLC0415 - as above
     from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
-    from damping.plots.style import to_svg  # noqa: PLC0415 - as above
 
     drawn: dict[str, str] = {}
     for number, result in enumerate(results, start=1):
@@ -133,8 +138,8 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
             )
             figure = deviations_figure(x, d.deviation, d.percent, x_label=name, response=response)
             title = f"{result.data}: deviations of {response} against {name}"
-            told = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
-            drawn[f"{stem}.svg"] = to_svg(figure, stem, title, told)
+            caption = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
+            drawn[f"{stem}.svg"] = to_svg(figure, stem, title, caption)
             figure.clear()
     return drawn
 
@@ -159,3 +164,58 @@ def _describe_unused(stem: str, taken: Mapping[str, str]) -> str:
     lower = {name.lower() for name in taken}
     names = (stem, *(f"{stem}-{i}" for i in range(2, len(taken) + 3)))
     return next(name for name in names if f"{name}.svg".lower() not in lower)
+
+
+def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
+    """Condition a raw table, write the record and, where asked, one CSV a step; say what each step did.
+
+    Raises:
+        InputError: a description or a table that cannot be read or contradicts itself.
+        AnalysisError: the steps that are asked for cannot be done on this table.
+    """
+    refuse_inputs("--out", out, raw, config)
+    description = read_description(config)
+    table = read_raw(raw, description, max_size)
+    done = condition_steps(table, description)
+    record = done[-1].after
+    check_repeats(record, raw, max_size)
+    texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
+    for path in texts:
+        refuse_inputs("--steps", path, raw, config)
+    refuse_twice({"--out": out, **{f"--steps {path.name}": path for path in texts}})
+    write_text(out, record_to_csv(record))
+    for path, text in texts.items():
+        write_text(path, text)
+    _print_steps(done, description, out)
+
+
+def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
+    """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
+    files = {}
+    for place, step in enumerate(steps, 1):
+        removed = step.removed.add_prefix("removed ")
+        table = step.after.reindex(step.before.index).join(removed)
+        if len(step.after) < len(step.before):  # rows that were left out keep what the step does not change
+            kept = step.before.loc[step.after.index]
+            for name in step.before.columns.intersection(step.after.columns):
+                if kept[name].equals(step.after[name]):
+                    table[name] = step.before[name]
+            table["left out"] = (~step.before.index.isin(step.after.index)).astype(int)
+        table = table.assign(**step.constants)
+        files[f"{place:02d}-{step.name.replace(' ', '-')}.csv"] = record_to_csv(table)
+    return files
+
+
+def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
+    """What each step did, and where the record is."""
+    terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
+    for step in steps:
+        removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
+        constants = [f"{name} = {value:.4g}" for name, value in step.constants.items()]
+        left = len(step.before) - len(step.after)
+        rows = [f"{left} rows without a damping factor"] if left else []
+        table.add_row(step.name, step.equation, ", ".join([*removed, *constants, *rows]))
+    terminal.print(table)
+    names = {what: getattr(description.units, what) for what in ("force", "length", "time")}
+    units = ", ".join(f"{what} in {unit}" for what, unit in names.items() if unit) or "one consistent system"
+    terminal.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.")

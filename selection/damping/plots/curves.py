@@ -1,4 +1,4 @@
-"""Damping ratio and Q of a resonance against its amplitude or its level; measured sweeps beside those of a law.
+"""Damping ratio and Q over amplitude, measured sweeps beside a law's, resonant amplitude from the test to the loads.
 
 A line is solid within the test and dashed beyond it, where the ground is hatched too.
 """
@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from damping.plots.style import (
+from damping.plots import (
     AVERAGE,
     BEYOND,
     GRID,
+    INK,
     LINEAR,
     MEASURED,
     MUTED,
@@ -45,7 +47,7 @@ def damping_curve(table: pd.DataFrame, level: float, unit: str = "", tested: pd.
     axes = figure.add_subplot()
     draw_damping_curve(axes, table, level, unit, tested)
     figure.legend(
-        handles=_list_curve_marks(level, 0 if tested is None else len(tested)),
+        handles=_build_curve_marks(level, 0 if tested is None else len(tested)),
         loc="outside lower left",
         ncols=2,
         columnspacing=1.2,
@@ -114,7 +116,7 @@ def shade_beyond(axes: Axes, edge: float, end: float) -> None:
         axes.axvspan(edge, end, facecolor=BEYOND, edgecolor=GRID, hatch="///", linewidth=0, zorder=0)
 
 
-def _list_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
+def _build_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
     dashed = (0, (4, 1.5))
     marks: list[Line2D | Patch] = [
         Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
@@ -154,9 +156,9 @@ def fitted_sweeps(
     axes.set_xlabel("frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit))
     axes.set_ylabel(describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit))
     axes.margins(x=0.1, y=0.1)
-    said = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
+    measured_label = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
     marks = [
-        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=said),
+        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=measured_label),
         Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),
     ]
     figure.legend(handles=marks, loc="outside lower left", ncols=1)
@@ -188,3 +190,84 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     span = np.ptp(table["frequency"]) or 1e-3 * float(table["frequency"].iloc[0])
     right.set_ylim(table["frequency"].min() - span, table["frequency"].max() + span)
     return figure
+
+
+_LONG_DASH = (0, (7, 2))
+
+
+@styled
+def design_loads(
+    band: pd.DataFrame,
+    tested: pd.DataFrame,
+    design: pd.DataFrame,
+    level: float,
+    force_unit: str = "",
+    length_unit: str = "",
+    limit: float = np.inf,
+) -> Figure:
+    """Draw the median with its band, the linear prediction and the tested points.
+
+    Args:
+        band: over a grid of forces, ``force, median, low, high, linear``; NaN where no prediction is given.
+        tested: ``sweep, force, amplitude``. design: at the design forces, ``force, median, low, high, linear``.
+        level: content of the band. limit: force beyond which no prediction is given.
+    """
+    figure = Drawing(figsize=(WIDTH, 3.9))
+    axes = figure.add_subplot()
+    draw_design_loads(axes, band, tested, design, level, force_unit, length_unit, limit)
+    figure.legend(handles=_build_load_marks(level, len(tested)), loc="outside lower left", ncols=2, columnspacing=1.2)
+    return figure
+
+
+@styled
+def draw_design_loads(
+    axes: Axes,
+    band: pd.DataFrame,
+    tested: pd.DataFrame,
+    design: pd.DataFrame,
+    level: float,
+    force_unit: str = "",
+    length_unit: str = "",
+    limit: float = np.inf,
+) -> None:
+    """Draw :func:`design_loads` on ``axes``, without a legend."""
+    force = band["force"].to_numpy(float)
+    edge = float(tested["force"].max())
+    shade_beyond(axes, edge, float(force[-1]))
+    axes.fill_between(force, band["low"], band["high"], facecolor=PREDICTIVE, linewidth=0)
+    axes.plot(force, band["linear"], color=LINEAR, linewidth=1.4, linestyle=_LONG_DASH)
+    inside = force <= edge
+    axes.plot(force[inside], band["median"][inside], color=AVERAGE, linewidth=2.2)
+    axes.plot(force[~inside], band["median"][~inside], color=AVERAGE, linewidth=2.2, linestyle=(0, (4, 1.5)))
+    axes.plot(tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=5, mec="white", mew=0.6, zorder=5)
+    if len(tested) <= MOST_NAMED:
+        for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
+            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", color=MEASURED, fontsize=7.5)
+    axes.vlines(design["force"], design["low"], design["high"], color=AVERAGE, linewidth=1.2, zorder=4)
+    axes.plot(design["force"], design["median"], "D", color="white", markeredgecolor=AVERAGE, markersize=5, zorder=6)
+    axes.set_xlim(force[0], force[-1])
+    axes.set_ylim(0.0, _find_top(band, tested, design))
+    if limit < force[-1]:
+        axes.axvline(limit, color=MUTED, linewidth=0.8)
+        axes.text(limit, 0.02, " no prediction", transform=axes.get_xaxis_transform(), color=MUTED, fontsize=8)
+    axes.set_xlabel(describe_with_unit("force at resonance", force_unit))
+    axes.set_ylabel(describe_with_unit("resonant amplitude", length_unit))
+
+
+def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
+    """Upper limit of the amplitude axis: the linear line stays in sight, a band that runs away sets no scale."""
+    values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
+    likely = np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])
+    return float(1.12 * np.nanmax([*values, likely]))
+
+
+def _build_load_marks(level: float, sweeps: int) -> list[Artist]:
+    dashed = (0, (4, 1.5))
+    return [
+        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {sweeps})"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, ls=dashed, label="median, beyond (hatched)"),
+        Patch(fc=PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
+        Line2D([], [], color=LINEAR, linewidth=1.4, ls=_LONG_DASH, label="linear, from the top level"),
+        Line2D([], [], marker="D", color="white", markeredgecolor=INK, linestyle="", label="design force"),
+    ]

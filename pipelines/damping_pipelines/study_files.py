@@ -1,4 +1,18 @@
-"""What a study leaves behind: report, summary, tables, figures, posteriors. Rendered first, then written whole."""
+"""What a study reads and what it leaves: settings, checked before anything runs; report, summary, tables, figures.
+
+title = "Bolted joint, spring campaign"
+seed = 1970                        # of everything sampled
+level = 0.9                        # content of every band
+
+[[records]]
+name = "panel-mode-1"              # of its files: letters, digits, - and _
+title = "Panel, first mode"        # for people
+record = "panel.csv"               # relative to this file
+mode = "panel.toml"
+design_forces = [30.0, 60.0, 90.0] # where amplitudes are predicted; none by default
+laws = [["viscous"], ["viscous", "coulomb"]]  # always sampled, whatever their weight
+note = "The force was held by hand."    # what to know of the record, said with the answer
+"""
 
 from __future__ import annotations
 
@@ -7,21 +21,130 @@ import tempfile
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from damping.errors import InputError
+from damping.forces import force_class
 from damping.infer.checks import inference_data
+from damping.records.keys import describe_nearest, line_of, read_toml
 from damping.records.record import record_to_csv
+from damping.records.text import describe_shortened
 from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render
-from damping_pipelines.export import print_answer, to_png
+from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import publish
-from damping_pipelines.store import plain, refuse_inputs, to_json
+from damping_pipelines.store import plain, print_answer, refuse_inputs, to_json, to_png
+
+#: Seed of the default study: the year of the report.
+DEFAULT_SEED = 1970
+#: What belongs where pydantic found another thing, by its name for the mistake.
+_EXPECTED = {
+    "string_type": "text",
+    "string_pattern_mismatch": "letters, digits, - and _, the first a letter or digit",
+    "string_too_long": "at most 80 characters",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "too_short": "at least one",
+}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RecordSettings(_Table):
+    """One record of a study."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]
+    title: str = ""
+    record: str
+    mode: str
+    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()
+    laws: tuple[tuple[str, ...], ...] = ()
+    note: Annotated[str, Field(max_length=400)] = ""
+
+    @field_validator("laws")
+    @classmethod
+    def _known(cls, laws: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, ...], ...]:
+        for law in laws:
+            for name in law:
+                try:
+                    force_class(name)
+                except InputError as error:
+                    raise ValueError(str(error)) from None
+        return laws
+
+
+class StudySettings(_Table):
+    """A study: its records in order."""
+
+    title: str
+    seed: Annotated[int, Field(ge=0, strict=True)] = DEFAULT_SEED
+    level: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)] = 0.9
+    source_report: bool = False
+    records: Annotated[tuple[RecordSettings, ...], Field(min_length=1)]
+
+    @field_validator("records")
+    @classmethod
+    def _different_names(cls, records: tuple[RecordSettings, ...]) -> tuple[RecordSettings, ...]:
+        names = [record.name for record in records]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two records are called {name!r}")
+        return records
+
+
+def default_study() -> Path:
+    """The settings of the Saturn V study."""
+    return source_report().settings_file()
+
+
+def read_settings(path: Path) -> StudySettings:
+    """Read and check a study's settings.
+
+    Raises:
+        InputError: with file, line and key of the first thing that is wrong, and what was expected.
+    """
+    table = read_toml(path)
+    try:
+        return StudySettings.model_validate(table.values)
+    except ValidationError as error:
+        # a misspelt key explains a missing one, so it comes first
+        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+        raise _input_error(problems[0], path, table.content) from None
+
+
+def _input_error(problem: Any, path: Path, content: str) -> InputError:
+    """Pydantic's first problem as one line for people."""
+    keys = tuple(str(key) for key in problem["loc"] if isinstance(key, str))
+    key = ".".join(str(part) for part in problem["loc"])
+    line = _line(content, tuple(problem["loc"]))
+    if problem["type"] == "extra_forbidden":
+        known = RecordSettings.model_fields if len(keys) > 1 else StudySettings.model_fields
+        message, expected = "unknown key", f"{describe_nearest(keys[-1], known)} (nearest of {', '.join(known)})"
+        return InputError(message, file=path, line=line, column=key, expected=expected)
+    if problem["type"] == "missing":
+        return InputError("missing key", file=path, line=line, column=key, expected=f"{keys[-1]} = ...")
+    if problem["type"] in _EXPECTED:
+        given = describe_shortened(repr(problem["input"]))
+        return InputError(given, file=path, line=line, column=key, expected=_EXPECTED[problem["type"]])
+    return InputError(problem["msg"].removeprefix("Value error, "), file=path, line=line, column=key)
+
+
+def _line(content: str, loc: tuple[str | int, ...]) -> int | None:
+    """Line of what a problem is with, or of the least that holds it."""
+    lines = (line_of(content, loc[:length]) for length in range(len(loc), 0, -1))
+    return next((line for line in lines if line is not None), None)
 
 
 def write_study(
@@ -35,7 +158,7 @@ def write_study(
     Raises:
         InputError: a file cannot be written, or is one of the inputs or a user's own.
     """
-    files = study_files(study)
+    files = render_files(study)
     if png:
         files |= pictures(study, [name for name in files if name.endswith(".svg")])
     if pdf:
@@ -45,7 +168,7 @@ def write_study(
     publish(out, files, seed=study.seed, versions=study.versions, inputs=study.inputs)
 
 
-def study_files(study: StudyResult) -> dict[str, bytes]:
+def render_files(study: StudyResult) -> dict[str, bytes]:
     """Every file of a study by its path under the output folder; the report comes last."""
     rendered = render(study)
     files: dict[str, bytes] = {}
@@ -59,7 +182,7 @@ def study_files(study: StudyResult) -> dict[str, bytes]:
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
     files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
     files |= {f"{name}.html": page.encode() for name, page in rendered.pages.items()}
-    files["summary.json"] = to_json(summary(study)).encode()
+    files["summary.json"] = to_json(summarise(study)).encode()
     files["report.html"] = rendered.html.encode()
     return files
 
@@ -102,7 +225,7 @@ def to_netcdf(data: Any) -> bytes:
         return path.read_bytes()
 
 
-def summary(study: StudyResult) -> dict[str, Any]:
+def summarise(study: StudyResult) -> dict[str, Any]:
     """The study as plain data; what a source report adds is empty without one."""
     form = {
         "format": "study/1",
@@ -111,7 +234,7 @@ def summary(study: StudyResult) -> dict[str, Any]:
         "level": study.level,
         "inputs": dict(study.inputs),
         "versions": dict(study.versions),
-        "records": [_record(record) for record in study.records],
+        "records": [_summarise_record(record) for record in study.records],
         "reproduction": [],
         "section_6_1": [],
         "errata": [],
@@ -122,7 +245,7 @@ def summary(study: StudyResult) -> dict[str, Any]:
     return form
 
 
-def _record(record: RecordResult) -> dict[str, Any]:
+def _summarise_record(record: RecordResult) -> dict[str, Any]:
     return {
         "name": record.name,
         "title": record.title,
@@ -137,11 +260,11 @@ def _record(record: RecordResult) -> dict[str, Any]:
             | {"level": law.level, "degrees_of_freedom": law.degrees_of_freedom, "alpha": law.alpha}
             for law in record.power_laws
         ],
-        "posteriors": [_posterior(law) for law in record.posteriors],
+        "posteriors": [_summarise_posterior(law) for law in record.posteriors],
     }
 
 
-def _posterior(law: LawPosterior) -> dict[str, Any]:
+def _summarise_posterior(law: LawPosterior) -> dict[str, Any]:
     return {
         "law": law.law.name,
         "weight": law.weight,
