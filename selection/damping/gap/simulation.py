@@ -91,7 +91,8 @@ class Simulation:
             simulated=len(forces),
             detuned=tuple(_of_state(state, value) for state, value in own),
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
-            **rates,
+            law=rates.get("law", 0.0),
+            ringing=rates.get("ringing", 0.0),
         )
 
 
