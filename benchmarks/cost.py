@@ -120,7 +120,7 @@ def ranked_laws(number: int) -> Callable[[], object]:
 def draws(number: int) -> Callable[[], object]:
     """The work of ``number`` importance draws and their density under the proposal, four variables."""
     rng = np.random.RandomState(0)
-    proposal = Proposal.through(rng.standard_normal((4096, 4)))
+    proposal = Proposal.through(rng.standard_normal((4096, 4)), worth=4096.0)
     return lambda: proposal.log_density(proposal.draw_random(number, rng))
 
 
