@@ -193,18 +193,15 @@ def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
 
 def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) -> Table:
     """One row for each shared shape: its value if all records share it, its value in each, and the odds of sharing."""
+    interval = "{0:.2f} ({1:.2f} to {2:.2f})"
     rows = [
         {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
-        | {"one value": _describe_interval(shape.pooled)}
-        | {f"alone: {name}": _describe_interval(alone) for name, alone in zip(names, shape.each, strict=True)}
+        | {"one value": interval.format(*shape.pooled)}
+        | {f"alone: {name}": interval.format(*alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
     caption = "Joint fits with one exponent: the odds against an exponent for each, and medians with 90 % intervals"
     return Table(pd.DataFrame(rows), caption)
-
-
-def _describe_interval(interval: tuple[float, float, float]) -> str:
-    return f"{interval[0]:.2f} ({interval[1]:.2f} to {interval[2]:.2f})"
 
 
 def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:

@@ -135,13 +135,13 @@ def read_functions(data: bytes, file: str | Path, summary: Summary) -> list[Func
     if not sets:
         raise InputError("no data set 58", file=file, expected="a universal file with functions at nodal DOF")
     taken = []
-    for dataset in (dataset for dataset in sets if dataset.header.function in (*_TAKEN, 5)):
-        head = dataset.header
-        x, y = values(data, dataset.block, head, file)
-        at = abscissa(x, head.abscissa, dataset.is_time, file, summary)
-        labels = (head.numerator.unit, head.denominator.unit if dataset.per else "")
+    for entry in (entry for entry in sets if entry.header.function in (*_TAKEN, 5)):
+        head = entry.header
+        x, y = values(data, entry.block, head, file)
+        at = abscissa(x, head.abscissa, entry.is_time, file, summary)
+        labels = (head.numerator.unit, head.denominator.unit if entry.per else "")
         points = (head.response_point, head.reference_point)
-        taken.append(Function(head.title, *points, dataset.is_time, dataset.quantity, dataset.per, labels, at, y))
+        taken.append(Function(head.title, *points, entry.is_time, entry.quantity, entry.per, labels, at, y))
     return taken
 
 
@@ -162,14 +162,14 @@ def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
 
 
 def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
-    for dataset in sets[:_MOST_LISTED]:
-        head = dataset.header
-        of = f"{dataset.quantity or 'unknown quantity'}{f' per {dataset.per}' if dataset.per else ''}"
+    for entry in sets[:_MOST_LISTED]:
+        head = entry.header
+        of = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
-        form = "bytes" if dataset.block.binary else "text"
+        form = "bytes" if entry.block.binary else "text"
         title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
-        text = f"{what}, {of}, {head.points} points ({form}), {dataset.point}{title}"
-        summary.add(f"data set {dataset.number}", text, "found in the file")
+        text = f"{what}, {of}, {head.points} points ({form}), {entry.point}{title}"
+        summary.add(f"data set {entry.number}", text, "found in the file")
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
     if others:
@@ -182,21 +182,19 @@ def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) 
     if bad is not None:
         raise InputError(f"no data set {bad}", file=file, expected=f"numbers from 1 to {len(sets)}")
     chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.header.function in _TAKEN]
-    for dataset in chosen:
-        problem = _describe_unfit(dataset)
+    for entry in chosen:
+        problem = _describe_unfit(entry)
         if problem and datasets:
             raise InputError(
-                f"data set {dataset.number} is {problem}", file=file, line=dataset.block.line, expected=_EXPECTED
+                f"data set {entry.number} is {problem}", file=file, line=entry.block.line, expected=_EXPECTED
             )
-    chosen = [dataset for dataset in chosen if not _describe_unfit(dataset)]
-    if not any(not dataset.is_force for dataset in chosen):
+    chosen = [entry for entry in chosen if not _describe_unfit(entry)]
+    if not any(not entry.is_force for entry in chosen):
         raise InputError("no data set is a response", file=file, expected=_EXPECTED)
-    has_ratio = any(dataset.header.function == 4 for dataset in chosen)
+    has_ratio = any(entry.header.function == 4 for entry in chosen)
     if has_ratio and not datasets:  # the spectra of responses beside their frequency responses say the same twice
-        chosen = [
-            dataset for dataset in chosen if dataset.header.function == 4 or (dataset.is_force and not dataset.is_time)
-        ]
-    if len({dataset.is_time for dataset in chosen}) > 1:
+        chosen = [entry for entry in chosen if entry.header.function == 4 or (entry.is_force and not entry.is_time)]
+    if len({entry.is_time for entry in chosen}) > 1:
         raise InputError("both time histories and spectra", file=file, expected="--dataset numbers of one kind")
     return chosen
 
@@ -204,18 +202,18 @@ def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) 
 _EXPECTED = "a frequency response (type 4), spectrum (12), general function (0) or time response (1) of a motion"
 
 
-def _describe_unfit(dataset: _Set) -> str:
+def _describe_unfit(entry: _Set) -> str:
     """Why a data set is neither a response nor a force; '' if it is one."""
-    head = dataset.header
+    head = entry.header
     if head.function not in _TAKEN:
         return _FUNCTIONS.get(head.function, f"of function type {head.function}")
-    if head.function == 4 and (dataset.quantity == "force" or dataset.per not in ("", "force")):
-        return f"a ratio of {dataset.quantity or 'unknown'} to {dataset.per or 'unknown'}"
+    if head.function == 4 and (entry.quantity == "force" or entry.per not in ("", "force")):
+        return f"a ratio of {entry.quantity or 'unknown'} to {entry.per or 'unknown'}"
     if head.function == 4 and head.ordinate in (2, 4):
         return "a frequency response of real values, whose phase is lost"
-    if dataset.is_time and head.ordinate in (5, 6):
+    if entry.is_time and head.ordinate in (5, 6):
         return "a time history of complex values"
-    if not dataset.is_time and head.function != 4 and head.abscissa.code not in (_FREQUENCY, 0):
+    if not entry.is_time and head.function != 4 and head.abscissa.code not in (_FREQUENCY, 0):
         return f"a function of abscissa type {head.abscissa.code}"
     if head.function == 0 and head.abscissa.code == 0:
         return "a function whose abscissa is neither said to be frequency nor time"
@@ -233,28 +231,26 @@ def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Pat
         raise InputError(message, file=file, expected=expected)
 
 
-def _series(dataset: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
-    x, y = values(data, dataset.block, dataset.header, file)
-    head = dataset.header
+def _series(entry: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
+    x, y = values(data, entry.block, entry.header, file)
+    head = entry.header
     response = (
-        (_PER_FORCE.get(dataset.quantity) if dataset.per == "force" else None)
-        if head.function == 4
-        else dataset.quantity
+        (_PER_FORCE.get(entry.quantity) if entry.per == "force" else None) if head.function == 4 else entry.quantity
     )
     (_, along), (_, against) = head.response_point, head.reference_point
     if along * against < 0:
-        summary.note(f"data set {dataset.number}: response and reference directions are opposite ({along}, {against})")
+        summary.note(f"data set {entry.number}: response and reference directions are opposite ({along}, {against})")
     return Series(
-        label=head.title or f"set {dataset.number}",
-        abscissa=abscissa(x, head.abscissa, dataset.is_time, file, summary),
+        label=head.title or f"set {entry.number}",
+        abscissa=abscissa(x, head.abscissa, entry.is_time, file, summary),
         response=y,
-        is_time=dataset.is_time,
+        is_time=entry.is_time,
         has_phase=bool(np.iscomplexobj(y)),
         found=Found(
             response or None,
             per_force=head.function == 4,
             scaling="peak" if PEAK in head.notes else None,
-            units=units(head, dataset.quantity, dataset.per, dataset.units_code, summary),
+            units=units(head, entry.quantity, entry.per, entry.units_code, summary),
         ),
     )
 
@@ -263,7 +259,7 @@ def _list_labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
     """ID lines as labels where they tell the sweeps apart, else numbers of data sets."""
     if len({row.label for row in series}) == len(series):
         return series
-    return [replace(row, label=f"set {dataset.number}") for row, dataset in zip(series, sets, strict=True)]
+    return [replace(row, label=f"set {entry.number}") for row, entry in zip(series, sets, strict=True)]
 
 
 def _list_with_forces(
@@ -273,11 +269,8 @@ def _list_with_forces(
     if not forces:
         return series
     if len(forces) != len(series):
-        raise InputError(
-            f"{len(forces)} forces and {len(series)} responses",
-            file=file,
-            expected="a force for each response, in the same order; choose them with --dataset",
-        )
+        expected = "a force for each response, in the same order; choose them with --dataset"
+        raise InputError(f"{len(forces)} forces and {len(series)} responses", file=file, expected=expected)
     pairs = zip(series, _forces(forces, data, file, summary), strict=True)
     return [_joined(row, one_force, number, file) for (row, one_force), number in zip(pairs, forces, strict=True)]
 
@@ -295,14 +288,10 @@ def _forces(
         )
 
 
-def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], dataset: _Set, file: str | Path) -> Series:
+def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], entry: _Set, file: str | Path) -> Series:
     x, y, named = force
     if len(x) != len(row.abscissa) or not np.allclose(x, row.abscissa, rtol=1e-4, atol=0.0):
-        raise InputError(
-            f"the force of data set {dataset.number} is at other abscissas than response {row.label!r}",
-            file=file,
-            line=dataset.block.line,
-            expected="the same frequencies",
-        )
+        message = f"the force of data set {entry.number} is at other abscissas than response {row.label!r}"
+        raise InputError(message, file=file, line=entry.block.line, expected="the same frequencies")
     known = dict(row.found.units) | ({"force": named["force"]} if "force" in named else {})
     return replace(row, force=y, found=replace(row.found, units=known))
