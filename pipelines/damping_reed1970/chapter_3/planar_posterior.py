@@ -162,7 +162,7 @@ def log_posterior(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArra
 def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidence:
     """Marginal likelihood and weighted draws, by importance sampling from the posterior mode outwards."""
     mode = _mode(prior, data)
-    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed, least_rounds=7)
+    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed, least_rounds=9)
 
 
 def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:

@@ -11,7 +11,7 @@ from damping.arrays import FloatArray
 from damping.forces import CATALOGUE
 from damping.forces.contract import Force
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.law import SCATTER_MEDIAN, Law
+from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -23,6 +23,9 @@ INDISTINCT = 0.1
 BEYOND = 1.5
 #: Range of what counts as noise where the record does not state it, relative: that of repeat tests of large structures.
 NOISE_RANGE = (0.003, 0.07)
+#: Relative noise of a row where few rows tell it: of repeat tests of large structures, so that laws whose difference no
+#: further test of that kind would show count as equal.
+NOISE = 0.02
 
 
 def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
@@ -50,11 +53,11 @@ def fit_distinct(laws: Sequence[Law], data: Observations) -> list[BestFit]:
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
     """Relative noise of each row (rows,): as the record states it, else by the fit that leaves least.
 
-    The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter s_0, within
+    The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter ``NOISE``, within
     ``NOISE_RANGE``.
     """
     scatter = min(
-        np.sqrt((SCATTER_MEDIAN**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0)))
+        np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0)))
         for f in fits
         if np.isfinite(f.squares)
     )
