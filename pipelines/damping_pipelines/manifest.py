@@ -225,8 +225,8 @@ def _lock(handle: int, folder: Path) -> None:
 
 #: Packages whose numbers results rest on.
 PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplotlib")
-#: The houses of the project: a result may depend on any module of them.
-HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
+#: The packages of the project: a result may depend on any module of them.
+SHIPPED = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
 
 
 def versions() -> dict[str, str]:
@@ -239,12 +239,12 @@ def versions() -> dict[str, str]:
 def digest_source() -> str:
     """SHA-256 of every module of the project, as this process found them when it asked first."""
     hashed = hashlib.sha256()
-    for house in HOUSES:
-        spec = find_spec(house)
+    for package in SHIPPED:
+        spec = find_spec(package)
         for folder in map(Path, spec.submodule_search_locations or ()) if spec else ():
             for path in sorted(folder.rglob("*.py")):
                 content = path.read_bytes()
-                hashed.update(f"{house}/{path.relative_to(folder).as_posix()} {len(content)}\n".encode() + content)
+                hashed.update(f"{package}/{path.relative_to(folder).as_posix()} {len(content)}\n".encode() + content)
     return hashed.hexdigest()
 
 

@@ -308,6 +308,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
     # the schema of a description takes a tenth of a second to load, which no other function needs
+    from damping.signals.description import Description  # noqa: PLC0415 - see above
     from damping.signals.reading import (  # noqa: PLC0415 - see above
         check_raw,
         condition_steps,
@@ -319,7 +320,9 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
     if isinstance(description, str | Path):
         described = read_description(description)
     else:
-        described = describe(description) if isinstance(description, Mapping) else description
+        if not isinstance(description, Description):
+            _check_kind(description, Mapping, "description")
+        described = description if isinstance(description, Description) else describe(description)
     steps = condition_steps(check_raw(frame, described), described)
     name = described.title or "conditioned"
     return ConditionResult(Record(steps[-1].after, name), name, steps)

@@ -7,6 +7,7 @@ code under test.
 from __future__ import annotations
 
 import json
+import os
 from functools import cache
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from damping.campaign.decays import decay_modes
 from damping.campaign.records import Level, fit_levels, tie_modes
 from damping.campaign.runs import CampaignRun, read_corrections
 from damping.campaign.sources import read_runs
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.predict.measured import prepare
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -354,6 +355,73 @@ def test_broken_tables_of_time(tmp_path):
         read_runs([path], SIZE)
     path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)))
     with pytest.raises(InputError, match="not evenly spaced"):
+        read_runs([path], SIZE)
+
+
+HEADER = "time [s],force [N],a [m/s^2]\n"
+
+
+def table_of_time(path: Path, times: np.ndarray, drive: np.ndarray) -> Path:
+    path.write_text(HEADER + "".join(f"{t},{x},0.5\n" for t, x in zip(times, drive, strict=True)))
+    return path
+
+
+def test_samples_and_times_that_are_no_numbers(tmp_path):
+    times = np.arange(50) / 100
+    drive = np.sin(times)
+    for name, t, x in (("value", times, np.append(drive[:-1], np.nan)), ("time", np.append(times[:-1], np.nan), drive)):
+        with pytest.raises(InputError, match=r"samples that are no numbers|not evenly spaced") as caught:
+            read_runs([table_of_time(tmp_path / f"{name}.csv", t, x)], SIZE)
+        assert f"{name}.csv" in str(caught.value)
+
+
+def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    times = np.arange(400) / 100
+    drive = np.sin(2.0 * np.pi * 5.0 * times)
+    rows = [len(f"{t},{x},0.5\n") for t, x in zip(times, drive, strict=True)]
+    second = int(np.searchsorted(np.cumsum(rows), 1000)) + 1  # first row of the second block
+    times[second:] += 0.05
+    with pytest.raises(InputError, match="not evenly spaced"):
+        read_runs([table_of_time(tmp_path / "a.csv", times, drive)], SIZE)
+
+
+def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    monkeypatch.setattr("damping.signals.tracking.MOST_KEPT", 300)
+    path = table_of_time(tmp_path / "a.csv", np.arange(1000) / 100, np.ones(1000))
+    with pytest.raises(AnalysisError, match="does not rise through zero"):
+        read_runs([path], SIZE)
+
+
+def test_lines_without_end_and_lines_without_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    path = table_of_time(tmp_path / "a.csv", np.arange(10) / 100, np.ones(10))
+    path.write_text(path.read_text() + "9" * 5000)
+    with pytest.raises(InputError, match="a line of more than 1000 bytes"):
+        read_runs([path], SIZE)
+    t = np.arange(2000) / 200
+    path = table_of_time(tmp_path / "b_0N.csv", t, np.sin(2.0 * np.pi * 20.0 * t))
+    path.write_text(path.read_text() + "\n" * 3000)
+    run = read_runs([path], SIZE)[0][0]
+    np.testing.assert_allclose(run.level, 1.0, rtol=1e-3)  # a label of no force says nothing; sine of amplitude 1
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="no regular file"):
+        read_runs([tmp_path / "pipe"], SIZE)
+
+
+def test_a_file_that_claims_more_than_it_holds_is_refused(tmp_path):
+    """A few kilobytes with arrays of 72 GB that were never written, drawn out to 300 GB by a hole."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["time"] = np.arange(2000) / 200
+        for name in ("control", "a"):
+            file.create_dataset(name, (100_000, 90_000), dtype="f8", chunks=(1000, 1000))
+    os.truncate(path, 300 * 10**9)
+    with pytest.raises(InputError, match=r"larger than the file warrants|no runs"):
         read_runs([path], SIZE)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import h5py
@@ -467,3 +468,15 @@ def test_what_is_no_file(tmp_path, imported):
     for name, message in (("none", "no such file"), (".", "no regular file"), ("pipe", "no regular file")):
         with pytest.raises(InputError, match=message):
             imported(tmp_path / name)
+
+
+def test_a_process_of_its_own_reads_a_file_and_is_given_up(tmp_path, monkeypatch):
+    """Every other test reads by children of one process; here the start itself, and its end, are tested."""
+    monkeypatch.setattr("damping.formats.arrays.subprocess", subprocess)
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = [1.0, 2.0]
+    assert read_arrays(path, "hdf5", ["x"], 10_000).arrays["x"][0].tolist() == [1.0, 2.0]
+    monkeypatch.setattr("damping.formats.arrays.LONGEST", 0.01)
+    with pytest.raises(InputError, match="not read within"):
+        read_arrays(path, "hdf5", ["x"], 10_000)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
+from damping.effects.hurried import _Memory, _remembered
 from damping.effects.rig import clipping, compressing
 from damping.effects.terms import predict, third_harmonic
 from damping.forces import make
@@ -232,3 +234,26 @@ def test_a_simulation_of_the_users_own(lab):
     assert best.effects == ("phase-lag",)
     np.testing.assert_allclose(effect_values(best)["phase-lag"]["lag"], 0.08, rtol=0.0, atol=0.005)  # 56 values at 1 %
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
+
+
+def remembered(p, alpha, omega, sweep):
+    drive = SimpleNamespace(omega=np.asarray(omega), F=np.ones(len(omega)), sweep=np.asarray(sweep))
+    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float)), drive)
+
+
+def test_a_dwell_remembers_nothing():
+    """Beside a sweep that moves, with damping that doubles from row to row: J = 1/p at every row of the dwell."""
+    p = np.array([1.0 - 2.0j, 1.0 - 1.0j, 1.0, 0.5, 1.0, 2.0])
+    motion = remembered(p, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0], [10.0, 11.0, 12.0, 12.0, 12.0, 12.0], [0, 0, 0, 1, 1, 1])
+    np.testing.assert_allclose(motion[3:], 1.0 / p[3:], rtol=1e-12)
+
+
+def test_ways_of_a_sweep_do_not_remember_each_other():
+    """One label that passes up and down is two sweeps, and each member of a batch has its own way."""
+    omega = np.array([10.0, 11.0, 12.0])
+    p = (1.0 + 0.2 * np.arange(3)) + 1j * (omega - 11.0)
+    up, down = remembered(p, np.full(3, 0.5), omega, [0, 0, 0]), remembered(p, np.full(3, -0.5), omega, [0, 0, 0])
+    both = remembered(np.tile(p, 2), np.repeat([0.5, -0.5], 3), np.tile(omega, 2), np.zeros(6))
+    np.testing.assert_allclose(both, np.concatenate([up, down]), rtol=1e-12)
+    batch = remembered(np.stack([p, p]), np.stack([np.full(3, 0.5), np.full(3, -0.5)]), omega, np.zeros(3))
+    np.testing.assert_allclose(batch, np.stack([up, down]), rtol=1e-12)

@@ -135,11 +135,13 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         extras: those of ``EXTRAS`` that are fitted too.
 
     Raises:
-        AnalysisError: no more numbers than parameters, no minimum with both planes inside the swept frequencies, or
-            parameters that the data do not determine.
+        AnalysisError: nothing to fit, no more numbers than parameters, no minimum with both planes inside the swept
+            frequencies, or parameters that the data do not determine.
     """
     fixed = dict(fixed or {})
     free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))
+    if not free:
+        raise AnalysisError("every parameter of the two planes is fixed")
     if 2 * data.omega.size <= len(free):
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
     starts = _choose_starts(data, fixed)

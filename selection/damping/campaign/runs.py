@@ -226,7 +226,9 @@ class Source:
         """
         assert run.drive is not None
         stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
-        if stated is None or unit(stated[1]).powers != unit(run.drive_unit).powers:
+        if not measured > 0.0:
+            raise self.error(f"the drive of {run.label!r} is zero", "a control above 0")
+        if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
             return replace(run, level=measured)
         level, control = (
             stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor,

@@ -92,6 +92,8 @@ def _read(source: Source) -> list[CampaignRun]:
 
 def _read_start(source: Source) -> bytes:
     """The first bytes of a file."""
+    if source.file.exists() and not source.file.is_file() and not source.file.is_dir():  # a pipe would be waited for
+        raise source.error("is no regular file", "a file")
     try:
         with source.file.open("rb") as stream:
             return stream.read(LOOKED_AT)
@@ -123,7 +125,7 @@ def _function_run(label: str, group: Sequence[Function], source: Source) -> Camp
         raise source.error(f"{label}: channels at different frequencies", "one list of frequencies")
     level, channels = find_level(label), tuple(_channel(sensor) for sensor in sensors)
     if ratio:
-        if level is None:
+        if level is None or not level[0] > 0.0:
             raise source.error("functions without a level", "the level in the ID line, such as 0.5 g or 2 N")
         drive_unit = sensors[0].units[1] or level[1]
         return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), channels)

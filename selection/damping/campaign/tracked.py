@@ -7,6 +7,7 @@ of any size takes the memory of a block.
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -64,9 +65,11 @@ def track_table(source: Source, layout: Layout, headers: Sequence[ColumnHeader],
     step = float(first[0, -1] - first[0, 0]) / (first.shape[1] - 1) * factor
 
     def samples() -> Iterator[FloatArray]:
+        start = float(first[0, 0]) * factor
         for block in (part for parts in ([first], blocks) for part in parts):
-            _require_even(block[0] * factor, step, source)
-            yield block[1:]
+            _require_even(block[0] * factor, start, step, source)
+            start = float(block[0, -1]) * factor + step
+            yield _require_finite(block[1:], source)
 
     names = [headers[k].name for k in columns]
     units = [headers[k].unit for k in columns]
@@ -84,15 +87,16 @@ def track_arrays(
     """
     paths = list(channels)
     # channels of a file are read all together or not at all, arrays one by one
-    asked = paths if kind == "hdf5" and find_channels(source, kind) is None else []
+    contents = find_channels(source, kind)
+    asked = paths if contents is None else []
 
     def samples() -> Iterator[FloatArray]:
-        first, count = 0, max(SAMPLES // len(paths), 1)
+        first, count = 0, max(SAMPLES // (len(contents.known) if contents else len(paths)), 1)
         while True:
             arrays = read_arrays(source.file, kind, asked, None, rows=(first, first + count)).arrays
             block = np.array([arrays[path][0].real.reshape(-1) for path in paths])
             if block.shape[1]:
-                yield block
+                yield _require_finite(block, source)
             if block.shape[1] < count:
                 return
             first += count
@@ -138,30 +142,43 @@ def _list_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iter
     decimal, delimiter = layout.decimal == "comma", DELIMITERS[layout.delimiter]
     with source.file.open("rb") as stream:
         for _ in range(layout.header):
-            stream.readline()
+            stream.readline(BLOCK)
         line = layout.header
         while block := stream.read(BLOCK):
-            block += stream.readline()
+            rest = stream.readline(BLOCK)
+            if len(rest) == BLOCK:
+                raise source.error(f"a line of more than {BLOCK} bytes", "rows of time, drive and responses")
+            block += rest
             text = block.replace(b",", b".") if decimal else block
             try:
-                table = np.loadtxt(
-                    io.BytesIO(text),
-                    delimiter=None if delimiter == " " else delimiter,
-                    usecols=columns,
-                    ndmin=2,
-                    comments=["#", "%"] if layout.comments else None,
-                )
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)  # a block of blank lines or comments has no rows
+                    table = np.loadtxt(
+                        io.BytesIO(text),
+                        delimiter=None if delimiter == " " else delimiter,
+                        usecols=columns,
+                        ndmin=2,
+                        comments=["#", "%"] if layout.comments else None,
+                    )
             except ValueError as error:
                 reason = describe_shortened(str(error), 100)
                 raise source.error(reason, f"numbers in every row from line {line + 1} on") from None
             line += block.count(b"\n")
-            yield table.T
+            if table.size:
+                yield table.T
 
 
-def _require_even(t: FloatArray, step: float, source: Source) -> None:
-    """InputError for times that are not evenly spaced."""
-    even = t[0] + step * np.arange(len(t))
-    if not step > 0.0 or float(np.max(np.abs(t - even))) > max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
+def _require_finite(block: FloatArray, source: Source) -> FloatArray:
+    """The samples; InputError for those that are no numbers."""
+    if not np.isfinite(block).all():
+        raise source.error("samples that are no numbers", "finite numbers in every channel")
+    return block
+
+
+def _require_even(t: FloatArray, start: float, step: float, source: Source) -> None:
+    """InputError for times that do not go on evenly from ``start``."""
+    even = start + step * np.arange(len(t))
+    if not step > 0.0 or not float(np.max(np.abs(t - even))) <= max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
         raise source.error("the times are not evenly spaced", "one step throughout, rising")
 
 

@@ -66,7 +66,7 @@ class _Memory(NamedTuple):
         moving = np.abs(alpha) > _SLOW * np.abs(p) ** 2
         root = np.sqrt(np.where(moving, -0.5j * alpha, p * p))
         z = 0.5j * p / root
-        lewis = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / p)
+        lewis = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / np.where(moving, 1.0, p))
         squared = z * z
         ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
         return _Memory(lewis, np.where(moving, lewis - ringing, lewis), z.imag < 0.0, p, alpha)
@@ -89,20 +89,24 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
     taken to follow one that went on for ever.
     """
-    way = np.sign(memory.alpha.reshape(-1, memory.alpha.shape[-1])[0])
-    sweep = np.asarray(drive.sweep)
-    order = np.lexsort((way * drive.omega, sweep))
+    ways = np.sign(memory.alpha)
+    if ways.ndim > 1 and np.any(ways != ways[:1]):  # the order of the rows is that of the way
+        parts = np.broadcast_arrays(*memory)
+        return np.stack([_remembered(_Memory._make(part[k] for part in parts), drive) for k in range(len(ways))])
+    way, sweep = ways.reshape(-1, ways.shape[-1])[0], np.asarray(drive.sweep)
+    order = np.lexsort((way * drive.omega, way, sweep))
     memory = _Memory._make(part[..., order] for part in memory)
     p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
-    first = np.diff(sweep[order], prepend=np.nan) != 0.0
+    first = (np.diff(sweep[order], prepend=np.nan) != 0.0) | (np.diff(way[order], prepend=np.nan) != 0.0)
     last = _Memory._make(np.roll(part, 1, -1) for part in memory)
     V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
     by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
     by_rate = memory.by_rate(V, by_p)
     rate = 0.5 * (alpha + last.alpha)
-    time = np.abs((omega - np.roll(omega, 1)) / np.where(rate == 0.0, 1e-300, rate))
+    first = first | (rate == 0.0)  # a dwell remembers nothing
+    time = np.abs((omega - np.roll(omega, 1)) / np.where(rate == 0.0, 1.0, rate))
     turned = 0.5 * (p + last.p) * time
-    decay = np.exp(-turned)
+    decay = np.exp(np.minimum(-turned.real, _LOUDEST) - 1j * turned.imag)
     share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
     moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
     decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))

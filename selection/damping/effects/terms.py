@@ -4,7 +4,7 @@ A measured row is the phasor A exp(-i phi) under the force F. The prediction is 
 
     Z(A, omega) = M (omega_n^2 - omega^2) + (S + i C)/A              parameters and forces
     H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
-    H p I(p)                                                         a frequency that moves (`hurried`)
+    hurried(Z)                                                       a frequency that moves (`damping.effects.hurried`)
     H + R                                                            residual compliance of other modes (3.1.18)
     read(gain exp(-i lag) H F)                                       instruments, and what is lost of the force
 

@@ -110,12 +110,6 @@ def component(name: str) -> Component:
     return Component(name, build, build(**{shape.name: 1.0 for shape in kind.shapes}))  # type: ignore[attr-defined]
 
 
-def describe_term_name(m: float, n: float) -> str:
-    """Name of the force whose energy per cycle is a A^m omega^n, or of the term where no force is known for it."""
-    fixed = (component(name) for name in CATALOGUE if not component(name).free_shapes)
-    return next((part.name for part in fixed if part.example.energy_exponents == (m, n)), EnergyTerm(1.0, m, n).name)
-
-
 def make(name: str, **parameters: Floats) -> Force:
     """The force called ``name`` with its parameters, numbers or arrays that broadcast.
 

@@ -37,6 +37,7 @@ from damping.records.text import describe_shortened
 #: Seconds after which a file that is still being read is given up.
 LONGEST = 60.0
 _WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its own size
+_BLOCKWISE = 200_000_000  # of a file that is read in blocks no more counts as its size
 _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside three times the file
 
 
@@ -68,6 +69,8 @@ def read_arrays(
         InputError: the file cannot be read, is too large, is not of its kind, or holds objects in place of numbers.
     """
     size = _size(path, max_size)
+    if rows is not None or max_size is None:
+        size = min(size, _BLOCKWISE)
     script = Path(__file__).with_name("worker.py")
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
     words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits), json.dumps(rows)]

@@ -45,7 +45,7 @@ Estimate = Callable[..., Evidence]
 def evidence(
     coordinates: Coordinates, data: Observations, seed: int = 0, fit: BestFit | None = None, wanted: float = FULL_DRAWS
 ) -> Evidence:
-    """Marginal likelihood of a law, with weighted draws of its posterior; the proposal is over balanced variables.
+    """Marginal likelihood of a law, with weighted draws of its posterior, drawn over balanced variables.
 
     Args:
         fit: the law's best fit on these observations, where it is known. wanted: effective draws, by default enough

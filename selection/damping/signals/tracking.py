@@ -24,6 +24,8 @@ from damping.errors import AnalysisError, InputError
 
 Complex = npt.NDArray[np.complex128]
 
+#: Samples of all channels within which a window must fit: as many as memory holds with ease.
+MOST_KEPT = 20_000_000
 #: Cycles of a window, and from one window to the next.
 CYCLES = 8
 HOP = 4
@@ -78,6 +80,8 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
             window = crossings[first : first + CYCLES + 1]
             rows.add(_fit_window(kept, drive, window, step), start * step)
             first += HOP
+        if not first and kept.size > MOST_KEPT:
+            raise AnalysisError(f"the drive does not rise through zero {CYCLES} times within {kept.shape[1]} samples")
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
         kept, start = kept[:, used:], start + used
     return rows.collect()
