@@ -9,7 +9,7 @@ from scipy.integrate import simpson
 from damping.errors import AnalysisError
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, start_at
-from damping.infer.importance import FULL_DRAWS, fill_cube
+from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, fill_cube, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_posterior
 from damping.infer.observations import Observations
@@ -100,3 +100,17 @@ def test_points_fill_the_cube_evenly():
     """Means over 2^10 points are ten times closer to a half than the deviation of as many random ones, .009."""
     points = fill_cube(6, 1024, np.random.default_rng(3))
     np.testing.assert_allclose(points.mean(axis=0), 0.5, atol=0.0009)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_narrow_ridge_is_found_step_by_step(seed):
+    """x ~ N(0, 1), y ~ N(x^2 - 1, 0.01^2): marginal likelihood 1 in closed form, from one point of the ridge."""
+    width = 0.01
+
+    def log_density(z):
+        square = z[:, 0] ** 2 + ((z[:, 1] - z[:, 0] ** 2 + 1.0) / width) ** 2
+        return -0.5 * square - np.log(2.0 * np.pi * width)
+
+    ridge = importance(log_density, np.array([0.0, -1.0]), np.diag([0.01, width**2]), seed)
+    assert ridge.effective_draws > LEAST_DRAWS
+    assert abs(ridge.log_z) < 5.0 * ridge.standard_error

@@ -190,6 +190,14 @@ ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
 #: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
+#: Effective draws that a proposal is fitted to, at least: where weights leave fewer, they are tempered until they do.
+FITTED_TO = 60.0
+#: Effective draws with which an estimate may end after ``ROUNDS``, and rounds at most until it has them: a narrow ridge
+#: (a slip force that is all but used up) is found step by step.
+LEAST_DRAWS = 200.0
+MOST_ROUNDS = 16
+#: Halvings of the interval in which a temper is sought: to 1e-6.
+_HALVINGS = 20
 #: Draws that still fit a small memory.
 MOST_DRAWS = 2**22
 
@@ -227,17 +235,20 @@ def importance(
 
     Rounds of draws are pooled, each weighed against the mixture of all proposals so far (Cornuet, Marin, Mira and
     Robert 2012, adaptive multiple importance sampling): none is lost, and none can have a large weight where any
-    proposal was likely to draw it.
+    proposal was likely to draw it. While few draws carry the weight, the next proposal is fitted to weights tempered,
+    w^beta, which lead from the proposals to the density step by step.
 
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
-            first and enough later. wanted: effective draws at which to stop, at the latest after all rounds.
+            first and enough later. wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they
+            are ``LEAST_DRAWS``.
     """
     proposals, proposal, sizes = [], Proposal.around(mode, covariance), np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
     log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
-    for round_ in range(max(least_rounds, len(ROUNDS))):
+    rounds = max(least_rounds, len(ROUNDS))
+    for round_ in range(max(rounds, MOST_ROUNDS)):
         proposals.append(proposal)
         new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
         of_old = proposal.log_density(x)[:, None]
@@ -246,10 +257,21 @@ def importance(
         top = log_q.max(axis=1)
         log_mixture = top + np.log(np.exp(log_q - top[:, None]) @ (sizes / len(x)))
         weighed = _weigh(x, log_p - log_mixture, seed)
-        if round_ >= least_rounds - 1 and weighed.effective_draws > wanted:
+        enough = wanted if round_ < rounds - 1 else min(wanted, LEAST_DRAWS)
+        if round_ >= least_rounds - 1 and weighed.effective_draws > enough:
             break
-        proposal = weighed.proposal
+        proposal = (weighed if weighed.effective_draws >= FITTED_TO else _temper(x, log_p - log_mixture, seed)).proposal
     return weighed
+
+
+def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
+    """Draws by their weights to the largest power that leaves ``FITTED_TO`` effective ones."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        power = 0.5 * (low + high)
+        w = np.exp(power * (log_w - log_w.max()))
+        low, high = (power, high) if w.sum() ** 2 >= FITTED_TO * np.sum(w**2) else (low, power)
+    return _weigh(x, low * np.where(np.isfinite(log_w), log_w, -np.inf) if low > 0.0 else log_w, seed)
 
 
 def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
