@@ -60,7 +60,7 @@ class Sizes:
     chains: int
 
 
-LARGEST = FULL = Sizes(40, 4, 1, 24, 4)
+LARGEST = FULL = Sizes(40, 4, 0, 24, 2)
 QUICK = Sizes(1, 0, 0, 12, 2)
 
 
