@@ -191,7 +191,7 @@ ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
 #: Effective draws that a proposal is fitted to, at least: where weights leave fewer, they are tempered until they do.
-FITTED_TO = 60.0
+FITTED_TO = 20.0
 #: Effective draws with which an estimate may end after ``ROUNDS``, and rounds at most until it has them: a narrow ridge
 #: (a slip force that is all but used up) is found step by step.
 LEAST_DRAWS = 200.0
