@@ -23,7 +23,7 @@ from damping_validation.truths import TRUTHS
 from damping_validation.verdicts import read_sealed
 
 #: Trials of each truth, and their seed.
-TRIALS = 5
+TRIALS = 8
 SEED = 20261
 #: Blind cases, and their seed.
 CASES = 24
