@@ -11,9 +11,9 @@ import os
 import sys
 from multiprocessing import get_context
 
-import arviz  # noqa: F401 - what a study imports once it needs it, before the processes part
-import matplotlib.figure  # noqa: F401
-import netCDF4  # noqa: F401
+import arviz  # noqa: F401 - diagnoses chains; imported before the processes part, as the next two
+import matplotlib.figure  # noqa: F401 - draws figures
+import netCDF4  # noqa: F401 - saves posteriors
 
 from damping.infer.law import Law
 from damping.report import figures

@@ -218,7 +218,7 @@ for line in sys.stdin:
         try:
             worker.main()
             code = 0
-        except Exception:
+        except Exception:  # whatever ends a reader: its traceback is what the parent reads
             traceback.print_exc()
         sys.stderr.flush()
         os._exit(code)

@@ -98,7 +98,7 @@ def is_settled(case: Verdict) -> bool:
 
 
 def select_cases(cases: Cases, *families: str, gap: float = 0.0) -> list[Verdict]:
-    """The cases of some families with a gap of at least so many sigma."""
+    """The cases of some families with a gap of ``gap`` sigma or more."""
     return [case for case in cases if case.family in families and case.gap >= gap]
 
 

@@ -104,7 +104,7 @@ class RankingResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a law, best first: ``rank, law, weight, score, held_out_error, ...``; errors in per cent."""
+        """One row for each law, best first: ``rank, law, weight, score, held_out_error, ...``; errors in per cent."""
         table = forms.tabulate_candidates(self.ranking)
         first = ["rank", "law", "weight", "score", "held_out_error"]
         return table[[*first, *(name for name in table.columns if name not in first)]]
@@ -177,7 +177,7 @@ class LoadsResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a prediction with the keys of the form; NaN where none is given, ``cautions`` say why."""
+        """One row for each prediction, with the keys of the form; NaN where none is given, ``cautions`` say why."""
         return forms.tabulate_loads(self.loads, self.curve)
 
     @property

@@ -95,7 +95,7 @@ def few():
     with pytest.MonkeyPatch.context() as patch:
         for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
             patch.setattr(name, None)  # so that what it was comes back
-        exec(FEW_LAWS, {})
+        exec(FEW_LAWS, {})  # text of this module, which workers of Dask run too
         yield FEW_LAWS
 
 

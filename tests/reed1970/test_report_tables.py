@@ -54,8 +54,7 @@ def test_a_correction_names_one_cell_and_changes_it(correction: dict[str, str]) 
     as_printed, corrected, used = (correction[key] for key in ("as_printed", "corrected", "used_by_report"))
     assert cell(load_table(name), correction) == float(as_printed)
     assert cell(load_table(name, "corrected"), correction) == float(corrected or as_printed)
-    # ``run`` is a text of the file, one of those that the type lists
-    # the run is text of a table here, one of three literals there
+    # the run is text of a table here, one of the literals that the type lists there
     assert cell(load_table(name, "used", run), correction) == float(used or corrected or as_printed)  # type: ignore[arg-type]
 
 

@@ -27,9 +27,9 @@ from damping_validation.generator.structure import (
 Generator: TypeAlias = np.random.Generator
 
 _LEVELS = (1, 2, 3, 4, 5, 6)
-#: How often so many levels, in the laboratory.
+#: Probability of each number of levels in ``_LEVELS``, in the laboratory.
 _CLEAN = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1)
-#: How often so many levels, in the field.
+#: The same in the field.
 _FIELD = (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)
 
 
@@ -110,7 +110,7 @@ class Bench:
 
 
 def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels: int = 1) -> Bench:
-    """Draw structure, simulation and test of at least so many levels; ``scatter`` or not, by chance when None."""
+    """Draw structure, simulation and test of ``levels`` levels or more; ``scatter`` or not, by chance when None."""
     hertz, mass = log_uniform(rng, 1.0, 15.0), log_uniform(rng, 4.0, 150.0)
     xi, A = log_uniform(rng, 0.002, 0.015), log_uniform(rng, 0.003, 0.6)
     omega = 2 * np.pi * hertz

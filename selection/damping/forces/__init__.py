@@ -105,8 +105,7 @@ def component(name: str) -> Component:
         return Component(name, partial(EnergyTerm, amplitude_power=powers[0], frequency_power=powers[1]), term)
     kind = force_class(name)
     build: Callable[..., Force] = kind
-    # ``shapes`` is a property of the contract and a value of each class in the catalogue
-    # every class of the catalogue carries its shapes, which mypy cannot see
+    # ``shapes`` is a property of the contract and a value of each class in the catalogue, which mypy cannot see
     return Component(name, build, build(**{shape.name: 1.0 for shape in kind.shapes}))  # type: ignore[attr-defined]
 
 
