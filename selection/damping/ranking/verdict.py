@@ -60,10 +60,10 @@ class FitVerdict:
         """The verdict as an engineer would say it; empty where the law fits."""
         if self.verdict == "fits":
             return ""
-        by = f"it misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
+        by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
         if self.verdict == "poor":
-            return f"the leading law fits poorly: {by}; a law of less weight fits"
-        return f"no law fits: of the leading one, {by}"
+            return f"the leading law fits poorly: it {by}; a law of less weight fits"
+        return f"no law fits: the leading law {by}"
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
