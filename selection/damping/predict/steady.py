@@ -23,6 +23,8 @@ from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
 SMALL_STEP = 1e-8
+#: ... where the value, a logarithm, is as near zero as this: beside a kink a short step may lead nowhere.
+SMALL_VALUE = 1e-6
 #: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
 
@@ -48,11 +50,11 @@ def bracketed_newton(
             low, high = np.where(of_high, low, u), np.where(of_high, u, high)
             step = value / derivative
             newton = u - step
+            there = (np.abs(step) <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
             # strictly inside, so that no two points lead to each other across a kink
-            inside = ((newton > low) & (newton < high)) | (np.abs(step) <= SMALL_STEP)
-            previous, u = u, np.where(inside, newton, 0.5 * (low + high))
-            moving = (np.abs(u - previous) > SMALL_STEP) & (high - low > 1e-15 * np.abs(u))
-            if not np.any(moving):
+            inside = ((newton > low) & (newton < high) & (np.abs(step) > SMALL_STEP)) | there
+            u = np.where(inside, newton, 0.5 * (low + high))
+            if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
                 break
     return u
 
