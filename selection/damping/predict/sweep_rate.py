@@ -140,8 +140,8 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     a, slope = _slope(w, rows)
     w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
     force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
-    out: pd.DataFrame = rows.assign(force=np.abs(force), phase=_wrapped(np.angle(force) - np.angle(a)), sweep_rate=0.0)
-    return out[near].reset_index(drop=True)
+    out = rows.assign(force=np.abs(force), phase=_wrapped(np.angle(force) - np.angle(a)), sweep_rate=0.0)
+    return pd.DataFrame(out[near].reset_index(drop=True))
 
 
 def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
