@@ -53,11 +53,8 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
     possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
     outside = {e.hypothesis.key for e in possible if _predict_outside(e, loads)[1].any()}
     # levels are only held out, which takes as long again, where an answer may hang on it
-    if not outside or not any(
-        e.hypothesis.key in outside and e.probability >= ALIVE for e in _weigh_either_way(explained)
-    ):
-        return ()
-    return describe_disagreement(loads, conclude(explained))
+    alive = {e.hypothesis.key for e in _weigh_either_way(explained) if e.probability >= ALIVE} if outside else set()
+    return describe_disagreement(loads, conclude(explained)) if outside & alive else ()
 
 
 @np.errstate(all="ignore")  # as a conclusion is drawn
