@@ -55,7 +55,7 @@ class Settings:
 
     ensembles: int = 4
     walkers: int = 8
-    tries: int = 32
+    tries: int = 16
     first: int = 80
     budget: int = 4_000
     effective_size: float = 1000.0
