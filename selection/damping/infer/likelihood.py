@@ -60,9 +60,16 @@ def _residuals(
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """As `residuals`, of averages; None for a variance that no row states."""
     with np.errstate(all="ignore"):
-        g = grown * np.minimum(1.0, np.abs(data.D / C))
-        size = np.sqrt(g * g + data.R**2)
-        n, h = (data.D - C) / size, g / size
+        # in place: the arrays of a block stay in a processor's cache
+        h = np.abs(data.D / C)
+        h = np.minimum(h, 1.0, out=h)
+        h *= grown
+        size = h * h
+        size += data.R**2
+        size = np.sqrt(size, out=size)
+        n = data.D - C
+        n /= size
+        h /= size
         return n, h, _find_known(h, size, data) if data.states_uncertainty else None
 
 
@@ -223,7 +230,9 @@ class Balanced:
 
     def find_points(self, z: FloatArray) -> FloatArray:
         """x at z, (points, dimension)."""
-        return by_blocks(lambda block: self._balance(block)[0], z, len(self.data.A))
+        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
+        x = by_blocks(lambda block: self._balance(block)[0], z[new], len(self.data.A))
+        return x[np.cumsum(new) - 1]
 
     def find_variables(self, x: FloatArray) -> FloatArray:
         """z at x, (points, dimension)."""
