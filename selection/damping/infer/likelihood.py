@@ -232,7 +232,7 @@ class Balanced:
         """x at z, (points, dimension)."""
         new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
         x = by_blocks(lambda block: self._balance(block)[0], z[new], len(self.data.A))
-        return x[np.cumsum(new) - 1]
+        return np.asarray(x[np.cumsum(new) - 1])
 
     def find_variables(self, x: FloatArray) -> FloatArray:
         """z at x, (points, dimension)."""
