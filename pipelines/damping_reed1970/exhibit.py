@@ -22,12 +22,12 @@ from damping_pipelines.terminal import progress
 from damping_reed1970 import data_folder, load_errata
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
-from damping_reed1970.chapter_3.planar_fits import KnownPosterior
+from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
 from damping_reed1970.chapter_4.page import write_chapter_4
+from damping_reed1970.chapter_5 import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_5.page import write_chapter_5
-from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
@@ -67,9 +67,10 @@ def start(pool: Executor, seed: int) -> StartedReport:
 
 def exhibit(results: ReportResults) -> Exhibit:
     """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
-    sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
     posteriors = {
-        f"chapter-3--{_describe_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled
+        f"chapter-3--{re.sub('[^A-Za-z0-9]+', '-', f'{data}-{variant}')}": describe_draws(data, variant, posterior)
+        for (data, variant), posterior in results.chapter_3.posteriors.items()
+        if posterior.chains
     }
     parts = report_parts(results)
     pages = build_pages(parts)
@@ -207,17 +208,18 @@ def _convert_rows(table: pd.DataFrame) -> list[Any]:
     return plain
 
 
-def planar_data(known: KnownPosterior) -> Any:
+def describe_draws(data: str, variant: str, posterior: PlanarPosterior) -> Any:
     """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
 
     Single precision: seven digits are far more than the Monte Carlo error leaves.
     """
-    assert known.posterior is not None  # asked of sampled posteriors only
-    ensembles, kept = known.posterior.chains.x.shape[:2]
-    draws = {name: np.asarray(values, dtype=np.float32) for name, values in known.parameters.items()}
+    chains = posterior.chains
+    assert chains is not None  # asked of sampled posteriors only
+    ensembles, kept = chains.x.shape[:2]
+    draws = {name: np.asarray(values, dtype=np.float32) for name, values in posterior.parameters.items()}
     return load_arviz().from_dict(
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},
-        attrs={"data": known.data, "fit": known.variant, "converged": str(known.posterior.chains.converged)},
+        attrs={"data": data, "fit": variant, "converged": str(chains.converged)},
     )
 
 
@@ -228,7 +230,3 @@ def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
         str(number): {str(name): int(n) for name, n in agreements.value_counts().items()}
         for number, agreements in reproduction["agreement"].groupby(chapter)
     }
-
-
-def _describe_file_stem(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")

@@ -43,8 +43,7 @@ from damping_reed1970.chapter_4.lines import (
 )
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
-from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
-from damping_reed1970.chapter_5.regressions import EnergySurface, energy_surface
+from damping_reed1970.chapter_5.nine_terms import EnergySurface, NineTerms, energy_surface, nine_terms
 from damping_reed1970.common import DrawnBlock, ReportPart, draw_block
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
@@ -125,7 +124,7 @@ def _level_methods(mode: int, held: str) -> LevelMethods:
     """The methods on a mode of Configuration II, with xi held as in the report or with the coefficient itself."""
     record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
     data = observe(record)
-    return level_methods(data, masses(record, data, 1.0) if held == "xi" else None, (1.0, 100.0))
+    return level_methods(data, masses(record, data) if held == "xi" else None, (1.0, 100.0))
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from damping.report import format_between, number
 from damping.report.page import Table
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms, draw_false_terms
-from damping_reed1970.chapter_5.nine_terms import draw_terms_against_error
-from damping_reed1970.chapter_5.regressions import draw_energy_surfaces
+from damping_reed1970.chapter_5.nine_terms import draw_energy_surfaces, draw_terms_against_error
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
@@ -66,10 +65,9 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
-    nine, inputs = studies.nine, ("5.III recovered", "5.IV recovered")
     return {
         "configuration-1-energy": lambda: draw_energy_surfaces(studies.surface),
-        "nine-terms": lambda: draw_terms_against_error(nine.by_size, nine.elimination, inputs),
+        "nine-terms": lambda: draw_terms_against_error(studies.nine),
         "false-terms": lambda: draw_false_terms(studies.false.selection),
         "circularity": lambda: draw_circularity(studies.circular.laws, ROUTES),
     }
@@ -139,7 +137,7 @@ def _collect_false_values(false: FalseTerms) -> dict[str, Any]:
     methods = dict(zip(("backward", "best", "physical"), METHODS, strict=True))
     return {
         **{name: row(nine, method=method, noise_percent=NOISE) for name, method in methods.items()},
-        "clean": row(nine, method=METHODS[0], noise_percent=min(nine["noise_percent"])),
+        "clean": row(nine, method=methods["backward"], noise_percent=min(nine["noise_percent"])),
         "replicates": false.replicates,
         "farther": FARTHER,
         "inflation": false.inflation["over_true_terms"].iloc[-1],

@@ -30,7 +30,7 @@ from damping.report import format_between, format_joined, format_percent, number
 from damping.report.page import Table
 from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
-from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
+from damping_reed1970.chapter_5 import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
 from damping_reed1970.common import ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 
@@ -220,9 +220,8 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
         case "4.3.14" | "4.3.16" | "4.3.23" | "4.3.24":
             line = fit_mode(law.mode, cast(Form, law.forces[0]), "corrected")
             return np.array([line.alpha, line.p])
-    fit = fits[law.equation]
-    refitted = fit.fit(*fit.data("corrected"))
-    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(fit.printed, refitted.coefficients, strict=True)])
+    refitted = fits[law.equation].coefficients("corrected")
+    return np.array([table_5_i(TERM_CASES[term], a) for term, a in refitted.items()])
 
 
 def write_chapter_6(results: ReportResults) -> ReportPart:

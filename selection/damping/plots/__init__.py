@@ -145,6 +145,12 @@ class Drawing(Figure):
         return buffer.getvalue()
 
 
+def build_panel(height: float, x_label: str = "", y_label: str = "") -> tuple[Drawing, Axes]:
+    """A figure of ``height`` inches with one panel."""
+    figure = Drawing(figsize=(WIDTH, height))
+    return figure, figure.add_subplot(xlabel=x_label, ylabel=y_label)
+
+
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
 
