@@ -105,7 +105,7 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
             return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
         if kind == "counts":
             return [Table(count_agreements(rows), rest)]
-        return [Table(rows[list(known.columns)], known.said, key="reproduction")]
+        return [Table(rows[list(known.columns)], known.text, key="reproduction")]
 
     blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))

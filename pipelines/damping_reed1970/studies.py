@@ -71,28 +71,34 @@ class Studies:
     circular: Circularity
     surface: EnergySurface
 
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """Tidy tables by name."""
-        return {
-            "hysteresis_loops": self.loops.areas,
-            "slip_equivalent": self.slip.energies,
-            "response_points": section_4_2_points(self.curves),
-            "response_widths": self.curves.widths,
-            "level_coefficients": self._levels("coefficients"),
-            "level_variations": self._levels("variations"),
-            "level_predictions": self._levels("predictions"),
-            "chance_of_exponent": tabulate_chance_of_exponent(),
-            "nine_terms": self.nine.full,
-            "nine_terms_summary": self.nine.summary,
-            "nine_terms_elimination": self.nine.elimination,
-            "nine_terms_best": self.nine.best,
-            "nine_terms_by_size": self.nine.by_size,
-            "false_terms": self.false.selection,
-            "false_terms_frequency": self.false.frequency,
-            "false_terms_inflation": self.false.inflation,
-            "circular_laws": self.circular.laws,
-            "circular_claims": self.circular.claims,
+    def tables(self, chapter: int | None = None) -> dict[str, pd.DataFrame]:
+        """Tidy tables by name, of a chapter or all."""
+        nine, false = self.nine, self.false
+        by_chapter = {
+            2: {"hysteresis_loops": self.loops.areas, "slip_equivalent": self.slip.energies},
+            4: {
+                "response_points": section_4_2_points(self.curves),
+                "response_widths": self.curves.widths,
+                "level_coefficients": self._levels("coefficients"),
+                "level_variations": self._levels("variations"),
+                "level_predictions": self._levels("predictions"),
+                "chance_of_exponent": tabulate_chance_of_exponent(),
+            },
+            5: {
+                "nine_terms": nine.full,
+                "nine_terms_summary": nine.summary,
+                "nine_terms_elimination": nine.elimination,
+                "nine_terms_best": nine.best,
+                "nine_terms_by_size": nine.by_size,
+                "false_terms": false.selection,
+                "false_terms_frequency": false.frequency,
+                "false_terms_inflation": false.inflation,
+                "circular_laws": self.circular.laws,
+                "circular_claims": self.circular.claims,
+            },
         }
+        chosen = by_chapter.values() if chapter is None else [by_chapter[chapter]]
+        return {name: table for tables in chosen for name, table in tables.items()}
 
     def _levels(self, name: str) -> pd.DataFrame:
         """One table of the level methods over modes and what is held."""
@@ -100,8 +106,7 @@ class Studies:
             getattr(methods, name).assign(mode=mode, kept=held, picked=methods.picked)
             for (mode, held), methods in self.levels.items()
         ]
-        result: pd.DataFrame = pd.concat(parts, ignore_index=True)
-        return result
+        return pd.concat(parts, ignore_index=True)
 
 
 def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:

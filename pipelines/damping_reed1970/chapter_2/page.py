@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -263,10 +262,8 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    title, text = "Chapter II: hysteresis and slip", Path(__file__).with_suffix(".txt")
-    return write_chapter(
-        2, title, text, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=tables
-    )
+    figures = collect_figures(studies)
+    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:

@@ -145,7 +145,7 @@ WEIGHTED = (
 )
 #: Content of every interval and band.
 LEVEL = 0.9
-_TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
+TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
 #: Frequencies of a band: 16 between two measured ones.
 _GRID = 177
 #: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
@@ -196,7 +196,7 @@ def tabulate_posterior(posteriors: Posteriors) -> pd.DataFrame:
         chains = posterior.chains
         diagnoses = {d.name: d for d in chains.diagnoses} if chains else {}
         for name, values in posterior.parameters.items():
-            low, median, high = np.quantile(values, _TAILS)
+            low, median, high = np.quantile(values, TAILS)
             rows.append(
                 {
                     "data": data,
@@ -232,8 +232,8 @@ def fit_band(data: Phasors, posterior: PlanarPosterior) -> PlanarBand:
     F = np.interp(omega, data.omega, data.F)
     response = pitch_response(posterior.prior.model(posterior.draws[::every]), F, omega)
     phase = np.mod(-np.angle(response) + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
-    low, median, high = np.quantile(np.abs(response), _TAILS, axis=0)
-    phase_low, phase_median, phase_high = np.quantile(phase, _TAILS, axis=0)
+    low, median, high = np.quantile(np.abs(response), TAILS, axis=0)
+    phase_low, phase_median, phase_high = np.quantile(phase, TAILS, axis=0)
     return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,16 +33,11 @@ from damping_reed1970.studies import ReportResults, Studies
 Tables = Mapping[str, pd.DataFrame]
 #: What is kept from level to level, in words.
 KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
-#: Studies of the chapter that are written whole.
-_TABLES = (
-    *("response_points", "response_widths", "level_coefficients", "level_variations", "level_predictions"),
-    "chance_of_exponent",
-)
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
-    studies, every, named = results.studies, results.studies.tables(), results.tables
+    studies, every, named = results.studies, results.studies.tables(4), results.tables
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
@@ -60,16 +54,8 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
         **_collect_example_values(named["section_4_3_example"]),
     }
-    return write_chapter(
-        4,
-        "Chapter IV: force from level to level",
-        Path(__file__).with_suffix(".txt"),
-        named,
-        values=values,
-        figures=collect_figures(studies),
-        shown=shown,
-        tables={name: every[name] for name in _TABLES},
-    )
+    figures = collect_figures(studies)
+    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
 
 
 def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -23,16 +22,11 @@ CLOSE = 0.005
 NOISE = 3.0
 #: Subsets of nine terms.
 SUBSETS = 511
-#: Studies of the chapter that are written whole.
-_TABLES = (
-    *("nine_terms", "nine_terms_summary", "nine_terms_elimination", "nine_terms_best", "nine_terms_by_size"),
-    *("false_terms", "false_terms_frequency", "false_terms_inflation", "circular_laws", "circular_claims"),
-)
 
 
 def write_chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
-    studies, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
+    studies, every, regressions = results.studies, results.studies.tables(5), results.tables["regressions"]
     shown = {
         "coefficients": Table(
             tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
@@ -51,16 +45,8 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         **_collect_false_values(studies.false),
         **_collect_circle_values(studies.circular),
     }
-    return write_chapter(
-        5,
-        "Chapter V: energy as a polynomial",
-        Path(__file__).with_suffix(".txt"),
-        results.tables,
-        values=values,
-        figures=collect_figures(studies),
-        shown=shown,
-        tables={name: every[name] for name in _TABLES},
-    )
+    figures = collect_figures(studies)
+    return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:

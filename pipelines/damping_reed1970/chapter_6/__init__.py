@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -228,9 +227,8 @@ def write_chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
-    title, text = "Chapter VI: the forces of section 6.1", Path(__file__).with_name("page.txt")
     figures = {"section-6-1": lambda: draw_force_laws(errors)}
-    return write_chapter(6, title, text, results.tables, values=_count_laws(laws), figures=figures, shown=shown)
+    return write_chapter(6, results.tables, values=_count_laws(laws), figures=figures, shown=shown, tables={})
 
 
 def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
