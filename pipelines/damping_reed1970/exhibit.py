@@ -91,15 +91,15 @@ def exhibit(results: ReportResults) -> Exhibit:
     )
 
 
-#: How the section of each chapter is written.
-WRITERS = (write_chapter_2, write_chapter_3, write_chapter_4, write_chapter_5, write_chapter_6)
-
-
 def report_parts(results: ReportResults) -> list[ReportPart]:
     """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
     printed = results.tables["reproduction"]
     return [
-        *(write(results) for write in WRITERS),
+        write_chapter_2(results),
+        write_chapter_3(results),
+        write_chapter_4(results),
+        write_chapter_5(results),
+        write_chapter_6(results),
         gaps_part(results.gaps),
         reproduction_part(printed),
         errata_part(results.tables["errata"], printed),
@@ -168,14 +168,14 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     }
 
 
-#: Columns of every printed number, and tables of each chapter, that the summary holds.
-REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
-CHAPTER_3 = ("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means")
-STUDIES = (
+#: Columns of every printed number, and tables of the chapters, that the summary holds.
+REPRODUCTION = ["id", "printed", "computed", "computed_after_correction", "erratum"]
+SUMMARISED = (
+    *("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means"),
     *("response_points", "level_variations", "chance_of_exponent", "nine_terms_summary"),
     *("false_terms", "false_terms_inflation", "circular_claims"),
+    *("linear_coefficients", "power_laws", "section_4_3_example", "regressions"),
 )
-TABLES = ("linear_coefficients", "power_laws", "section_4_3_example", "regressions")
 
 
 def summarise(results: ReportResults) -> dict[str, Any]:
@@ -183,19 +183,18 @@ def summarise(results: ReportResults) -> dict[str, Any]:
 
     ``chapters`` begins with how many printed numbers agree how well.
     """
-    studies, chapter_3, tables = results.studies, results.chapter_3, results.tables
-    every = studies.tables()
-    shown = {name: chapter_3.tables[name] for name in CHAPTER_3} | {name: every[name] for name in STUDIES}
-    shown |= {name: tables[name] for name in TABLES}
+    printed, levels = results.tables["reproduction"], results.studies.levels
+    tables = {**results.chapter_3.tables, **results.studies.tables(), **results.tables}
+    agreements = printed["agreement"].groupby(printed["id"].map(chapter_of))
     chapters = {
-        "agreement": _agreement(tables["reproduction"]),
-        "picked": [
-            {"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in studies.levels.items()
-        ],
-        **{name: _convert_rows(table) for name, table in shown.items()},
+        "agreement": {
+            str(number): {str(name): int(n) for name, n in own.value_counts().items()} for number, own in agreements
+        },
+        "picked": [{"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in levels.items()],
+        **{name: _convert_rows(tables[name]) for name in SUMMARISED},
     }
     return {
-        "reproduction": _convert_rows(tables["reproduction"][list(REPRODUCTION)]),
+        "reproduction": _convert_rows(printed[REPRODUCTION]),
         "section_6_1": _convert_rows(tables["section_6_1"]),
         "errata": _convert_rows(tables["errata"]),
         "chapters": chapters,
@@ -221,12 +220,3 @@ def describe_draws(data: str, variant: str, posterior: PlanarPosterior) -> Any:
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},
         attrs={"data": data, "fit": variant, "converged": str(chains.converged)},
     )
-
-
-def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
-    """By chapter: printed numbers by how well they come out."""
-    chapter = reproduction["id"].map(chapter_of)
-    return {
-        str(number): {str(name): int(n) for name, n in agreements.value_counts().items()}
-        for number, agreements in reproduction["agreement"].groupby(chapter)
-    }

@@ -18,7 +18,7 @@ from damping.plots import Drawn
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report import format_share, number
+from damping.report import format_share
 from damping.report.gap_figures import gap_figures
 from damping.report.gap_page import (
     describe_doubts,
@@ -133,28 +133,21 @@ def _level_methods(mode: int, held: str) -> LevelMethods:
 
 
 @dataclass(frozen=True)
-class ReportResults:
-    """The report recomputed.
+class Gaps:
+    """Two gaps between simulation and test, diagnosed."""
 
-    Attributes:
-        studies: of chapters II, IV and V.
-        chapter_3: of chapter III.
-        tables: of the report beside ours, by name.
-        gaps: two gaps between simulation and test, diagnosed.
-    """
+    configuration_1: Diagnosis
+    configuration_2: Diagnosis
+
+
+@dataclass(frozen=True)
+class ReportResults:
+    """The report recomputed: chapters II, IV and V, chapter III, tables of the report beside ours by name, gaps."""
 
     studies: Studies
     chapter_3: Chapter3
     tables: Mapping[str, pd.DataFrame]
     gaps: Gaps
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Both diagnoses."""
-
-    configuration_1: Diagnosis
-    configuration_2: Diagnosis
 
 
 def diagnose_gaps() -> Gaps:
@@ -222,7 +215,6 @@ _MOST = 8
 def gaps_part(gaps: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
     diagnoses = {"1": gaps.configuration_1, "2": gaps.configuration_2}
-    further = {"1": _describe_planes(gaps.configuration_1), "2": [_describe_damping(gaps.configuration_2)]}
     tables = {f"gap_configuration_{number}": tabulate_hypotheses(d) for number, d in diagnoses.items()}
 
     def take(kind: str, name: str, caption: str) -> list[Block]:
@@ -231,7 +223,8 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
         if kind == "verdict":
             sentences = [describe_place(diagnosis), *describe_doubts(diagnosis), *describe_trends(diagnosis)]
-            sentences += [*further[name], describe_reach(diagnosis), describe_following(diagnosis)]
+            sentences += [join_lines(caption)] if caption else []
+            sentences += [describe_reach(diagnosis), describe_following(diagnosis)]
             return [Text(describe_verdict(diagnosis), lead=True), List(sentences)]
         if kind == "table":
             formats = {"probability": format_share}
@@ -239,8 +232,10 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 
-    titles = {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}
-    blocks = write_blocks(Path(__file__).with_name("gaps.txt"), {"titles": titles}, take)
+    first, second = diagnoses.values()
+    values = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
+    values |= {"planes": _find_planes(first), "missing_forces": format_share(_sum_forces(second))}
+    blocks = write_blocks(Path(__file__).with_name("gaps.txt"), values, take)
     return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)
 
 
@@ -250,36 +245,20 @@ def _draw_gap(file: str, drawn: Drawn) -> DrawnBlock:
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
     """Every hypothesis that was fitted, most probable first: ``explanation, probability, log_evidence``."""
-    return pd.DataFrame(
-        {
-            "explanation": [" + ".join(hypothesis.effects) or "no effect" for hypothesis in diagnosis.hypotheses],
-            "probability": [hypothesis.probability for hypothesis in diagnosis.hypotheses],
-            "log_evidence": [hypothesis.hypothesis.log_evidence for hypothesis in diagnosis.hypotheses],
-        }
-    )
+    hypotheses = diagnosis.hypotheses
+    rows = [(" + ".join(h.effects) or "no effect", h.probability, h.hypothesis.log_evidence) for h in hypotheses]
+    return pd.DataFrame(rows, columns=["explanation", "probability", "log_evidence"])
 
 
-def _describe_planes(diagnosis: Diagnosis) -> list[str]:
-    """The second plane in rad/s, if that is the explanation."""
+def _find_planes(diagnosis: Diagnosis) -> tuple[float, float, float] | None:
+    """Second and first frequency, rad/s, and angle of the drive, degrees, if a second plane is the explanation."""
     values = effect_values(diagnosis.leading.best).get("planar-coupling")
     if values is None:
-        return []
+        return None
     first = diagnosis.mode.omega_n * (1.0 + refitted_values(diagnosis.leading.best)["frequency"])
-    return [
-        f"The second plane lies at {number(first * values['frequency_ratio'], 4)} rad/s, the first at "
-        f"{number(first, 4)}, and the drive {number(degrees(values['angle']), 2)} degrees from the first. (The fit of "
-        "section 3.1, which sees the phase of every node too, is in chapter III.)"
-    ]
+    return first * values["frequency_ratio"], first, degrees(values["angle"])
 
 
-def _describe_damping(diagnosis: Diagnosis) -> str:
+def _sum_forces(diagnosis: Diagnosis) -> float:
     """How probable it is that damping forces, and no other effects, are missing."""
-    forces = sum(
-        hypothesis.probability
-        for hypothesis in diagnosis.hypotheses
-        if {CATALOGUE[name].kind for name in hypothesis.effects} == {"force"}
-    )
-    return (
-        "Missing forces that grow with amplitude, whichever they are, have probability "
-        f"{format_share(forces)} together."
-    )
+    return sum(h.probability for h in diagnosis.hypotheses if {CATALOGUE[name].kind for name in h.effects} == {"force"})

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
 from zlib import crc32
 
@@ -29,7 +29,6 @@ from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 from damping.forces import CATALOGUE, Viscous
 
 _POINTS = 72.0
-_SCALES = ("linear", "log")
 
 
 def describe_scales(figure: Figure) -> str:
@@ -61,7 +60,7 @@ def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | 
     if isinstance(axis.get_major_formatter(), ScalarFormatter):
         labels.append(figure.get_supxlabel() if which == "x" else figure.get_supylabel())
     name = next((" ".join(label.split()) for label in labels if label), "")
-    if not name or kind not in _SCALES:
+    if not name or kind not in ("linear", "log"):
         return None
     low, high = (float(f"{limit:.7g}") for limit in limits)
     return {"name": name, "low": low, "high": high, "log": kind == "log"}
@@ -145,10 +144,11 @@ class Drawing(Figure):
         return buffer.getvalue()
 
 
-def build_panel(height: float, x_label: str = "", y_label: str = "") -> tuple[Drawing, Axes]:
-    """A figure of ``height`` inches with one panel."""
-    figure = Drawing(figsize=(WIDTH, height))
-    return figure, figure.add_subplot(xlabel=x_label, ylabel=y_label)
+def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes | None = None) -> tuple[Figure, Axes]:
+    """A figure of ``height`` inches with one panel; ``axes`` and what they are on where they are given."""
+    panel = Drawing(figsize=(WIDTH, height)).add_subplot() if axes is None else axes
+    panel.set(xlabel=x_label, ylabel=y_label)
+    return cast(Figure, panel.figure), panel
 
 
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -188,8 +188,7 @@ def weight_text(weight: float) -> str:
 def plain_log(axis: Axis) -> None:
     """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
     low, high = sorted(axis.get_view_interval())
-    short = high < 15.0 * low
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=7))
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 15.0 * low else (1.0,), numticks=7))
     axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
     axis.set_minor_locator(NullLocator())
 
