@@ -236,12 +236,11 @@ def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
     """What the page shows of section 6.1: one row per law and parameter."""
     reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
     columns = ["configuration", "equation", "force", "unit", "printed", "recomputed", "ours", "reproduces", "erratum"]
+    ours = laws[["ours", "low", "high"]].to_numpy()
     return laws.assign(
         configuration=laws["configuration"] + ", mode " + laws["mode"].astype(str),
         unit=laws["unit"].mask(laws["parameter"] == "exponent", "exponent"),
-        ours=[
-            f"{number(v)} ({format_between(low, high)})" for v, low, high in laws[["ours", "low", "high"]].to_numpy()
-        ],
+        ours=[f"{number(v)} ({format_between(low, high)})" for v, low, high in ours],
         reproduces=[" / ".join(np.where(versions, "yes", "no")) for versions in reproduces],
     )[columns]
 
