@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -30,6 +29,7 @@ from damping.plots import (
     describe_with_unit,
     plain_log,
     styled,
+    to_png,
 )
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
@@ -98,7 +98,7 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
         files: dict[str, bytes] = {}
         results = [predict_structure(folder / name, seed) for name in names]
         for band in results:
-            files[f"{band.name}.png"] = to_png(draw_real_bands(band))
+            files[f"{band.name}.png"] = to_png(draw_real_bands(band), _DPI)
             files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()
             files[f"{band.name}-left-out.csv"] = record_to_csv(band.left_out).encode()
         files["README.md"] = render_page(results, seed).encode()
@@ -143,13 +143,6 @@ def tabulate_loads(loads: Loads) -> pd.DataFrame:
             "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
     )
-
-
-def to_png(figure: Figure) -> bytes:
-    """A figure as PNG; equal figures give equal bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def render_page(results: list[BandResult], seed: int) -> str:

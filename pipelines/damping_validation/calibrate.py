@@ -19,13 +19,12 @@ from scipy.stats import binom, binomtest
 
 from damping.arrays import FloatArray
 from damping.infer.law import Law
-from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled, to_png
 from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_tables as tables
-from damping_validation.bands import to_png
 from damping_validation.calibration import (
     CALIBRATED,
     LEVEL,
@@ -48,6 +47,8 @@ SWEPT = Law(("viscous", "velocity-squared"))
 CHAINED = Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
+#: Dots per inch of the figures.
+_DPI = 130
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
@@ -95,7 +96,7 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
         f"{name}.csv": record_to_csv(table).encode()
         for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
-    files |= {f"{name}.png": to_png(figure) for name, figure in draw_figures(predictions, ranks).items()}
+    files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in draw_figures(predictions, ranks).items()}
     return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
 
 

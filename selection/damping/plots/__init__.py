@@ -28,8 +28,6 @@ from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from damping.forces import CATALOGUE, Viscous
 
-_POINTS = 72.0
-
 
 def describe_scales(figure: Figure) -> str:
     """The axes of a figure that has been drawn, as JSON; empty where no value can be read off it.
@@ -44,7 +42,7 @@ def describe_scales(figure: Figure) -> str:
 
 
 def _describe_axes(axes: Axes, figure: Figure) -> dict[str, Any]:
-    width, height = (_POINTS * inches for inches in figure.get_size_inches())
+    width, height = (72.0 * inches for inches in figure.get_size_inches())
     place = axes.get_position()
     box = (place.x0 * width, (1.0 - place.y1) * height, place.width * width, place.height * height)
     named = axes.get_label() != "<colorbar>"
@@ -139,9 +137,7 @@ class Drawing(Figure):
     """A figure that a notebook shows as it is, without pyplot."""
 
     def _repr_png_(self) -> bytes:
-        buffer = io.BytesIO()
-        self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-        return buffer.getvalue()
+        return to_png(self, dpi=110)
 
 
 def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes | None = None) -> tuple[Figure, Axes]:
@@ -168,9 +164,8 @@ def law_style(name: str) -> LawStyle:
     others = [part for part in parts if part != Viscous.name] or [Viscous.name]
     if len(others) == 1 and others[0] in _FORCE_COLOURS:
         return LawStyle(_FORCE_COLOURS[others[0]], "-" if len(parts) == 1 else (0, (4.5, 1.6)))
-    number = crc32(name.encode())
-    lines, colours = len(_OTHER_LINES), len(_OTHER_COLOURS)
-    return LawStyle(_OTHER_COLOURS[number % colours], _OTHER_LINES[number // colours % lines])
+    turn, place = divmod(crc32(name.encode()), len(_OTHER_COLOURS))
+    return LawStyle(_OTHER_COLOURS[place], _OTHER_LINES[turn % len(_OTHER_LINES)])
 
 
 def describe_with_unit(what: str, unit: str) -> str:
@@ -224,12 +219,18 @@ def identifier(name: str) -> str:
     return slug if slug[:1].isalpha() else f"n-{slug}"
 
 
+def to_png(figure: Figure, dpi: float) -> bytes:
+    """The figure as PNG; equal figures give equal bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
+
+
 def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
 
     Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
-    so figures with different names can share a page. ``data-axes`` says how to read values off it
-    (:func:`damping.plots.describe_scales`).
+    so that figures may share a page. ``data-axes`` says how to read values off it (``describe_scales``).
     """
     prefix = identifier(name)
     buffer = io.BytesIO()
