@@ -254,12 +254,15 @@ _DIRECTIVE = re.compile(r"\[(\w+) ?([^\]]*)\] ?(.*)", re.DOTALL)
 Take = Callable[[str, str, str], Iterable[Block]]
 
 
+def fill_text(text: Path, values: Mapping[str, Any]) -> str:
+    """A text filled with values, none of which begins a line of its own."""
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
+    return environment.from_string(text.read_text("utf-8")).render(_WORDS, **values)
+
+
 def write_blocks(text: Path, values: Mapping[str, Any], take: Take) -> list[Block]:
     """The blocks of a text filled with values; ``take`` gives those of its directives but folds."""
-    # the page escapes what it shows; no value begins a block of its own
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
-    filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, **values)
-    parts = (part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n")))
+    parts = (part.strip("\n") for part in re.split(r"\n{2,}", fill_text(text, values).strip("\n")))
     return list(_build_blocks(parts, take))
 
 
