@@ -10,7 +10,7 @@ from pathlib import Path
 from damping.campaign.analysis import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
 from damping.campaign.runs import read_corrections
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
@@ -70,10 +70,11 @@ def _read_design(word: str) -> DesignLevel:
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
-    numbers = read_columns(read_bytes(path), path, {}, named).numbers
-    missing = [name for name in named if name not in numbers]
-    if missing:
-        raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
+    with naming(path):
+        numbers = read_columns(read_bytes(path), {}, named).numbers
+        missing = [name for name in named if name not in numbers]
+        if missing:
+            raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
     return DesignLevel(numbers["frequency"], numbers["level"])
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -33,21 +32,19 @@ _UNIT_CODES = {
 _PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 
 
-def abscissa(x: FloatArray, axis: Axis, is_time: bool, file: str | Path, summary: Summary) -> FloatArray:
+def abscissa(x: FloatArray, axis: Axis, is_time: bool, summary: Summary) -> FloatArray:
     """Abscissa in Hz or s."""
     if is_time:
         time = unit(axis.unit or "s", what="unit of time")
         if time.powers != (0, 0, 1):
-            raise InputError(f"time in {axis.unit!r}", file=file, expected="a unit of time")
+            raise InputError(f"time in {axis.unit!r}", expected="a unit of time")
         summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
         return x * time.factor
     name = axis.unit.lower()
     factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
     factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
     if name not in factors:
-        raise InputError(
-            f"frequency in {axis.unit!r}", file=file, expected=f"one of {', '.join(filter(None, factors))}"
-        )
+        raise InputError(f"frequency in {axis.unit!r}", expected=f"one of {', '.join(filter(None, factors))}")
     summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
     return x * factors[name]
 
@@ -82,26 +79,26 @@ _LONGEST = 40  # characters of a number
 _PADDING = 5  # zeros that may fill the last line beyond the points
 
 
-def values(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[FloatArray, Samples]:
+def values(data: bytes, block: UffBlock, header: Header) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
     Raises:
         InputError: fewer or more values than points, or something that is no number.
     """
     if block.binary:
-        form, _ = binary_form(data, block, header, file)
+        form, _ = binary_form(data, block, header)
         table = np.frombuffer(data, dtype=form, count=header.points, offset=block.start)
-        x = _even(header, block, file) if header.even else table["x"].astype(np.float64)
+        x = _even(header, block) if header.even else table["x"].astype(np.float64)
         return x, _ordinate(table["y"])
     parts = 1 if header.ordinate in (2, 4) else 2
     width = parts + (not header.even)
-    numbers = _from_text(data, block, width * header.points, _widths(header), file)
+    numbers = _from_text(data, block, width * header.points, _widths(header))
     columns = numbers.reshape(header.points, width)
-    x = _even(header, block, file) if header.even else columns[:, 0].copy()
+    x = _even(header, block) if header.even else columns[:, 0].copy()
     return x, _ordinate(columns[:, width - parts :])
 
 
-def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[np.dtype[np.void], int]:
+def binary_form(data: bytes, block: UffBlock, header: Header) -> tuple[np.dtype[np.void], int]:
     """How one point of a binary set is stored, and where the values end.
 
     As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
@@ -110,7 +107,7 @@ def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) 
     Raises:
         InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
     """
-    order = _describe_byte_order(block, file)
+    order = _describe_byte_order(block)
     wide = "f4" if header.ordinate in (2, 5) else "f8"
     shape = (1 if header.ordinate in (2, 4) else 2,)
     forms = [np.dtype([("y", order + wide, shape)])]
@@ -122,17 +119,15 @@ def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) 
             return form, end
     raise InputError(
         f"the bytes of {header.points} values are not followed by the end of the data set",
-        file=file,
         line=block.line + 7,
         expected="as many values as the header says, then a line with -1",
     )
 
 
-def _even(header: Header, block: UffBlock, file: str | Path) -> FloatArray:
+def _even(header: Header, block: UffBlock) -> FloatArray:
     if not (abs(header.first) <= LARGEST and (header.points == 1 or SMALLEST <= header.step <= LARGEST)):
         raise InputError(
             f"abscissa from {header.first:g} with increment {header.step:g}",
-            file=file,
             line=block.line + 7,
             expected="an increment > 0 (even spacing)",
         )
@@ -156,35 +151,32 @@ def _widths(header: Header) -> tuple[int, ...]:
     return (13, 20, 13, 20) if header.ordinate == 4 else (13, 20, 20)
 
 
-def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...], file: str | Path) -> FloatArray:
+def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...]) -> FloatArray:
     """The first ``needed`` numbers of the body."""
     if needed > (block.end - block.start) // 2 + 1:  # a number and a blank each
-        raise _few(needed, None, block, file)
+        raise _few(needed, None, block)
     numbers = np.empty(needed)
     count, line = 0, block.line + 12
     for part in _parts(data, block.start, block.end):
-        values = _numbers(part, widths, line, file)
+        values = _numbers(part, widths, line)
         taken = min(len(values), needed - count)
         numbers[count : count + taken] = values[:taken]
         surplus = values[taken:]
         if len(surplus) > _PADDING or np.any(surplus != 0.0):
             raise InputError(
-                f"more values than the {needed} of the header",
-                file=file,
-                line=line,
-                expected="as many as the header says",
+                f"more values than the {needed} of the header", line=line, expected="as many as the header says"
             )
         count += taken
         line += part.count(b"\n")
     if count < needed:
-        raise _few(needed, count, block, file)
+        raise _few(needed, count, block)
     return numbers
 
 
-def _few(needed: int, count: int | None, block: UffBlock, file: str | Path) -> InputError:
+def _few(needed: int, count: int | None, block: UffBlock) -> InputError:
     has = "" if count is None else f" where the header needs {needed}"
     message = f"{'fewer' if count is None else count} values{has}" + ("" if block.closed else " (the file is cut off)")
-    return InputError(message, file=file, line=block.line + 12, expected=f"{needed} values, as the header says")
+    return InputError(message, line=block.line + 12, expected=f"{needed} values, as the header says")
 
 
 def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
@@ -195,7 +187,7 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
         start = stop if stop > start else end
 
 
-def _numbers(part: bytes, widths: tuple[int, ...], line: int, file: str | Path) -> FloatArray:
+def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
     """Numbers of some lines: separated by blanks, else in columns (where they may touch)."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(_D_TO_E))
     for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
@@ -206,7 +198,7 @@ def _numbers(part: bytes, widths: tuple[int, ...], line: int, file: str | Path) 
         except ValueError:
             continue
     bad = next((i for i, text in enumerate(part.split(b"\n")) if not _readable(text, widths)), 0)
-    raise InputError("a value is not a number", file=file, line=line + bad, expected="numbers alone")
+    raise InputError("a value is not a number", line=line + bad, expected="numbers alone")
 
 
 def _readable(text: bytes, widths: tuple[int, ...]) -> bool:
@@ -230,15 +222,13 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-def _describe_byte_order(block: UffBlock, file: str | Path) -> str:
+def _describe_byte_order(block: UffBlock) -> str:
     """``<`` or ``>``: fields 1 (byte order) and 2 (floating-point format) of the first line."""
     order, form = (*block.fields, 0, 0)[:2]
     if form not in (0, 2):
-        raise InputError(
-            f"floating-point format {form}", file=file, line=block.line, expected="2 (IEEE 754) in data set 58b"
-        )
+        raise InputError(f"floating-point format {form}", line=block.line, expected="2 (IEEE 754) in data set 58b")
     if order not in (1, 2):
         raise InputError(
-            f"byte order {order}", file=file, line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
+            f"byte order {order}", line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
         )
     return "<" if order == 1 else ">"

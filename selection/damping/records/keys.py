@@ -16,7 +16,7 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
@@ -94,24 +94,25 @@ _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
     """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
-    content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)), path)
-    if broken is not None:
-        raise broken
-    content = content.replace("\r\n", "\n")
-    try:
-        return TomlTable(tomllib.loads(content), (), str(path), content)
-    except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
-        raise _syntax_error(str(error), content, path) from None
-    except RecursionError:
-        raise InputError("not TOML: nested too deeply", file=path, expected="tables of a mode") from None
+    with naming(path):
+        content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)))
+        if broken is not None:
+            raise broken
+        content = content.replace("\r\n", "\n")
+        try:
+            return TomlTable(tomllib.loads(content), (), str(path), content)
+        except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
+            raise _syntax_error(str(error), content) from None
+        except RecursionError:
+            raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
 
 
-def _syntax_error(reason: str, content: str, path: str | Path) -> InputError:
+def _syntax_error(reason: str, content: str) -> InputError:
     place = _PLACE.search(reason)
     if place is None:
-        return InputError(f"not TOML: {reason}", file=path)
+        return InputError(f"not TOML: {reason}")
     line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-    return InputError(f"not TOML: {reason[: place.start()].strip()}", file=path, line=line, column=place[2])
+    return InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2])
 
 
 @dataclass(frozen=True)
