@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
 from damping.report import count, format_joined, number
-from damping.report.page import Block, Fold, Heading, Section, Table, Text, join_lines, write_blocks
+from damping.report.page import Block, Fold, Heading, Section, Table, Text
+from damping.report.text import join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 

@@ -38,9 +38,7 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    join_lines,
     render_page,
-    write_blocks,
 )
 from damping.report.results import (
     RecordResult,
@@ -54,6 +52,7 @@ from damping.report.results import (
 )
 from damping.report.screens import build_screens
 from damping.report.tables import INTERVAL, record_tables
+from damping.report.text import join_lines, write_blocks
 
 
 @dataclass(frozen=True)
