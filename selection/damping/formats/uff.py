@@ -16,9 +16,8 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.series import FileFacts, Samples, Series, Summary
-from damping.formats.uff_blocks import Header, UffBlock, blocks, header
-from damping.formats.uff_values import abscissa, binary_form, units, values
-from damping.formats.uff_write import PEAK
+from damping.formats.uff_blocks import Header, UffBlock, abscissa, blocks, header, units
+from damping.formats.uff_values import PEAK, binary_form, values
 from damping.records.text import describe_shortened
 
 _FUNCTIONS = {

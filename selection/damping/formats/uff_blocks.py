@@ -1,4 +1,4 @@
-"""Universal files cut into data sets: where each begins, its header fields, and where its values are.
+"""Universal files cut into data sets: where each begins, its header fields and axes, and where its values are.
 
 Data set 58 (function at nodal DOF), revision of 30-Jun-1999: eleven header lines follow the number of the set, then
 the values, as text or (58b) as bytes. Header lines are counted, not searched, so that an ID line may read ``-1``.
@@ -10,7 +10,10 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.formats.quantity import unit
+from damping.formats.series import Summary
 from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
@@ -237,3 +240,54 @@ def _describe_decoded(content: bytes) -> str:
         return content.decode()
     except UnicodeDecodeError:
         return content.decode("latin-1")
+
+
+#: Length and force of the units codes of data set 164 that need no factors.
+_UNIT_CODES = {
+    1: ("m", "N"),
+    2: ("ft", "lbf"),
+    3: ("m", "kgf"),
+    5: ("mm", "mN"),
+    7: ("in", "lbf"),
+    8: ("mm", "kgf"),
+} | {10: ("mm", "N")}
+_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+
+
+def abscissa(x: FloatArray, axis: Axis, is_time: bool, summary: Summary) -> FloatArray:
+    """Abscissa in Hz or s."""
+    if is_time:
+        time = unit(axis.unit or "s", what="unit of time")
+        if time.powers != (0, 0, 1):
+            raise InputError(f"time in {axis.unit!r}", expected="a unit of time")
+        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
+        return x * time.factor
+    name = axis.unit.lower()
+    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
+    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
+    if name not in factors:
+        raise InputError(f"frequency in {axis.unit!r}", expected=f"one of {', '.join(filter(None, factors))}")
+    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
+    return x * factors[name]
+
+
+def units(head: Header, quantity: str, per: str, code: int, summary: Summary) -> dict[str, str]:
+    """Units of response and force by their labels; where there are none, by the units ``code`` of data set 164.
+
+    ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
+    """
+    texts = {}
+    if head.numerator.unit:
+        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
+    if head.function == 4 and head.denominator.unit:
+        texts["force"] = head.denominator.unit
+    if code in _UNIT_CODES:
+        length, force = _UNIT_CODES[code]
+        if quantity in _PER_TIME and "response" not in texts:
+            texts["response"] = length + _PER_TIME[quantity]
+            summary.note(f"units code {code} of data set 164 gives {length} and {force}")
+        if "force" in (quantity, per):
+            texts.setdefault("force", force)
+    elif code:
+        summary.note(f"units code {code} of data set 164 is not used: it names no units")
+    return texts

@@ -1,8 +1,9 @@
-"""Axes of a data set 58: abscissas in Hz or s, and the units of the ordinate.
+"""Values of a data set 58, read and written: text of fixed columns or blanks between, or bytes of either order.
 
-Values of a data set 58: from text of fixed columns or blanks between, or from bytes of either order.
-
-The values are taken in parts of bounded size, so that memory stays a small multiple of the file.
+They are read in parts of bounded size, so that memory stays a small multiple of the file. A record is written as, for
+each sweep, its receptance (type 4) and its force amplitude (spectrum, type 12): as bytes (58b) with every digit, as
+text with 13 digits of the ordinate and 6 of the abscissa. The fourth ID line says that amplitudes are peak values,
+which the format has no field for; reading knows it.
 """
 
 from __future__ import annotations
@@ -12,64 +13,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.errors import InputError
+from damping.arrays import FloatArray
+from damping.errors import AnalysisError, InputError
 from damping.formats.named import cartesian
-from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary
-from damping.formats.uff_blocks import Axis, Header, UffBlock
-from damping.records.keys import LARGEST, SMALLEST
-
-#: Length and force of the units codes of data set 164 that need no factors.
-_UNIT_CODES = {
-    1: ("m", "N"),
-    2: ("ft", "lbf"),
-    3: ("m", "kgf"),
-    5: ("mm", "mN"),
-    7: ("in", "lbf"),
-    8: ("mm", "kgf"),
-} | {10: ("mm", "N")}
-_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-
-
-def abscissa(x: FloatArray, axis: Axis, is_time: bool, summary: Summary) -> FloatArray:
-    """Abscissa in Hz or s."""
-    if is_time:
-        time = unit(axis.unit or "s", what="unit of time")
-        if time.powers != (0, 0, 1):
-            raise InputError(f"time in {axis.unit!r}", expected="a unit of time")
-        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
-        return x * time.factor
-    name = axis.unit.lower()
-    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
-    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
-    if name not in factors:
-        raise InputError(f"frequency in {axis.unit!r}", expected=f"one of {', '.join(filter(None, factors))}")
-    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
-    return x * factors[name]
-
-
-def units(head: Header, quantity: str, per: str, code: int, summary: Summary) -> dict[str, str]:
-    """Units of response and force by their labels; where there are none, by the units ``code`` of data set 164.
-
-    ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
-    """
-    texts = {}
-    if head.numerator.unit:
-        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
-    if head.function == 4 and head.denominator.unit:
-        texts["force"] = head.denominator.unit
-    if code in _UNIT_CODES:
-        length, force = _UNIT_CODES[code]
-        if quantity in _PER_TIME and "response" not in texts:
-            texts["response"] = length + _PER_TIME[quantity]
-            summary.note(f"units code {code} of data set 164 gives {length} and {force}")
-        if "force" in (quantity, per):
-            texts.setdefault("force", force)
-    elif code:
-        summary.note(f"units code {code} of data set 164 is not used: it names no units")
-    return texts
-
+from damping.formats.series import Samples
+from damping.formats.uff_blocks import Header, UffBlock
+from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
+from damping.records.record import Record
 
 _PART = 1_000_000  # bytes of text taken at a time
 _NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran leaves the letter out where 3 digits follow
@@ -232,3 +182,80 @@ def _describe_byte_order(block: UffBlock) -> str:
             f"byte order {order}", line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
         )
     return "<" if order == 1 else ">"
+
+
+#: Fourth ID line of a set whose amplitudes are those of the sine.
+PEAK = "peak amplitudes"
+#: Data types of data set 58: abscissa, numerator and denominator.
+_FREQUENCY = 18
+_DISPLACEMENT = 8
+_FORCE = 13
+_LAST_LINE = b"    -1\n"
+
+
+def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes, list[str]]:
+    """The universal file of a record, and notes on what it does not hold.
+
+    Args:
+        record: with phases, or with sweeps of one row, which is at phase resonance.
+        length, force: labels of the units, up to 18 characters; '' where none is named.
+        binary: values as bytes.
+
+    Raises:
+        AnalysisError: a sweep of several rows without phases.
+    """
+    written = (*REQUIRED_COLUMNS, "phase")
+    notes = [f"column {name} is not in the universal file" for name in record.table.columns if name not in written]
+    displacement, drive = _describe_axis(_DISPLACEMENT, "Displacement", length), _describe_axis(_FORCE, "Force", force)
+    sets = []
+    for label in record.sweeps:
+        sweep = record.of(label)
+        f, F = sweep.column("frequency"), sweep.column("force")
+        receptance = sweep.column("amplitude") / F * np.exp(-1j * _lag(sweep, label))
+        title = " ".join(label.split())
+        if len(title.encode()) > 80 or title != label:
+            notes.append(f"label {label!r} is shortened")
+            title = title.encode()[:80].decode(errors="ignore")
+        sets.append(_set(title, 4, f, receptance, (displacement, drive), binary))
+        sets.append(_set(title, 12, f, F, (drive, _describe_axis(0, "NONE", "")), binary))
+    return b"".join(sets), notes
+
+
+def _lag(record: Record, label: str) -> FloatArray:
+    if record.has_phase:
+        return record.column("phase")
+    if len(record) > 1:
+        raise AnalysisError(f"sweep {label!r} has no phases, and a frequency response is not complete without them")
+    return np.full(1, 0.5 * np.pi)
+
+
+def _describe_axis(code: int, label: str, unit: str) -> str:
+    return f"{code:10d}{0:5d}{0:5d}{0:5d} {label:<20s} {unit or 'NONE':<20s}\n"
+
+
+def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, str], binary: bool) -> bytes:
+    """One data set of uneven spacing and double precision."""
+    numbers = np.column_stack([x, y.real, y.imag] if np.iscomplexobj(y) else [x, y])
+    first = f"{58:6d}{'':74s}\n"
+    if binary:
+        first = f"{58:6d}b{1:6d}{2:6d}{11:12d}{numbers.nbytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+    lines = [
+        f"{-1:6d}\n",
+        first,
+        *(f"{line or 'NONE'}\n" for line in (title, "", "", PEAK, "")),
+        f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10s}{1:10d}{0:4d} {'NONE':<10s}{1:10d}{0:4d}\n",
+        f"{6 if np.iscomplexobj(y) else 4:10d}{len(x):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}\n",
+        _describe_axis(_FREQUENCY, "Frequency", "Hz"),
+        *axes,
+        _describe_axis(0, "NONE", ""),
+    ]
+    values = numbers.astype("<f8").tobytes() if binary else _as_text(numbers)
+    return "".join(lines).encode() + values + _LAST_LINE
+
+
+def _as_text(numbers: FloatArray) -> bytes:
+    """Format 1E13.5,2E20.12 of complex and 2(1E13.5,1E20.12) of real values."""
+    points = [f"{row[0]:13.5E}" + "".join(f"{value:20.12E}" for value in row[1:]) for row in numbers.tolist()]
+    if numbers.shape[1] == 2:
+        points = ["".join(points[i : i + 2]) for i in range(0, len(points), 2)]
+    return "".join(f"{point}\n" for point in points).encode()
