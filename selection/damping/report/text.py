@@ -44,7 +44,7 @@ _DIRECTIVE = re.compile(r"\[(\w+) ?([^\]]*)\] ?(.*)", re.DOTALL)
 Take = Callable[[str, str, str], Iterable[Block]]
 
 
-def write_blocks(text: Path, values: Mapping[str, Any], take: Take) -> list[Block]:
+def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind, name, rest: []) -> list[Block]:
     """The blocks of a text filled with values; ``take`` gives those of its own directives."""
     return list(_build_blocks(_cut_parts(_fill(text, values)), take))
 
