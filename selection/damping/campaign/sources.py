@@ -37,7 +37,7 @@ from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, read_bytes
+from damping.records.text import describe_shortened, read_bytes, read_start
 
 _FREQUENCIES = ("frequency", "freq", "f")
 
@@ -78,7 +78,7 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
 
 
 def _read(source: Source) -> list[CampaignRun]:
-    start = _read_start(source)
+    start = read_start(source.file, LOOKED_AT)
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
     channels = find_channels(source, kind) if kind else None
     if channels is not None:
@@ -91,17 +91,6 @@ def _read(source: Source) -> list[CampaignRun]:
     table = find_table(start)
     drive = next((h.name for h in table[1] if is_drive(h.name, source.stated)), None) if table else None
     return [track_table(source, *table, drive) if table and drive else _read_decay(source)]
-
-
-def _read_start(source: Source) -> bytes:
-    """The first bytes of a file."""
-    if source.file.exists() and not source.file.is_file() and not source.file.is_dir():  # a pipe would be waited for
-        raise InputError("is no regular file", expected="a file")
-    try:
-        with source.file.open("rb") as stream:
-            return stream.read(LOOKED_AT)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}") from None
 
 
 def _list_functions(functions: Sequence[Function], source: Source) -> list[CampaignRun]:

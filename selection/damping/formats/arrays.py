@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import stat
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -32,7 +31,7 @@ from damping.formats.series import (
     list_units,
     require_response,
 )
-from damping.records.text import describe_shortened
+from damping.records.text import describe_shortened, read_start, too_large
 
 #: Seconds after which a file that is still being read is given up.
 LONGEST = 60.0
@@ -68,7 +67,10 @@ def read_arrays(
         AnalysisError: the package that reads the format is not installed.
         InputError: the file cannot be read, is too large, is not of its kind, or holds objects in place of numbers.
     """
-    size = _size(path, max_size)
+    read_start(path, 1)  # it is there, and a file
+    size = os.stat(path).st_size
+    if max_size is not None and size > max_size:
+        raise too_large(path, max_size)
     if rows is not None or max_size is None:
         size = min(size, _BLOCKWISE)
     script = Path(__file__).with_name("worker.py")
@@ -110,18 +112,6 @@ _EXPECTED = {
     "tdms": "a whole TDMS file of National Instruments",
     "lvm": "a whole LabVIEW measurement file",
 }
-
-
-def _size(path: str | Path, max_size: int | None) -> int:
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError("is no regular file", file=path, expected="a file")
-    if max_size is not None and status.st_size > max_size:
-        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
-    return status.st_size
 
 
 def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import os
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -31,7 +29,7 @@ from damping.formats.series import (
 )
 from damping.formats.uff import read_uff
 from damping.records.keys import describe_nearest
-from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes
+from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes, read_start
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -130,7 +128,7 @@ def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
-    start = _start(path)
+    start = read_start(path, 2100)
     hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
     if start.startswith(b"MATLAB 5.0"):
@@ -178,16 +176,3 @@ _TITLES = {
     "csv": "CSV",
     "lock-in": "readings of a lock-in amplifier",
 }
-
-
-def _start(path: str | Path) -> bytes:
-    """The first bytes of a file."""
-    try:
-        if stat.S_ISREG(os.stat(path).st_mode):
-            with Path(path).open("rb") as stream:
-                return stream.read(2100)
-    except FileNotFoundError:
-        raise InputError("no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    raise InputError("is no regular file", expected="a file")

@@ -35,22 +35,32 @@ _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of
 
 def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
     """Contents of a file of at most ``max_size`` bytes. InputError if it cannot be read, is empty or is larger."""
+    data = read_start(path, max_size + 1)
+    if len(data) > max_size:
+        raise too_large(path, max_size)
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise InputError("the file is empty", file=path)
+    return data
+
+
+def too_large(path: str | Path, max_size: int) -> InputError:
+    """What is wrong with a file of more than ``max_size`` bytes."""
+    return InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
+
+
+def read_start(path: str | Path, most: int) -> bytes:
+    """The first ``most`` bytes of a file. InputError if it cannot be read."""
     try:
         if not Path(path).is_dir() and Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
             raise InputError("is no regular file", file=path, expected="a file")
         with Path(path).open("rb") as stream:
-            data = stream.read(max_size + 1)
+            return stream.read(most)
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
     except IsADirectoryError:
         raise InputError("is a folder", file=path, expected="a file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    if len(data) > max_size:
-        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
-    if not data.removeprefix(codecs.BOM_UTF8).strip():
-        raise InputError("the file is empty", file=path)
-    return data
 
 
 def decode(data: bytes) -> tuple[str, InputError | None]:
