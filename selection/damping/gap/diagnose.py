@@ -247,7 +247,7 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
         return known, search  # what so few rows leave open of the noise is wide enough
     for _ in range(MOST_DISPERSIONS):
-        r = search.ranked()[0].best.r
+        r = search.ranked()[0].best.measured
         rest = spread(r)
         if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break

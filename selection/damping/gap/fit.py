@@ -66,6 +66,11 @@ class ModelFit:
         return self.model.effects
 
     @property
+    def measured(self) -> FloatArray:
+        """The residuals of what was measured: the others are zero and say nothing."""
+        return self.r[self.model.problem.rows.seen]
+
+    @property
     def many_wild(self) -> bool:
         """Whether more values are taken for wild than errors of measurement are."""
         seen = self.model.problem.rows.seen

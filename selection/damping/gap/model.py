@@ -199,14 +199,14 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     sd_phase = rows.sd_phase * scatter.factor
     per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
     follow = found.by_u.imag * d / squared
-    further = 4 * rows.has_further
+    further = 2 * len(rows.channels)
     answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
     by_frequency = answer.columns(found.by_frequency)
     parts = [(misfit + (rows.u - u0) * d) * per_sd]
     phase = -found.P.imag + follow * misfit
     if rows.has_phase:
         parts.append(wrapped(rows.phase - phase) / sd_phase)
-    if rows.has_further:
+    if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
     by_gain = np.concatenate([-d * per_sd] + [np.zeros_like(d)] * (len(parts) - 1), axis=1)
     return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, answer, found, motion)
@@ -217,21 +217,37 @@ _SKEW = 0.1
 
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
-    """Residuals of the third harmonic and of the motion across, (batch, n) each: real parts, then imaginary ones.
+    """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
+    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
+    parts: list[FloatArray] = []
+    for channel in rows.channels:
+        left = _third(terms, rows, A, phase) if channel == "third" else _cross(terms, rows, A, phase)
+        left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
+        parts += [left.real, left.imag]
+    return parts
+
+
+def _third(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
+    """Predicted less measured third harmonic."""
+    return third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
+
+
+def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
+    """Measured less predicted motion across.
 
     Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
     """
-    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
-    third = (third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third) / (rows.sd_third * scatter.factor)
-    seen = 1.0 / (rows.sd_cross * scatter.factor)
-    across = cross_motion(terms, A, rows.drive) * seen
-    along, measured = A * np.exp(-1j * phase) * seen, rows.cross * seen
+    seen = 1.0 / rows.sd_cross
+    across, along, measured = (
+        cross_motion(terms, A, rows.drive) * seen,
+        A * np.exp(-1j * phase) * seen,
+        rows.cross * seen,
+    )
     way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     left = measured - way * across
     size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
     skew = np.clip(np.sum((left * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
-    left = left - skew * along
-    return [third.real, third.imag, left.real, left.imag]
+    return np.asarray((left - skew * along) * rows.sd_cross)
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:

@@ -138,7 +138,7 @@ def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0
         sd_third=np.full(n, UNSEEN),
         sd_cross=np.full(n, UNSEEN),
         has_phase=True,
-        has_further=False,
+        channels=(),
     )
 
 
@@ -146,7 +146,7 @@ def _with_channel(rows: Rows, channel: str) -> Rows:
     """The rows with one more channel, whose noise is that of the smallest amplitudes, or of `FLOOR`."""
     noise = min(float(np.min(rows.sd_amplitude * rows.A)), FLOOR * float(np.max(rows.A)))
     floor = np.full(len(rows), noise)
-    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), has_further=True)
+    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), channels=(channel,))
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     """The rows as terms, values (1, 1), predict them."""
     motion = steady(terms, rows, rows.u)
     seen = replace(rows, u=motion.u, phase=motion.phase)
-    if not rows.has_further:
+    if not rows.channels:
         return seen
     A = np.exp(motion.u - np.ravel(terms.gain))
     third = third_harmonic(terms, A, motion.phase, rows.drive).reshape(-1)

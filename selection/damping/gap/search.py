@@ -228,7 +228,7 @@ class Search:
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
-        rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
@@ -274,8 +274,8 @@ class Search:
 
 def _leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return not hypothesis.plain.many_wild and spread(hypothesis.plain.r) < 1.0 + _FITTING / np.sqrt(
-        hypothesis.plain.r.size
+    return not hypothesis.plain.many_wild and spread(hypothesis.plain.measured) < 1.0 + _FITTING / np.sqrt(
+        hypothesis.plain.measured.size
     )
 
 

@@ -45,7 +45,7 @@ def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
+        opened = form.natural * float(np.sqrt(squared[middle] / base.measured.size))
         # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
         unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
