@@ -197,9 +197,12 @@ def _clipped(fit: ModelFit) -> tuple[FloatArray, float, float]:
 def _windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = fit.model.problem.rows
-    squares, mean, sd = _clipped(fit)
     quantities = 1 + rows.has_phase
-    excess = ((squares - mean) / sd)[: quantities * len(rows)].reshape(-1, len(rows)).sum(axis=0)
+    squares, mean, sd = _clipped(fit)
+    squares = squares[: quantities * len(rows)]
+    # noise that is larger in some rows than in others is no local disturbance: their spread is that of all rows
+    excess = (squares - max(mean, squares.mean())) / max(sd, squares.std())
+    excess = excess.reshape(-1, len(rows)).sum(axis=0)
     excess = excess[np.argsort(rows.omega)]
     total = np.concatenate([[0.0], np.cumsum(excess)])
     best, tried = 0.0, 1
