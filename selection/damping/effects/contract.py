@@ -185,6 +185,7 @@ class Form:
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
         sizes: strengths from which fits are started too where the gap is large.
+        mirror: name that it shares with the form whose small strengths change the terms the other way, if any.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
@@ -197,6 +198,7 @@ class Form:
     label: str = ""
     replaces: str = ""
     sizes: tuple[float, ...] = ()
+    mirror: str = ""
     twin: Form | None = None
 
 

@@ -70,7 +70,8 @@ def _drift_form(
 
     label = f"{kind}{f' of sweep {sweep}' if sweep else ''}, {sign:+.0f}"
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
-    return Form("drift", change, report, natural, shapes, largest=most, label=label, sizes=sizes)
+    mirror = f"{kind} {sweep}"
+    return Form("drift", change, report, natural, shapes, largest=most, label=label, sizes=sizes, mirror=mirror)
 
 
 def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
@@ -144,7 +145,7 @@ def _offset_form(sweep: int, sign: float, force: bool) -> Form:
         return values | ({"force": np.ones_like(size)} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"
-    return Form("level-offset", change, report, 0.1, largest=log(3.0), label=label)
+    return Form("level-offset", change, report, 0.1, largest=log(3.0), label=label, mirror=f"{force} {sweep}")
 
 
 def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
@@ -188,7 +189,7 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
             return {"rate": sign * size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
 
         shapes = (BETWEEN, BETWEEN)
-        return Form("sweep-rate", change, report, 0.1, shapes, _MOST_RATE, label=f"{sign:+.0f}", sizes=_RATES)
+        return Form("sweep-rate", change, report, 0.1, shapes, _MOST_RATE, f"{sign:+.0f}", sizes=_RATES, mirror="rate")
 
     return side(1.0), side(-1.0)
 

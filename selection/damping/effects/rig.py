@@ -27,7 +27,7 @@ def _gain_side(sign: float) -> Form:
     def report(size: Floats) -> dict[str, Floats]:
         return {"factor": np.exp(sign * size)}
 
-    return Form("amplitude-scale", change, report, 0.1, largest=log(3.0), label=f"{sign:+.0f}")
+    return Form("amplitude-scale", change, report, 0.1, largest=log(3.0), label=f"{sign:+.0f}", mirror="gain")
 
 
 def simulate_gain(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -57,7 +57,7 @@ def _lag_side(sign: float) -> Form:
     def report(lag: Floats) -> dict[str, Floats]:
         return {"lag": sign * lag}
 
-    return Form("phase-lag", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")
+    return Form("phase-lag", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}", mirror="lag")
 
 
 def simulate_lag(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -147,7 +147,7 @@ def delay_forms(scales: Scales) -> tuple[Form, ...]:
         def report(lag: Floats) -> dict[str, Floats]:
             return {"delay": sign * lag / scales.omega_n}
 
-        return Form("time-delay", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")
+        return Form("time-delay", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}", mirror="delay")
 
     return side(1.0), side(-1.0)
 

@@ -190,8 +190,8 @@ def _path_form(effect: str, sign: float, above: bool, distance: FormVariable, lo
     def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
         return dict(zip(("compliance", "frequency_ratio", "loss"), values(strength, apart, damping), strict=True))
 
-    label = f"{'above' if above else 'below'}, {sign:+.0f}"
-    return Form(effect, change, report, 0.1, (distance, loss), largest=30.0, label=label)
+    side = "above" if above else "below"
+    return Form(effect, change, report, 0.1, (distance, loss), largest=30.0, label=f"{side}, {sign:+.0f}", mirror=side)
 
 
 def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -242,7 +242,8 @@ def _rigid_side(sign: float, resonance: float) -> Form:
     def report(strength: Floats) -> dict[str, Floats]:
         return {"compliance": sign * strength * resonance, "frequency_ratio": 0.0 * strength}
 
-    return Form("residual-modes", change, report, 0.1, largest=30.0, label=f"rigid body, {sign:+.0f}")
+    label = f"rigid body, {sign:+.0f}"
+    return Form("residual-modes", change, report, 0.1, largest=30.0, label=label, mirror="rigid body")
 
 
 RESIDUAL_MODES = Effect(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import pi
 
 import numpy as np
@@ -72,11 +73,14 @@ class Rows:
         """Measured amplitude."""
         return np.exp(self.u)
 
-    @property
+    @cached_property
     def drive(self) -> Drive:
-        """What the rig does at each row."""
-        names = ("F", "omega", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio", "own")
-        return Drive(*(getattr(self, name) for name in names))
+        """What the rig does at each row; what is the same at all rows is a number."""
+        values = {name: getattr(self, name) for name in ("F", "omega", "time")} | {"sweep": self.label}
+        for name in ("mass", "resonant", "up", "rate", "added", "state", "ratio", "own"):
+            own = getattr(self, name)
+            values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
+        return Drive(**values)
 
     @property
     def at_resonance(self) -> bool:

@@ -17,7 +17,7 @@ from damping.effects.contract import Effect, Form
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
-from damping.gap.starts import SURE, Start, at_gap, choose_forms, starts
+from damping.gap.starts import SURE, Start, at_gap, choose_forms, list_starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -154,7 +154,7 @@ class Search:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
         model = Model(self.problem, (), self.unknown.first)
         first = fit_model(model, np.zeros((1, model.size)))[0]
-        tried = {name: [starts(first, form) for form in own] for name, own in self.forms.items()}
+        tried = {name: list_starts(first, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
         null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
@@ -194,7 +194,7 @@ class Search:
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
-        return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
+        return list_starts(base.plain, self.forms[name], self.units)
 
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
