@@ -17,7 +17,7 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.campaign_page import render_campaign_page
 from damping_pipelines.forms import CampaignForm, read_form
-from damping_pipelines.manifest import digest_file, publish
+from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import console, number, plain_table
 
@@ -39,7 +39,6 @@ def campaign(
         InputError: bad usage, or files that are not understood.
         AnalysisError: no mode that can be followed over the levels.
     """
-    from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
     named = [os.path.realpath(file) for file in sources]

@@ -98,7 +98,7 @@ def _low_and_high(roots: Sequence[DampingRoots]) -> tuple[FloatArray, FloatArray
 def _find_taken(low: FloatArray, high: FloatArray, printed: FloatArray) -> list[str]:
     """The branch whose root is nearer to the printed xi."""
     nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
-    return np.where(np.isnan(low), "none", nearer).tolist()
+    return list(np.where(np.isnan(low), "none", nearer).tolist())
 
 
 def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:

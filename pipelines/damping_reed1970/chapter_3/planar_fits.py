@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from damping.arrays import FloatArray
-from damping.infer.evidence import Evidence
+from damping.infer.importance import Evidence
 from damping.signals import viscous_energy
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, yaw_response

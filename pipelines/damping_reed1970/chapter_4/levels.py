@@ -136,7 +136,7 @@ def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
     if "mass" not in record.table:
         return np.full(len(data.sweeps), otherwise)
     rows = tabulate_resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
-    return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
+    return np.asarray(record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()])
 
 
 def _build_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:

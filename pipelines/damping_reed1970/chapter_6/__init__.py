@@ -30,7 +30,8 @@ from damping.report import format_between, format_joined, format_percent, number
 from damping.report.page import Table
 from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
-from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
+from damping_reed1970.chapter_5 import table_5_i
+from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit
 from damping_reed1970.common import ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 

@@ -74,7 +74,7 @@ class ModelFit:
     def many_wild(self) -> bool:
         """Whether more values are taken for wild than errors of measurement are."""
         seen = self.model.problem.rows.seen
-        return float(np.sum(self.weights[seen] < WILD_WEIGHT)) > MOST_WILD * seen.sum() + _FEW_WILD
+        return bool(np.sum(self.weights[seen] < WILD_WEIGHT) > MOST_WILD * seen.sum() + _FEW_WILD)
 
 
 def fit_model(

@@ -120,7 +120,7 @@ class Proposal:
 
     @cached_property
     def _white_origin(self) -> FloatArray:
-        return -np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel()
+        return np.asarray(-np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel())
 
     @cached_property
     def _log_norms(self) -> FloatArray:

@@ -18,6 +18,7 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.plots import Drawn
+from damping.ranking import INTERVAL
 from damping.report import (
     NOTHING,
     format_between,
@@ -53,7 +54,7 @@ from damping.report.results import (
     describe_record,
 )
 from damping.report.screens import build_screens
-from damping.report.tables import INTERVAL, record_tables
+from damping.report.tables import record_tables
 
 
 @dataclass(frozen=True)

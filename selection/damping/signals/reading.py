@@ -100,7 +100,7 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
     if np.isnan(change).any():
         row = int(np.isnan(change).argmax()) + 1
         raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
-    return (change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change
+    return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
 
 
 #: What must come before a key on its line, for the line of a key in an array of tables.
