@@ -1,4 +1,4 @@
-"""A cause that is not in the library: the gap keeps its size, no answer is confident, and what patches it is doubted."""
+"""A cause outside the library: the gap keeps its size, no answer is confident, and what patches it is doubted."""
 
 from __future__ import annotations
 
