@@ -202,6 +202,27 @@ class Form:
     twin: Form | None = None
 
 
+def either_sign(
+    effect: str, change: Callable[..., Terms], report: Callable[..., dict[str, Floats]], label: str = "", **rest: Any
+) -> tuple[Form, Form]:
+    """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
+
+    ``rest``: of a `Form`.
+    """
+
+    def side(sign: float) -> Form:
+        def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
+            return change(terms, sign * strength, *shapes)
+
+        def own_report(strength: Floats, *shapes: Floats) -> dict[str, Floats]:
+            return report(sign * strength, *shapes)
+
+        own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
+        return Form(effect, own_change, own_report, label=own_label, mirror=label or effect, **rest)
+
+    return side(1.0), side(-1.0)
+
+
 Kind = Literal["parameter", "force", "structure", "instrument"]
 #: What an effect cannot be told without: measured phases; rows beside resonance.
 Need = Literal["", "phase", "sweep"]
