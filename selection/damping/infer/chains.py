@@ -128,7 +128,7 @@ class ManyTries:
 
     def propose(self, model: Model, state: State) -> tuple[State, FloatArray]:
         """The state after one step, and which walkers moved (walkers,)."""
-        walkers, d = state.coords.shape
+        walkers = len(state.coords)
         tried = self.proposal.draw_random(walkers * self.tries, model.random)
         log_p = self.log_density(tried)
         log_w = (log_p - self.proposal.log_density(tried)).reshape(walkers, -1)
