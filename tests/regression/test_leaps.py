@@ -83,6 +83,8 @@ def test_the_same_lists_as_by_every_subset(seed: int, kind: str, k: int, more: i
         whole = all_subsets(design)
     except AnalysisError:  # whole numbers may be dependent
         return
+    if nonnegative and np.any(np.abs(whole.coefficients[whole.members]) < 1e-12):
+        return  # a coefficient of exactly 0, which whole numbers can have: its sign is that of rounding
     for criterion in NAMES:
         for most in ({"number": 1}, {"number": 7}, {"per_size": 2}, {"number": 4, "per_size": 1}):
             assert_same(design, whole, criterion, nonnegative, **most)
