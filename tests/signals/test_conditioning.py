@@ -33,8 +33,8 @@ from damping_reed1970 import load_errata, load_table
 from damping_reed1970.chapter_3 import (
     PLANES,
     PlanarOscillator,
+    find_roots,
     pitch_response,
-    table_3_iv_roots,
     yaw_response,
 )
 
@@ -165,7 +165,7 @@ def test_at_a_natural_frequency_the_loss_has_no_upper_bound() -> None:
 def test_roots_of_table_3_iv() -> None:
     """Erratum E3IV-1: two roots at 13 points, none at 10 and 13; the mean on each branch."""
     table = load_table("3_IV").query("corrected_row == 0")
-    roots, xi, omega = table_3_iv_roots(table), table["xi"].to_numpy(), table["omega_rad_s"].to_numpy()
+    roots, xi, omega = find_roots(table), table["xi"].to_numpy(), table["omega_rad_s"].to_numpy()
     assert [len(point.roots) for point in roots] == [2] * 9 + [0, 2, 2, 0, 2, 2]
     low, high = branch(roots, 0), branch(roots, -1)
     taken_low = np.abs(low - xi) < np.abs(high - xi)

@@ -13,7 +13,7 @@ from scipy.signal import find_peaks
 from damping.arrays import FloatArray
 from damping.report import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES, figures
-from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED, PlanarBand
+from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults

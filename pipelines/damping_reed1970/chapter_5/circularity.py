@@ -26,15 +26,13 @@ from damping.plots import WIDTH, draw_plain_rows, law_style, styled
 from damping.predict.steady import steady_state
 from damping.signals import PrincipalPlanes, damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
 
 #: Force of each energy term that selection may choose (Table 5.I).
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
 #: Points at which the report took the low root of Eq. 3.2.15 (erratum E3IV-1); at the others the high one.
 LOW_ROOT = np.isin(np.arange(1, 16), (1, 2, 3, 4, 5, 6, 14, 15))
-#: Roots above are no damping factor of this structure.
-LARGEST_XI = 0.05
 #: Two planes fitted to amplitude and phase of Table 3.III with all five parameters free (relative residuals).
 FITTED = PlanarOscillator(M=22.8, C=2.49, omega_p=11.399, omega_y=11.491, theta=radians(36.3))
 #: The planes that the report's route assumes (Eq. 3.2.16), with its linear coefficient (3.2.19).
