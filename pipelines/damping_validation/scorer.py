@@ -183,9 +183,8 @@ class Figure:
 def score(cases: Cases, processor_seconds: float | None = None, followed: Cases | None = None) -> list[Figure]:
     """Every figure of the table.
 
-    Args:
-        processor_seconds: of the whole diagnosis, where answers do not tell their own.
-        followed: cases whose proposed test was made, with the answer after it; None where none was asked for.
+    ``processor_seconds``: of the whole diagnosis, where answers do not tell their own. ``followed``: cases whose
+    proposed test was made, with the answer after it; None where none was asked for.
     """
     null, outside = select_cases(cases, "null"), select_cases(cases, "outside")
     named = select_cases(cases, "single", "pair", gap=DETECTABLE)
@@ -234,21 +233,22 @@ def measure_share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal:
     n, k = len(cases), sum(hit(case) for case in cases)
     if n == 0:
         return Figure(name, goal)
-    return Figure(name, goal, k / n, *map(float, binomtest(k, n).proportion_ci(0.95, method="exact")), n)
+    low, high = map(float, binomtest(k, n).proportion_ci(0.95, method="exact"))
+    return Figure(name, goal, k / n, low, high, n)
 
 
 def _measure_statistic(
     name: str, values: Sequence[float], statistic: Callable[..., np.floating | float], goal: Goal, share: bool = True
 ) -> Figure:
-    """A mean or percentile of values, with its bootstrap interval (none for fewer than two values)."""
+    """A mean or percentile of values, with its bootstrap interval: equal of equal answers, none of fewer than two."""
     if not values:
         return Figure(name, goal, share=share)
     data, measured = np.asarray(values, float), float(statistic(np.asarray(values, float)))
     if data.size < 2 or np.ptp(data) == 0.0:
         return Figure(name, goal, measured, cases=data.size, share=share)
-    rng = np.random.default_rng(0)  # the interval of equal answers is equal
-    drawn = bootstrap((data,), statistic, method="percentile", n_resamples=2000, rng=rng, vectorized=False)
-    return Figure(name, goal, measured, *map(float, drawn.confidence_interval), data.size, share)
+    drawn = bootstrap((data,), statistic, method="percentile", n_resamples=2000, rng=0, vectorized=False)
+    low, high = map(float, drawn.confidence_interval)
+    return Figure(name, goal, measured, low, high, data.size, share)
 
 
 def _list_extents(cases: Cases, named: Cases, single: Cases) -> list[Figure]:

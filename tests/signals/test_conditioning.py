@@ -80,7 +80,7 @@ def test_r2_over_i_is_identified(chain: tuple[NodeMode, list[NodeMode], np.ndarr
 
 
 def test_planar_response_solves_the_coupled_equations() -> None:
-    M, C, omega_p, omega_y, theta = OSCILLATOR
+    M, C, omega_p, omega_y, theta = OSCILLATOR[:5]
     K_p, K_y, c, s = M * omega_p**2, M * omega_y**2, np.cos(theta), np.sin(theta)  # turned into the vehicle's axes
     pp, yy, py = K_p * c**2 + K_y * s**2, K_p * s**2 + K_y * c**2, (K_p - K_y) * s * c
     for omega in OMEGA:
@@ -95,7 +95,7 @@ def printed_amplitude_and_phase(
     oscillator: PlanarOscillator, F_p: float, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude and phase lag (0 to 2 pi) by the report's own formulas (Eqs. 3.1.31, 3.1.34, 3.1.35)."""
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta = oscillator[:5]
     N1 = -(omega**2) + omega_p**2 * np.sin(theta) ** 2 + omega_y**2 * np.cos(theta) ** 2
     N2 = -C / M * omega
     N3 = (omega_p**2 - omega**2) * (omega_y**2 - omega**2) - (C / M) ** 2 * omega**2
