@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, styled
 from damping.report import number
-from damping.report.page import Block, Section, Table, join_lines, write_blocks
+from damping.report.page import Block, Section, Table
+from damping.report.text import join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 
@@ -157,7 +158,7 @@ def tabulate_percent_differences(table: pd.DataFrame) -> pd.DataFrame:
         percent=100.0 * (pd.to_numeric(table["computed"], errors="coerce") / printed - 1.0),
         percent_corrected=100.0 * (pd.to_numeric(table["computed_after_correction"], errors="coerce") / printed - 1.0),
     )
-    return rows[np.isfinite(rows["percent"]) & (printed != 0.0)].reset_index(drop=True)
+    return pd.DataFrame(rows[np.isfinite(rows["percent"]) & (printed != 0.0)].reset_index(drop=True))
 
 
 def describe_group_of(identity: str) -> str:
@@ -168,7 +169,7 @@ def describe_group_of(identity: str) -> str:
 def _spread(rows: pd.DataFrame) -> FloatArray:
     """Small vertical steps, so that rows of one group do not hide one another."""
     number = rows.groupby("group").cumcount().to_numpy(float)
-    return 0.28 * np.sin(2.399963 * number)  # the golden angle: neighbours land apart
+    return np.asarray(0.28 * np.sin(2.399963 * number))  # the golden angle: neighbours land apart
 
 
 SEVERITIES = {"A": "Errata that change results", "B": "Errata that change numbers", "C": "Minor errata"}

@@ -20,15 +20,9 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import format_share
 from damping.report.gap_figures import gap_figures
-from damping.report.gap_page import (
-    describe_doubts,
-    describe_following,
-    describe_place,
-    describe_reach,
-    describe_trends,
-    describe_verdict,
-)
-from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
+from damping.report.gap_page import describe_diagnosis
+from damping.report.page import Block, List, Section, Table, Text
+from damping.report.text import join_lines, write_blocks
 from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3 import PLANES
@@ -222,10 +216,10 @@ def gaps_part(gaps: Gaps) -> ReportPart:
             return [Table(tabulate_blind_rows(load_blind_table()), caption)]
         diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
         if kind == "verdict":
-            sentences = [describe_place(diagnosis), *describe_doubts(diagnosis), *describe_trends(diagnosis)]
+            told = describe_diagnosis(diagnosis)
+            sentences = [*told["place"], *told["doubts"], *told["trends"]]
             sentences += [join_lines(caption)] if caption else []
-            sentences += [describe_reach(diagnosis), describe_following(diagnosis)]
-            return [Text(describe_verdict(diagnosis), lead=True), List(sentences)]
+            return [Text(told["verdict"][0], lead=True), List([*sentences, *told["reach"], *told["following"]])]
         if kind == "table":
             formats = {"probability": format_share}
             return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]

@@ -116,18 +116,13 @@ class DiagnosisResult(Result):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report import gap_page as text  # noqa: PLC0415 - as above
+        from damping.report.gap_page import describe_diagnosis  # noqa: PLC0415 - as above
 
-        d = self.diagnosis
-        told = [
-            *(f"{said[0].upper()}{said[1:]}." for said in self.against),
-            text.describe_verdict(d),
-            text.describe_place(d),
-            *text.describe_doubts(d),
-            text.describe_reach(d),
-            text.describe_following(d),
-        ]
-        return (*told, *(f"Caution: {caution}." for caution in d.cautions))
+        told = describe_diagnosis(self.diagnosis)
+        disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
+        cautions = (f"Caution: {caution}." for caution in self.diagnosis.cautions)
+        parts = (told[what] for what in ("verdict", "place", "doubts", "reach", "following"))
+        return (*disagreements, *(sentence for part in parts for sentence in part), *cautions)
 
     @property
     def title(self) -> str:

@@ -158,7 +158,7 @@ def normal_modes(mass: FloatArray, stiffness: FloatArray, reference: int) -> Nor
 
 def modal_force(modes: NormalModes, node: int, force: float) -> FloatArray:
     """F_e,j = phi_rj F of a load at node r (Eq 2.2.3), (modes,)."""
-    return modes.shapes[node] * force
+    return np.asarray(modes.shapes[node] * force)
 
 
 def subsystem_damping(modes: NormalModes, dampers: Sequence[Damper]) -> dict[str, FloatArray]:

@@ -147,12 +147,14 @@ def section_4_2() -> dict[str, float]:
 
 def equation_4_3_9(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
     """alpha = beta(p) F_e/(omega_n^p A_m^p)."""
-    return beta(p) * F_e / (omega_n**p * A_m**p)
+    alpha: Floats = beta(p) * F_e / (omega_n**p * A_m**p)
+    return alpha
 
 
 def equation_4_3_19(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
     """alpha = B(p) F_e/(omega_n^p A_m^(p+1)) (erratum E43-4: the report dropped pi/2 of B for mode 2)."""
-    return B(p) * F_e / (omega_n**p * A_m ** (p + 1.0))
+    alpha: Floats = B(p) * F_e / (omega_n**p * A_m ** (p + 1.0))
+    return alpha
 
 
 def section_4_3(version: Version = "printed") -> dict[str, float]:

@@ -138,7 +138,7 @@ def spread(case: LevelCase, data: Observations, scale: FloatArray) -> float:
 def masses(record: Record, data: Observations) -> FloatArray:
     """Generalized mass of each sweep, in its row at resonance."""
     rows = tabulate_resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
-    return record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()]
+    return np.asarray(record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()])
 
 
 def _build_cases(data: Observations, scale: FloatArray, alphas: Sequence[float]) -> tuple[LevelCase, ...]:

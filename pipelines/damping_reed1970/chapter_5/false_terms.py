@@ -41,7 +41,7 @@ class ManyFits:
     @property
     def bic(self) -> FloatArray:
         """BIC (m, r) less what all models of a response share: n ln SSE + k ln n."""
-        return self.n * np.log(self.sse) + np.log(self.n) * self.members.sum(axis=1)[:, None]
+        return np.asarray(self.n * np.log(self.sse) + np.log(self.n) * self.members.sum(axis=1)[:, None])
 
     def best(self, nonnegative: bool = False) -> IntArray:
         """Model of least BIC for each response (r,), of those with every coefficient > 0 if ``nonnegative``; -1 where
@@ -68,7 +68,7 @@ class ManyFits:
             least = size.argmin(axis=1)
             drop = (size[responses, least] < t_stop) & (self.members[model].sum(axis=1) > 1)
             code = code - drop * weights[least]
-        return place[code]
+        return np.asarray(place[code])
 
 
 def subset_fits(columns: FloatArray, observed: FloatArray) -> ManyFits:
