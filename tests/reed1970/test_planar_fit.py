@@ -13,8 +13,7 @@ from scipy.optimize import approx_fprime
 
 from damping.errors import AnalysisError
 from damping_reed1970.chapter_3 import PlanarOscillator, pitch_response, planar_fit
-from damping_reed1970.chapter_3.planar_fit import PARAMETERS, Phasors, PlanarFit, fit_planar
-from damping_reed1970.chapter_3.planar_fits import phasors
+from damping_reed1970.chapter_3.planar_fit import PARAMETERS, Phasors, PlanarFit, fit_planar, phasors
 
 OMEGA = np.linspace(11.1, 11.7, 25)
 F = np.linspace(37.0, 40.0, 25)

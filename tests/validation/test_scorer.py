@@ -13,8 +13,18 @@ import pandas as pd
 import pytest
 
 from damping.errors import InputError
+from damping_validation.blind import read_sealed, read_verdicts
 from damping_validation.doubt import regress
-from damping_validation.scorer import Figure, Goal, calibration_error, is_settled, score
+from damping_validation.scorer import (
+    Figure,
+    Goal,
+    Verdict,
+    calibration_error,
+    is_settled,
+    judge,
+    overlap_footprint,
+    score,
+)
 from damping_validation.scorer_output import (
     SCORES,
     describe_goal_text,
@@ -24,7 +34,6 @@ from damping_validation.scorer_output import (
     tabulate_kinds,
     to_markdown,
 )
-from damping_validation.verdicts import Verdict, judge, overlap_footprint, read_sealed, read_verdicts
 
 RIG = frozenset({"phase-lag", "amplitude-scale"})
 FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]

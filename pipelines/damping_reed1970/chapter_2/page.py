@@ -14,13 +14,7 @@ from scipy.linalg import eigh
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
-from damping_reed1970.chapter_2 import (
-    REFERENCE,
-    EquivalenceError,
-    Loop,
-    SlipEquivalent,
-    equal_amplitudes,
-)
+from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
@@ -68,7 +62,7 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 
 
 @styled
-def draw_slip_equivalent(equivalent: SlipEquivalent, reference: float) -> Figure:
+def draw_slip_equivalent(equivalent: SlipEquivalent) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
     figure = Figure(figsize=(WIDTH, 5.8))
     left, right = figure.subplots(2, 1)
@@ -79,25 +73,23 @@ def draw_slip_equivalent(equivalent: SlipEquivalent, reference: float) -> Figure
     left.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
     left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
     left.set(xlabel="displacement / A₁", ylabel="force / K A₁", ylim=(-2.9, 2.1))
-    left.set_title(f"Loops at A = {reference:g} A₁")
+    left.set_title(f"Loops at A = {REFERENCE:g} A₁")
     left.legend(loc="lower right", fontsize=7)
-    _draw_errors(right, equivalent.error, reference)
+    _draw_errors(right, equivalent.error)
     return figure
 
 
-def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
-    square = law_style("velocity-squared").colour
-    lines = (
-        (error.coefficient_percent, LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
-        (error.corrected_percent, square, "-", f"energy, C₃ fixed at {reference:g} A₁"),
-        (error.shape_percent, MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
-    )
-    for values, colour, line, label in lines:
-        axes.plot(error.amplitude, values, color=colour, linestyle=line, label=label)
+def _draw_errors(axes: Axes, error: pd.DataFrame) -> None:
+    for name, colour, line, label in (
+        ("coefficient", LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
+        ("corrected", law_style("velocity-squared").colour, "-", f"energy, C₃ fixed at {REFERENCE:g} A₁"),
+        ("shape", MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
+    ):
+        axes.plot(error["amplitude"], error[f"{name}_percent"], color=colour, linestyle=line, label=label)
     axes.axhline(0.0, color=INK, linewidth=0.7)
     axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
     axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
-    axes.set(xlim=(1.0, float(error.amplitude[-1])), ylim=(-170.0, 250.0))
+    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0))
     axes.set(xlabel="amplitude A / A₁", ylabel="error (per cent)")
     axes.set_title("Error of the equivalence")
     axes.legend(loc="lower right", fontsize=7)
@@ -253,7 +245,7 @@ def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     return {
         "hysteresis-loops": lambda: draw_hysteresis_loops(studies.loops.loops),
-        "slip-equivalent": lambda: draw_slip_equivalent(studies.slip, REFERENCE),
+        "slip-equivalent": lambda: draw_slip_equivalent(studies.slip),
         "slip-energy": lambda: draw_slip_energy(studies.slip.energies),
     }
 

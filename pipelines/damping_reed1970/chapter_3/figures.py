@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, build_panel, styled
 from damping.plots.fits import corner
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.implications import LARGEST_XI
-from damping_reed1970.chapter_3.planar_fits import Curve, PlanarBand
+from damping_reed1970.chapter_3 import LARGEST_XI, PLANES
+from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
 
 OMEGA = "frequency ω (rad/s)"
 PITCH = "#0072b2"

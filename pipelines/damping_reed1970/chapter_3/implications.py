@@ -1,140 +1,113 @@
-"""The damping factor of Eq. 3.2.15 at each point with all its roots: what Table 3.IV took, and what else it might have.
+"""What the test of Configuration I says of the assumptions of chapter III: fits of both planes, and answers in numbers.
 
-The energy lost, as a function of xi, rises to a maximum and falls again, so an energy below the maximum is lost at two
-values of xi and one above it at none. "Trial and error" finds one of them.
-
-The fits of both planes imply more: each assumption of the report is a question with its answer in numbers, a row each.
+Two pictures of one test: the modal motion of Table 3.III (``A2``), from which the report had removed rigid-body
+rotation and adjacent modes, and the tail motion over the mode factor (``tail``), from which nothing is removed. Each
+assumption of the report is a question with its answer, a row each.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import degrees
+
 import numpy as np
 import pandas as pd
+from scipy.stats import chi2
 
-from damping.signals import (
-    DampingRoots,
-    PrincipalPlanes,
-    branch,
-    damping_roots,
-    energy_loss,
-    mean_coefficient,
-    nearest_root,
-    plane_motion,
-)
+from damping.arrays import FloatArray
+from damping.signals import viscous_energy
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.planar_fit import PlanarFit
-from damping_reed1970.chapter_3.planar_fits import (
-    LEVEL,
-    TAILS,
-    Fits,
-    Posteriors,
-    comparison,
-    phasors,
-    tabulate_energy_split,
-    tabulate_yaw,
-)
-from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, yaw_response
+from damping_reed1970.chapter_3.planar_fit import VARIANTS, Noise, Phasors, PlanarFit, fit_planar, phasors
+from damping_reed1970.chapter_3.planar_posterior import LEVEL, TAILS, PlanarPosterior, Posteriors
 
+NOISES: tuple[Noise, Noise] = ("constant", "proportional")
+#: Fits by data, noise and variant.
+Fits = Mapping[tuple[str, str, str], PlanarFit]
 #: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
 SECOND_PLANE = (11.48, 11.51)
-#: A damping factor above this is none of a structure (erratum E3IV-1).
-LARGEST_XI = 0.05
-
-
-def tabulate_points() -> pd.DataFrame:
-    """Table 3.IV, the 15 rows that are not marked as corrected, with the force of Table 3.I."""
-    table = load_table("3_IV").query("corrected_row == 0").reset_index(drop=True)
-    return table.assign(force_lb=load_table("3_I")["force_lb"])
-
-
-def roots_at(planes: PrincipalPlanes, table: pd.DataFrame) -> list[DampingRoots]:
-    """All solutions of Eq. 3.2.15 at each row of ``points``."""
-    F, omega, energy = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb")
-    return [damping_roots(planes, *row) for row in zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)]
-
-
-def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
-    """By point: both roots, the printed xi, the branch it is on, and the energy in each plane on each branch.
-
-    Columns: ``point, omega, energy`` (put in), ``largest_energy`` (that can be lost, at ``xi_of_largest``), ``roots``
-    (number), ``xi_low, xi_high`` (NaN where none), ``xi_printed, taken`` (``low``, ``high`` or ``none``),
-    ``energy_printed`` (lost at the printed xi), and ``pitch_low, yaw_low, pitch_high, yaw_high``: energies lost in the
-    planes, and ``A_pitch_low, A_pitch_high``: amplitudes.
-    """
-    table = tabulate_points()
-    roots = roots_at(planes, table)
-    F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
-    low, high = branch(roots, 0), branch(roots, -1)
-    nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
-    motion = {name: plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
-    return pd.DataFrame(
-        {
-            "point": table["point"],
-            "omega": omega,
-            "energy": energy,
-            "largest_energy": [point.energy_peak for point in roots],
-            "xi_of_largest": [point.xi_peak for point in roots],
-            "roots": [point.roots.size for point in roots],
-            "xi_low": low,
-            "xi_high": high,
-            "xi_printed": printed,
-            "taken": np.where(np.isnan(low), "none", nearer),
-            "energy_printed": energy_loss(planes, F, omega, printed),
-            **{
-                f"{name}_{key}": value
-                for key, m in motion.items()
-                for name, value in (("pitch", m.E_p), ("yaw", m.E_y))
-            },
-            **{f"A_pitch_{key}": m.A_p for key, m in motion.items()},
-        }
-    )
-
-
-def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
-    """What the mean coefficient C_1 (Eq. 3.2.18) and the mean xi become on each branch.
-
-    ``points`` counts the points that have a value; "xi of the largest energy" fills points 10 and 13, which have no
-    root, with the xi at which the most is lost.
-    """
-    table = tabulate_points()
-    roots = roots_at(planes, table)
-    omega, printed = columns(table, "omega_rad_s", "xi")
-    none = np.array([point.roots.size == 0 for point in roots])
-    peak = np.array([point.xi_peak for point in roots])
-    low, high = branch(roots, 0), branch(roots, -1, LARGEST_XI)
-    high_or_low = np.where(np.isnan(high), low, high)
-    near = np.array([nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
-    choices = {
-        "as printed": printed,
-        "as printed, points with a root": np.where(none, np.nan, printed),
-        "the root nearest to each printed xi": near,
-        "every low root": low,
-        "every high root (below .05, else low)": high_or_low,
-        "every low root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, low),
-        "every high root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, high_or_low),
-    }
-    rows = [
-        {
-            "choice": choice,
-            "points": int(np.isfinite(xi).sum()),
-            "mean_xi": float(np.nanmean(xi)),
-            "C_1": mean_coefficient(planes.mass, omega, xi),
-        }
-        for choice, xi in choices.items()
-    ]
-    return pd.DataFrame(rows)
-
-
-def fitted_planes(fit: PlanarFit) -> PrincipalPlanes:
-    """The principal planes of a planar fit, for Eq. 3.2.15."""
-    M, _, omega_p, omega_y, theta = (float(value) for value in fit.model[:5])
-    return PrincipalPlanes(PLANES.phi, M, omega_p, omega_y, theta)
-
-
 REPORT = "theta = 28, M = 21"
 #: A question with its answer: ``question, value, says`` and, where there is an interval, ``low, high``.
 Answer = dict[str, str | float]
+
+
+def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:
+    """All fits of both pictures with both noises."""
+    return {
+        (name, noise, variant): fit_planar(phasors(name, noise), *arguments)
+        for name in ("A2", "tail")
+        for noise in NOISES
+        for variant, arguments in VARIANTS.items()
+    }
+
+
+def fit_table(fits: Fits) -> pd.DataFrame:
+    """One row a fit: parameters with standard errors (``_se``; theta in degrees), quality, comparison with ``free``.
+
+    ``in_phase_in``: motion R F at the mean force. ``chi_square`` = 2 n ln(SSE/SSE of ``free``), negative where a fit
+    has more parameters than that; ``p_value`` of its size with the difference in parameters as degrees of freedom, and
+    ``p_value_correlated`` with chi_square reduced for the correlation r of neighbouring residuals, by (1 - r)/(1 + r)
+    of the larger model.
+    """
+    return pd.DataFrame([_fit_row(key, fit, fits[(*key[:2], "free")]) for key, fit in fits.items()])
+
+
+def _fit_row(key: tuple[str, str, str], fit: PlanarFit, free: PlanarFit) -> dict[str, float | str]:
+    name, noise, variant = key
+    force = float(phasors(name).F.mean())
+    scales = {"theta": degrees(1.0), "R": force}
+    labels = {"theta": "theta_degrees", "R": "in_phase_in", "lag": "lag_rad"}
+    row: dict[str, float | str] = {"data": name, "noise": noise, "fit": variant}
+    values = {**fit.model._asdict(), "xi": fit.xi}
+    for parameter in ("omega_p", "omega_y", "theta", "M", "C", "xi", "R", "lag"):
+        label, scale = labels.get(parameter, parameter), scales.get(parameter, 1.0)
+        row[label] = scale * float(values[parameter])
+        row[f"{label}_se"] = scale * fit.standard_errors[parameter]
+    if variant == "one plane":
+        row["omega_y"] = np.nan
+    quality = {"sigma": fit.sigma, "SSE": fit.SSE, "correlation": fit.correlation, "parameters": len(fit.fitted)}
+    return {**row, **quality, **comparison(fit, free)}
+
+
+def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
+    """Chi-square of a fit against another that contains it or is contained, and what probability it has by chance."""
+    larger = max(fit, free, key=lambda either: len(either.fitted))
+    chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
+    left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
+    p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
+    return {"chi_square": chi_square, "p_value": p[0], "p_value_correlated": p[1]}
+
+
+def tabulate_yaw(fits: Fits) -> pd.DataFrame:
+    """Yaw amplitude by point: measured (Table 3.I, tail yaw over the mode factor), and predicted by fits to pitch."""
+    motion = load_table("3_I", "corrected")
+    omega, yaw = columns(motion, "omega_rad_s", "tail_yaw_disp_in_e2")
+    data = phasors("A2")
+    predicted = {
+        variant: np.abs(yaw_response(fits["A2", "constant", variant].model, data.F, data.omega))
+        for variant in ("free", "theta = 28, M = 21", "free + in phase + lag")
+    }
+    return pd.DataFrame({"point": motion["point"], "omega": omega, "measured": yaw / 100 / PLANES.phi, **predicted})
+
+
+def tabulate_energy_split(fits: Fits) -> pd.DataFrame:
+    """Share of the energy that the yaw plane takes, in per cent by point: Table 3.IV as printed, and two fits."""
+    table = load_table("3_IV").query("corrected_row == 0")
+    pitch, yaw = columns(table, "energy_pitch_in_lb", "energy_yaw_in_lb")
+    data = phasors("A2")
+    shares = {v: _yaw_share(fits["A2", "constant", v].model, data) for v in ("free", "theta = 28, M = 21")}
+    printed = 100.0 * yaw / (pitch + yaw)
+    return pd.DataFrame({"point": table["point"].to_numpy(), "omega": data.omega, "printed": printed, **shares})
+
+
+def _yaw_share(model: PlanarOscillator, data: Phasors) -> FloatArray:
+    """Per cent of the energy lost that is lost in the yaw plane, (n,)."""
+    M, C, omega_p, omega_y, theta = (float(value) for value in model[:5])
+    energies = []
+    for omega_j, part in ((omega_p, np.cos(theta)), (omega_y, np.sin(theta))):
+        A = np.abs(part * data.F / (M * (omega_j**2 - data.omega**2) + 1j * C * data.omega))
+        energies.append(viscous_energy(A, M, omega_j, C / (2.0 * M * omega_j), data.omega))
+    return np.asarray(100.0 * energies[1] / (energies[0] + energies[1]))
 
 
 def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -23,7 +24,8 @@ from scipy.optimize import least_squares
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping_reed1970.chapter_3 import ComplexArray, PlanarOscillator, pitch_response
+from damping_reed1970 import columns, load_table
+from damping_reed1970.chapter_3 import PLANES, ComplexArray, PlanarOscillator, pitch_response
 
 Noise = Literal["constant", "proportional"]
 
@@ -234,3 +236,28 @@ def _canonical(model: PlanarOscillator, may_rename: bool) -> PlanarOscillator:
     if may_rename and model.omega_p > model.omega_y:
         return model._replace(omega_p=model.omega_y, omega_y=model.omega_p, theta=0.5 * np.pi - theta)
     return model._replace(theta=theta)
+
+
+#: What is held, and what is added to the planes, in each fit; in the order of the tables.
+VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
+    "free": ({}, ()),
+    "theta = 28": ({"theta": PLANES.theta}, ()),
+    "theta = 28, M = 21": ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
+    "one plane": ({"theta": 0.0, "omega_y": PLANES.omega_y}, ()),
+    "free + in phase": ({}, ("R",)),
+    "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
+    "free + in phase + lag": ({}, ("R", "lag")),
+}
+
+
+@cache
+def phasors(name: str, noise: Noise = "constant") -> Phasors:
+    """Measured phasors ``A2`` (Table 3.III, modal) or ``tail`` (over the mode factor); phase as E3III-1 corrects it."""
+    table, motion = load_table("3_III", "corrected"), load_table("3_I", "corrected")
+    omega, F = columns(motion, "omega_rad_s", "force_lb")
+    if name == "A2":
+        amplitude, phase = columns(table, "modal_amplitude_A2_in", "modal_phase_rad")
+    else:
+        amplitude, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
+        amplitude = amplitude / PLANES.phi
+    return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)

@@ -203,8 +203,7 @@ class Noise:
 
 def draw_noise(rng: Generator, field: bool, rows: int, needs_phase: bool) -> Noise:
     """Clean: one share and one phase deviation, both given. Field: uneven over rows, wild points, columns missing."""
-    share = np.full(rows, log_uniform(rng, 0.007, 0.035))
-    phase = np.full(rows, log_uniform(rng, 0.007, 0.03))
+    share, phase = (np.full(rows, log_uniform(rng, 0.007, most)) for most in (0.035, 0.03))
     if not field:
         return Noise(share, phase, True, True, 0.0)
     share, phase = (sd * np.exp(rng.normal(0.0, _UNEVEN, rows)) for sd in (share, phase))
