@@ -188,7 +188,10 @@ def _collect_gravest(study: StudyResult) -> list[str]:
             if not caution.startswith("beyond the test"):  # the conditions say it
                 holders.setdefault(caution, []).append(result.title)
     several = len(study.records) > 1
-    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in holders.items()]
+    named = [
+        text[:1].upper() + text[1:] + (f" ({'; '.join(titles)})." if several else ".")
+        for text, titles in holders.items()
+    ]
     standing = (
         "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
         "begins to slip, or a crack, is in no band."
