@@ -280,9 +280,8 @@ def _readable(h5py: Any, array: Any, name: str) -> None:
     if array.compression not in _FILTERS:
         raise RefusedError(f"{name!r} is compressed in a way that is not read")
     dtype = array.dtype
-    if any(
-        kind not in "fiucb" for kind in ([dtype[part].kind for part in dtype.names] if dtype.names else [dtype.kind])
-    ):
+    kinds = [dtype[part].kind for part in dtype.names] if dtype.names else [dtype.kind]
+    if any(kind not in "fiucb" for kind in kinds):
         raise RefusedError(f"{name!r} is no array of numbers")
 
 

@@ -66,6 +66,11 @@ def number(value: SupportsFloat, digits: int = 3) -> str:
     return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
+def format_decimals(value: float, digits: int) -> str:
+    """``value`` with so many decimals, a dash where there is none."""
+    return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
+
+
 def format_share(value: SupportsFloat) -> str:
     """A probability with two decimals, three where small."""
     x = float(value)

@@ -101,9 +101,9 @@ def _describe_load(result: RecordResult) -> dict[str, str]:
 def _describe_top(result: RecordResult) -> dict[str, str]:
     """Damping at the largest tested amplitude that has a ratio, in words; empty where none has."""
     curve = result.curve
-    rows = [] if curve is None else np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
-    if curve is None or not len(rows):
+    if curve is None or not (curve.tested & np.isfinite(curve.damping_ratio.median)).any():
         return {}
+    rows = np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
     row, ratio = int(rows[np.argmax(curve.amplitude.median[rows])]), curve.damping_ratio
     return {
         "ratio": format_percent_ratio(ratio.median[row]),
