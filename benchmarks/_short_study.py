@@ -28,7 +28,7 @@ def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
     for name in ("candidate_laws", "load_candidates"):
         vars(study)[name] = lambda *_: [Law((law,)) for law in LAWS]
-    build.record_figures = lambda result, level: {"ranking": figures._draw_ranking(result)}
+    vars(build)["record_figures"] = lambda result, level: {"ranking": figures._draw_ranking(result)}
     vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:
         settings, out, seed = line.rstrip("\n").split("\t")

@@ -133,7 +133,7 @@ def answered(task: FleetTask) -> FleetResult:
 
 def machinery(source: str, out: str, workers: str) -> None:
     """``damping fleet --fast`` with ``answered`` in place of the analysis."""
-    command.distributed = partial(distributed, work=answered)
+    vars(command)["distributed"] = partial(distributed, work=answered)
     command.fleet(Path(source), Path(out), fast=True, workers=int(workers), max_size=1_000_000)
 
 

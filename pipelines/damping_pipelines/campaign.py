@@ -22,7 +22,7 @@ from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, render_page
 from damping.report.text import write_sections
 from damping_pipelines.forms import CampaignForm, read_form
-from damping_pipelines.manifest import digest_file, publish
+from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import PlainTable, console, number
 
@@ -44,7 +44,6 @@ def campaign(
         InputError: bad usage, or files that are not understood.
         AnalysisError: no mode that can be followed over the levels.
     """
-    from damping_pipelines.study import versions  # noqa: PLC0415 - loads all that a study needs
 
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
     named = [os.path.realpath(file) for file in sources]

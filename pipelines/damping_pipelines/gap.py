@@ -194,7 +194,7 @@ def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]
             read_record(folder / "data.csv"), read_mode(folder / "model.toml"), compare=False, despite=despite
         )
         spent = time.process_time() - started  # without the next test, which is found on demand
-        return result.to_json() | {"cpu_seconds": spent}
+        return {**result.to_json(), "cpu_seconds": spent}
     except DampingError as error:
         return _failure(str(error))
 

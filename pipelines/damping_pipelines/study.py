@@ -24,6 +24,7 @@ from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.predict.measured import prepare
+from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit
@@ -36,7 +37,7 @@ from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import digest_file, sole_writer, versions
 from damping_pipelines.records import report_findings
 from damping_pipelines.study_files import RecordSettings, StudySettings, default_study, read_settings, write_study
-from damping_pipelines.terminal import Advance, end_with_parent, progress
+from damping_pipelines.terminal import end_with_parent, progress
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60

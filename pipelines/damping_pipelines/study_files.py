@@ -27,6 +27,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from damping.arrays import plain
 from damping.errors import InputError
 from damping.forces import force_class
 from damping.infer.checks import inference_data
@@ -38,7 +39,7 @@ from damping.report.results import LawPosterior, RecordResult, StudyResult, desc
 from damping.report.study import render
 from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import publish
-from damping_pipelines.store import plain, print_answer, refuse_inputs, to_json, to_png
+from damping_pipelines.store import print_answer, refuse_inputs, to_json, to_png
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970

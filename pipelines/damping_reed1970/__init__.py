@@ -99,7 +99,7 @@ def _read(path: str) -> pd.DataFrame:
 
 def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
     """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
-    return table.apply(lambda column: column if column.name in text else _convert_column(column))
+    return table.assign(**{name: _convert_column(table[name]) for name in table.columns if name not in text})
 
 
 def _convert_column(column: pd.Series) -> pd.Series:

@@ -130,7 +130,8 @@ def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
         return np.full(len(force), np.nan)
 
     def log_amplitude(x: FloatArray, at: FloatArray) -> FloatArray:
-        return np.log(resonant_amplitude(coordinates.force(np.append(x, 0.0)[None]), at[None, :], OMEGA))[0]
+        amplitude = resonant_amplitude(coordinates.force(np.append(x, 0.0)[None]), at[None, :], OMEGA)
+        return np.asarray(np.log(amplitude)[0])
 
     def left(x: FloatArray) -> FloatArray:
         value = log_amplitude(x, data.tested_force) - np.log(data.tested_amplitude)

@@ -34,7 +34,7 @@ Answer = tuple[FloatArray, bool]
 
 
 def list_answers(folder: Path) -> Iterator[Answer]:
-    """Of every answer what speaks for the library, (6,), and whether it holds the cause."""
+    """Of every answer what speaks for the library, (7,), and whether it holds the cause."""
     labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["cases"]
     for name, label in labels.items():
         cause = frozenset(label["effects"])
@@ -43,12 +43,12 @@ def list_answers(folder: Path) -> Iterator[Answer]:
         for missing in left_out:
             library = {effect: own for effect, own in CATALOGUE.items() if effect not in missing}
             found = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"), library)
-            doubts = describe_doubts(found.tests, found.leading, found.gap, found.held_out)
+            doubts = describe_doubts(found.tests, found.hypotheses, found.gap, found.held_out)
             yield np.array([1.0, not found.leading.effects, *-doubts]), cause <= set(library)
 
 
 def regress(answers: list[Answer]) -> FloatArray:
-    """The log odds (6,) that are most probable: of an effect, of nothing blamed, and what each doubt takes."""
+    """The log odds (7,) that are most probable: of an effect, of nothing blamed, and what each doubt takes."""
     X, held = np.array([x for x, _ in answers]), np.array([held for _, held in answers])
     blamed = X[:, 1] == 0.0
     weights = np.where(held, 1.0, np.sum(held & blamed) / (ODDS * max(np.sum(~held & blamed), 1)))
@@ -64,7 +64,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         make_cases(Path(name) / "cases", Path(name) / "labels.json", CASES, SEED)
         found = regress(list(list_answers(Path(name))))
-    names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_EFFECT", "PER_FAILURE", "PER_END")
+    names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_EFFECT", "PER_MAKESHIFT", "PER_FAILURE", "PER_END")
     for constant, value in zip(names, found, strict=True):
         print(f"{constant} = {value:.2f}")
 

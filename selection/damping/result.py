@@ -107,14 +107,11 @@ class DiagnosisResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
-        from damping.plots.gap import draw_probabilities, gap_probabilities  # noqa: PLC0415 - as above
+        from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - as above
         from damping.report.gap_figures import tabulate_probability  # noqa: PLC0415 - as above
 
-        table = tabulate_probability(self.diagnosis)
-        if ax is None:
-            return gap_probabilities(table)
-        draw_probabilities(ax, table)
-        return ax
+        figure = gap_probabilities(tabulate_probability(self.diagnosis), axes=ax)
+        return ax or figure
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -199,12 +196,10 @@ class SweepResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Amplitude against frequency, each sweep apart."""
-        from damping.plots.fits import draw_sweeps, sweeps  # noqa: PLC0415 - as above
+        from damping.plots.fits import sweeps  # noqa: PLC0415 - as above
 
-        if ax is None:
-            return sweeps(self.record.table)
-        draw_sweeps(ax, self.record.table)
-        return ax
+        figure = sweeps(self.record.table, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from audit_cases import at_one_amplitude, clean, decay, measured, peaks, record_of, right_benches, wrong_cases
 
@@ -120,3 +121,19 @@ def test_refusal_and_the_way_past():
     with pytest.raises(dp.InputError, match="no check"):
         found.require(despite=("phase",))
     assert "phase-sign" in NAMES
+
+
+@pytest.mark.parametrize("wrong", [1.0, 9.80665])
+def test_mass_beside_rigid_body_motion_without_phases(wrong):
+    """The dip of |R + 1/Y| lies 1/(R M) from its peak: the mass is that of the mode, not that of a parabola."""
+    M, omega_n, zeta = 40.0, 24.0, 0.002
+    omega = omega_n * (1.0 + 0.02 * np.linspace(-1.0, 1.0, 41))
+    Y = M * (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
+    reading = np.abs(1.0 / Y - 200.0 / (M * omega_n**2))
+    table = pd.DataFrame({"sweep": "A", "force": 3.0, "frequency": omega / (2.0 * np.pi), "amplitude": 3.0 * reading})
+    mode = dp.Mode(name="m", frequency=omega_n / (2.0 * np.pi), mass=M * wrong, damping={"viscous": 1.0})
+    found = audit(record_of(table), mode)
+    assert found.implied["mass"].iloc[0] == pytest.approx(
+        M, rel=1e-6
+    )  # exact but for rounding of a ratio of polynomials
+    assert (found.verdict == "refuse") == (wrong != 1.0)

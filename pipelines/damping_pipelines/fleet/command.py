@@ -14,6 +14,7 @@ from distributed import Client
 
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
+from damping.progress import Advance
 from damping.records.audit import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import (
@@ -40,7 +41,7 @@ from damping_pipelines.fleet.runners import (
 )
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
-from damping_pipelines.terminal import Advance, console, progress
+from damping_pipelines.terminal import console, progress
 
 #: Rows of a batch at most.
 BATCH = 32

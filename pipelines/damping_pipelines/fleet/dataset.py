@@ -19,11 +19,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damping import __version__
+from damping.arrays import plain
 from damping.errors import InputError, escape_control
 from damping.plots import identifier
 from damping.records.text import read_bytes
 from damping_pipelines.manifest import digest_code
-from damping_pipelines.store import plain, write_bytes
+from damping_pipelines.store import write_bytes
 
 #: Design forces where none are asked for, in multiples of the largest tested force of each record.
 MULTIPLES = (1.5, 2.0)
@@ -274,7 +275,7 @@ class DataSet:
                 write_bytes(path, _parquet(kept))
 
     def _rows(self, path: Path, columns: Sequence[str], keys: Collection[str] | None) -> pd.DataFrame:
-        frame = self._table(path, columns).to_pandas()
+        frame: pd.DataFrame = self._table(path, columns).to_pandas()
         return frame if keys is None else frame[frame["key"].isin(keys)]
 
     @staticmethod

@@ -119,7 +119,7 @@ def _shape_percent(slip: Slip, A: FloatArray, points: int) -> FloatArray:
     about_mean_slope = slip.cycle(theta, amplitude, 1.0) - slip.in_phase(amplitude, 1.0) * np.sin(theta)
     equivalent = VelocitySquared(corrected_coefficient(slip, amplitude, 1.0)).cycle(theta, amplitude, 1.0)
     residual = np.mean((about_mean_slope - equivalent) ** 2, axis=-1)
-    return 100.0 * np.sqrt(residual / np.mean(np.asarray(about_mean_slope) ** 2, axis=-1))
+    return np.asarray(100.0 * np.sqrt(residual / np.mean(np.asarray(about_mean_slope) ** 2, axis=-1)))
 
 
 #: Energy loss of every loop drawn, over the largest energy of the spring, K A^2/2.
@@ -211,7 +211,7 @@ def equal_amplitudes(energies: pd.DataFrame, column: str) -> FloatArray:
     A = energies["amplitude"].to_numpy(float)
     off = (energies[column] - energies["exact"]).to_numpy(float)
     left = np.flatnonzero(np.diff(np.sign(off)) != 0.0)
-    return A[left] - off[left] * (A[left + 1] - A[left]) / (off[left + 1] - off[left])
+    return np.asarray(A[left] - off[left] * (A[left + 1] - A[left]) / (off[left + 1] - off[left]))
 
 
 def _scaled(name: str) -> Force:

@@ -126,7 +126,7 @@ def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Comple
     if np.isinf(rows.clip) and np.isinf(rows.knee):
         return X
     shown = show_signal(np.abs(X)[:, None] * np.sin(_ANGLES), rows)
-    return X * (2 / _ANGLES.size) * (shown @ np.sin(_ANGLES)) / np.abs(X)
+    return np.asarray(X * (2 / _ANGLES.size) * (shown @ np.sin(_ANGLES)) / np.abs(X))
 
 
 def guess(structure: Structure, rows: TrueRows, other: bool = False) -> Complex:

@@ -42,7 +42,7 @@ class TrueLaw:
 
 
 def _clearance(q: Array, v: Array, sign: Array, gap: float) -> Array:
-    return q - np.clip(q, -gap, gap)
+    return np.asarray(q - np.clip(q, -gap, gap))
 
 
 FUNCTIONS: Mapping[str, Function] = {
@@ -132,7 +132,7 @@ class TrueJoint:
         relieved = np.minimum(distance, np.maximum(-along, 0.0))
         along = along + relieved
         rest = limits - (limits - along) * np.exp(-(distance - relieved) / limits)
-        return np.where(along < 0.0, along, rest) * way + np.where(way == 0.0, z, 0.0)
+        return np.asarray(np.where(along < 0.0, along, rest) * way + np.where(way == 0.0, z, 0.0))
 
     def force(self, z: Array, q: Array) -> Array:
         """The joint's force less that of the same joint stuck."""
@@ -166,7 +166,7 @@ class Partner:
         linear, v = replace(self, cubic=0.0), 1j * omega
         unit, none = np.ones(omega.size, complex), np.zeros(omega.size, complex)
         pulled, own = (linear.accelerations(*at)[0] for at in ((unit, v, none, none), (none, none, unit, v)))
-        return pulled / (-(omega**2) - own)
+        return np.asarray(pulled / (-(omega**2) - own))
 
     def push(self, omega: Array) -> Array:
         """Phasor of what the linear partner adds to q'' over that of q."""

@@ -146,7 +146,8 @@ def move_frequency(bench: Bench, share: float) -> Bench:
     rate = (1.0 if rows.up else -1.0) * share * (bench.xi * bench.nominal.omega) ** 2
     steps = np.abs(np.diff(rows.omega, prepend=rows.omega[:1])) / abs(rate)
     moving = replace(rows, rate=np.full(rows.omega.size, rate), time=np.cumsum(steps))
-    return replace(bench, rows=moving, columns=("rate", "time"))
+    added = tuple(name for name in bench.columns if name == "added")  # or its sweep would be a resonance that jumps
+    return replace(bench, rows=moving, columns=(*added, "rate", "time"))
 
 
 def without_base(bench: Bench) -> Bench:

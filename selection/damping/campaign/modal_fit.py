@@ -226,7 +226,7 @@ def _measure_size(columns: FloatArray) -> FloatArray:
 
 def _evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
     """Standard deviation (sensors, n) of each part of H."""
-    return np.hypot(noise[0] * np.abs(H), noise[1])
+    return np.asarray(np.hypot(noise[0] * np.abs(H), noise[1]))
 
 
 def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> FloatArray:

@@ -16,7 +16,8 @@ from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
 from damping.extrapolation.near import Trend, describe_bistability, trend
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.evidence import Estimate, Evidence, evidence
+from damping.infer.evidence import Estimate, evidence
+from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking import prior_masses

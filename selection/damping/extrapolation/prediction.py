@@ -137,7 +137,7 @@ class Loads:
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     """A = F/(c omega) with c of the sweep with the largest tested force (Eq. 4.1.7): proportional to the force."""
-    return data.tested_amplitude[data.top] * force / data.tested_force[data.top]
+    return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
 
 
 def predict(

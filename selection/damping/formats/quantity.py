@@ -199,7 +199,7 @@ class Factors:
 
     def of(self, force: float, length: float) -> float:
         """Factor of a quantity with these powers of force and length."""
-        return self.force**force * self.length**length
+        return float(self.force**force * self.length**length)
 
 
 def factors(units: Units, to: str, *, source: str) -> Factors:

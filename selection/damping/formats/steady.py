@@ -182,11 +182,11 @@ def _extra(
 ) -> FloatArray:
     """A further column in units of the record: standard uncertainties go with what they belong to."""
     if name == "amplitude_sd":
-        return values / np.abs(row.response[keep]) * np.asarray(columns["amplitude"])
+        return np.asarray(values / np.abs(row.response[keep]) * columns["amplitude"])
     if name == "force_sd":
         if row.force is None:
             raise InputError("force_sd without a force", expected="a column of the force")
-        return values / np.abs(row.force[keep]) * np.asarray(columns["force"])
+        return np.asarray(values / np.abs(row.force[keep]) * columns["force"])
     return values * other_factor(name, _POWERS[name], known) if name in _POWERS else values
 
 

@@ -190,7 +190,7 @@ def conclude(explained: Explained) -> Diagnosis:
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    in_library = estimate_in_library(describe_doubts(tests, leading, gap, held_out), leading, known.dispersion)
+    in_library = estimate_in_library(describe_doubts(tests, hypotheses, gap, held_out), leading, known.dispersion)
     hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
     cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
@@ -247,7 +247,7 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
         return known, search  # what so few rows leave open of the noise is wide enough
     for _ in range(MOST_DISPERSIONS):
-        r = search.ranked()[0].best.r
+        r = search.ranked()[0].best.measured
         rest = spread(r)
         if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break

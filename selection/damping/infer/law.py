@@ -159,7 +159,10 @@ class Coordinates:
 
     def force(self, x: FloatArray) -> Sum:
         """The damping force of the law; its parameters have shape (..., 1) so that they broadcast with rows."""
-        column = lambda value: np.asarray(value)[..., None]  # noqa: E731 - shorthand for one expression
+
+        def column(value: FloatArray) -> FloatArray:
+            return np.asarray(value)[..., None]
+
         return Sum(
             tuple(
                 part.build(column(c), **{name: column(value) for name, value in shapes.items()})
@@ -169,10 +172,10 @@ class Coordinates:
 
     def scatter(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Row scatter and level scatter (0 where it is not a parameter), relative; arrays ``x.shape[:-1]``."""
-        value = lambda column: SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * x[..., column])  # noqa: E731 - used three times
+        scatter = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * x[..., -2:])
         if self.with_level_scatter:
-            return value(-2), value(-1)
-        return value(-1), np.zeros(x.shape[:-1])
+            return scatter[..., 0], scatter[..., 1]
+        return scatter[..., -1], np.zeros(x.shape[:-1])
 
     def doubt(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
         """Standard deviation of the straying slope, 0 where it is not a parameter; array ``x.shape[:-1]``.

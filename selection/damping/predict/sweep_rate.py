@@ -141,7 +141,7 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
     force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
     out = rows.assign(force=np.abs(force), phase=_wrapped(np.angle(force) - np.angle(a)), sweep_rate=0.0)
-    return out[near].reset_index(drop=True)
+    return pd.DataFrame(out[near].reset_index(drop=True))
 
 
 def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:

@@ -18,7 +18,8 @@ import numpy as np
 
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.evidence import Estimate, Evidence, evidence
+from damping.infer.evidence import Estimate, evidence
+from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (

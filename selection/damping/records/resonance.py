@@ -220,7 +220,7 @@ def _fitted(cotangent: FloatArray, cosecant: FloatArray, columns: FloatArray) ->
     """Values of the columns (n, 3) at cot(phase) = 0; a line where repeated points allow no more."""
     basis = np.column_stack([np.ones(len(columns)), cotangent, cosecant - 1.0])
     values, _, rank, _ = np.linalg.lstsq(basis, columns)
-    return values[0] if rank == basis.shape[1] else np.linalg.lstsq(basis[:, :2], columns)[0][0]
+    return np.asarray(values[0] if rank == basis.shape[1] else np.linalg.lstsq(basis[:, :2], columns)[0][0])
 
 
 def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -> FloatArray:
@@ -229,4 +229,4 @@ def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -
     at = columns[0] + (columns[1] - columns[0]) * (spring[0] / step if step else 0.5)
     if not telling.all():
         at[2] = columns[telling, 2][0]
-    return at
+    return np.asarray(at)

@@ -65,7 +65,7 @@ class Run:
         """Standard deviation of ln A from row to row: median second difference, so that a peak does not count."""
         if len(self) < 5:
             return 0.0
-        return float(np.median(np.abs(np.diff(self.compliance, 2)))) / (0.6745 * 6.0**0.5)
+        return float(np.median(np.abs(np.diff(self.compliance, 2))) / (0.6745 * 6.0**0.5))
 
     @cached_property
     def stiffness(self) -> ComplexArray:

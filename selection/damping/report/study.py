@@ -17,6 +17,7 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.plots import Drawn
+from damping.ranking import INTERVAL
 from damping.report import (
     format_decimals,
     format_joined,
@@ -49,7 +50,7 @@ from damping.report.results import (
     describe_file_stem,
 )
 from damping.report.screens import build_screens
-from damping.report.tables import INTERVAL, record_tables
+from damping.report.tables import record_tables
 from damping.report.text import join_lines, write_blocks
 
 

@@ -46,7 +46,7 @@ Take = Callable[[str, str, str], Iterable[Block]]
 
 def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind, name, rest: []) -> list[Block]:
     """The blocks of a text filled with values; ``take`` gives those of its own directives."""
-    return list(_build_blocks(_cut_parts(_fill(text, values)), take))
+    return list(_build_blocks(_cut_parts(fill_text(text, values)), take))
 
 
 def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Block] | None = None) -> list[Section]:
@@ -60,7 +60,7 @@ def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Bl
         return [] if part is None else [replace(part, caption=join_lines(rest)) if rest else part]
 
     sections = []
-    for section in re.split(r"^# ", _fill(text, values), flags=re.MULTILINE)[1:]:
+    for section in re.split(r"^# ", fill_text(text, values), flags=re.MULTILINE)[1:]:
         head, _, body = section.partition("\n")
         key, _, title = head.partition(": ")
         sections.append(Section(key, title, list(_build_blocks(_cut_parts(body), take))))
@@ -74,7 +74,8 @@ def _template(text: Path) -> Template:
     return environment.from_string(text.read_text("utf-8"), globals=_WORDS)
 
 
-def _fill(text: Path, values: Mapping[str, Any]) -> str:
+def fill_text(text: Path, values: Mapping[str, Any]) -> str:
+    """A text filled with values, none of which begins a line of its own."""
     return _template(text).render(**values)
 
 

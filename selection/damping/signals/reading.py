@@ -97,7 +97,7 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
     if np.isnan(change).any():
         row = int(np.isnan(change).argmax()) + 1
         raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
-    return (change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change
+    return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
 
 
 #: How the keys that hold more than one thing are written.
