@@ -104,10 +104,10 @@ def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
     return 1.0, unit
 
 
-def format_length(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+def format_length(value: SupportsFloat, unit: str) -> str:
     """A length with its unit, small ones of metres in mm or µm."""
     factor, name = choose_length(unit, value)
-    return format_quantity(factor * float(value), name, digits)
+    return format_quantity(factor * float(value), name)
 
 
 def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> str:
