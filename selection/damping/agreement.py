@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
@@ -15,9 +17,17 @@ from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
-from damping.gap.diagnose import Diagnosis, conclude, explain
+from damping.gap.diagnose import Diagnosis, Explained, conclude, explain
+from damping.gap.directed import directed_tests
+from damping.gap.size import measure_gap
 from damping.gap.sweeping import simulated_force
-from damping.gap.weighing import Explanation, bound_probabilities
+from damping.gap.weighing import (
+    Explanation,
+    blend_probabilities,
+    bound_probabilities,
+    describe_doubts,
+    estimate_in_library,
+)
 from damping.predict.steady import phase_resonance
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -41,9 +51,19 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
         return ()
     most = bound_probabilities(explained.hypotheses, explained.setting.noise_known)
     possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
-    if not any(_predict_outside(explanation, loads)[1].any() for explanation in possible):
-        return ()  # whatever is still to be said of their probabilities
-    return describe_disagreement(loads, conclude(explained))
+    outside = {e.hypothesis.key for e in possible if _predict_outside(e, loads)[1].any()}
+    # levels are only held out, which takes as long again, where an answer may hang on it
+    alive = {e.hypothesis.key for e in _weigh_either_way(explained) if e.probability >= ALIVE} if outside else set()
+    return describe_disagreement(loads, conclude(explained)) if outside & alive else ()
+
+
+@np.errstate(all="ignore")  # as a conclusion is drawn
+def _weigh_either_way(explained: Explained) -> list[Explanation]:
+    """Every explanation twice: with its probability if levels that are held out agree with it, and if they do not."""
+    leading, known = explained.hypotheses[0].hypothesis, explained.setting
+    doubts = describe_doubts(directed_tests(leading.best), leading, measure_gap(leading.best), None)
+    chances = (estimate_in_library(doubts + fails, leading, known.dispersion) for fails in ((0, 0, 0, 0), (0, 0, 1, 0)))
+    return [e for chance in chances for e in blend_probabilities(explained.hypotheses, chance, known.noise_known)]
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from damping.agreement import compare_with_diagnosis, compare_with_ranking
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
@@ -21,11 +20,6 @@ from damping.extrapolation import check_loads, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import near_resonance
-from damping.gap.corrected import sample_effects
-from damping.gap.diagnose import diagnose as diagnose_gap
-from damping.gap.problem import State
-from damping.gap.simulation import Simulate
-from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
 from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
@@ -35,13 +29,12 @@ from damping.records.audit import Audit, audit
 from damping.records.mode import Mode
 from damping.records.reading import require_numbers
 from damping.records.record import Record
-from damping.regression import list_columns_of, parse_terms
-from damping.regression.design import list_required_columns, take_columns
-from damping.regression.program import regression
-from damping.regression.selecting import Choice
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 
 if TYPE_CHECKING:
+    from damping.gap.problem import State
+    from damping.gap.simulation import Simulate
+    from damping.gap.sweeping import Direction, Method
     from damping.signals.description import Description
 
 #: Seed of everything sampled, that of the command line.
@@ -116,6 +109,8 @@ def extrapolate(
         InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
+    from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - a ranking needs no diagnosis to load
+
     _check_kind(mode, Mode, "mode")
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     if len(at) and len(under):
@@ -202,6 +197,10 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
+    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - as above
+    from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
+    from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
+
     _check_kind(mode, Mode, "mode")
     findings = _admit(record, mode, despite)
     for own, state in states:
@@ -243,6 +242,11 @@ def regress(
             no numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
+    from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
+    from damping.regression.design import list_required_columns, take_columns  # noqa: PLC0415 - as above
+    from damping.regression.program import regression  # noqa: PLC0415 - as above
+    from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
+
     _check_kind(frame, pd.DataFrame, "table")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
@@ -294,6 +298,8 @@ def sweep(
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
+    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
+
     _check_kind(mode, Mode, "mode")
     levels = [float(level) for level in np.atleast_1d(np.asarray(force, dtype=float))]
     hertz = np.asarray(frequency, dtype=float)
