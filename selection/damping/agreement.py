@@ -39,7 +39,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
         explained = explain(record, mode)
     except AnalysisError:  # a record that no simulation can be compared with
         return ()
-    most = bound_probabilities(explained.hypotheses, explained.setting.noise_known)
+    most = bound_probabilities(explained.hypotheses)
     possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
     if not any(_predict_outside(explanation, loads)[1].any() for explanation in possible):
         return ()  # whatever is still to be said of their probabilities

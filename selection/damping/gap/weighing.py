@@ -1,9 +1,9 @@
 """How probable each explanation is, whether the library holds the cause at all, and what cannot be told apart.
 
-Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017): those of Laplace and of forms that are nearly the true
-ones are too large. The chance that the library holds the cause is logistic (as of Platt 1999) in what an answer leaves;
-its constants are those of ``python -m damping_validation.doubt``, a regression on answers to generated cases whose
-cause is in no library, or was taken out of it, or is in it; ``damping blind`` says how well the chance is kept.
+Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017) as far as the cause may be in no library: those of
+imitations differ by chance. The chance that the library holds the cause is logistic (as of Platt 1999) in what an
+answer leaves; its constants are those of ``python -m damping_validation.doubt``, a regression on answers to generated
+cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
 """
 
 from __future__ import annotations
@@ -35,45 +35,33 @@ class Explanation:
     hypothesis: Hypothesis
 
 
-def weigh_hypotheses(hypotheses: list[Hypothesis]) -> tuple[Explanation, ...]:
-    """Probabilities among all hypotheses that were fitted, most probable first."""
-    logarithms = np.array([one.log_posterior for one in hypotheses])
-    weights = np.exp(logarithms - logarithms.max())
-    weights /= weights.sum()
-    explanations = [
-        Explanation(hypothesis.effects, float(p), hypothesis) for hypothesis, p in zip(hypotheses, weights, strict=True)
-    ]
-    return tuple(sorted(explanations, key=lambda explanation: -explanation.probability))
+def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
+    """Probabilities among all hypotheses that were fitted, the most probable of which comes first."""
+    probabilities = softmax([one.log_posterior for one in ranked])
+    return tuple(Explanation(one.effects, float(p), one) for one, p in zip(ranked, probabilities, strict=True))
 
 
-#: Temperatures of the log odds between explanations: where the cause is in the library (Laplace's error and forms that
-#: are not quite the true ones), the same where the noise is not stated, and where the cause is not in the library and
-#: all of them imitate it.
-TEMPERATURE = 1.3
-TEMPERATURE_UNSTATED = 2.0
+#: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it.
 TEMPERATURE_OUTSIDE = 8.0
 
 
-def blend_probabilities(
-    hypotheses: tuple[Explanation, ...], in_library: float, noise_known: bool
-) -> tuple[Explanation, ...]:
-    """Probabilities that can be staked on: tempered, and blended with those of imitations if the cause is unknown."""
-    doubt = max(1.0 - in_library / float(expit(IN_LIBRARY)), 0.0)  # beyond that of an effect that leaves noise only
-    inside, outside = _temper(hypotheses, noise_known)
-    p = (1.0 - doubt) * inside + doubt * outside
-    return tuple(replace(one, probability=float(own)) for one, own in zip(hypotheses, p, strict=True))
+def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
+    """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown."""
+    outside = _temper(hypotheses)
+    return tuple(
+        replace(one, probability=float(in_library * one.probability + (1.0 - in_library) * own))
+        for one, own in zip(hypotheses, outside, strict=True)
+    )
 
 
-def bound_probabilities(hypotheses: tuple[Explanation, ...], noise_known: bool) -> FloatArray:
+def bound_probabilities(hypotheses: tuple[Explanation, ...]) -> FloatArray:
     """The most that `blend_probabilities` can make of each, however likely the cause is in the library."""
-    return np.maximum(*_temper(hypotheses, noise_known))
+    return np.maximum([one.probability for one in hypotheses], _temper(hypotheses))
 
 
-def _temper(hypotheses: tuple[Explanation, ...], noise_known: bool) -> tuple[FloatArray, FloatArray]:
-    """Probabilities if the cause is in the library, and if it is not."""
-    logarithms = np.array([hypothesis.hypothesis.log_posterior for hypothesis in hypotheses])
-    inside = softmax(logarithms / (TEMPERATURE if noise_known else TEMPERATURE_UNSTATED))
-    return inside, softmax(logarithms / TEMPERATURE_OUTSIDE)
+def _temper(hypotheses: tuple[Explanation, ...]) -> FloatArray:
+    """Probabilities if the cause is not in the library."""
+    return np.asarray(softmax([one.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for one in hypotheses]))
 
 
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
