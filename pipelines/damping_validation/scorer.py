@@ -39,10 +39,10 @@ class Figure:
 
     name: str
     goal: Goal
-    measured: float | None
-    low: float | None
-    high: float | None
-    cases: int
+    measured: float | None = None
+    low: float | None = None
+    high: float | None = None
+    cases: int = 0
     share: bool = True
 
     @property
@@ -79,7 +79,7 @@ def score(cases: Cases, processor_seconds: float | None = None, followed: Cases 
         ("null cases wrongly accused", null, lambda c: c.blames, Goal(high=0.01)),
         ("gap >= 1 sigma detected", detectable, lambda c: c.blames, Goal(low=0.99)),
         ("flagged though the effect is in the library, gap >= 1 sigma", named, lambda c: c.flagged, Goal()),
-        ("both of a pair named", select_cases(cases, "pair"), lambda c: c.true <= (c.said or frozenset()), Goal()),
+        ("both of a pair named", select_cases(cases, "pair"), lambda c: c.true <= (c.leading or frozenset()), Goal()),
     ]
     if followed is not None:
         known = [case for case in followed if case.family != "outside"]
@@ -106,22 +106,22 @@ def measure_share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal:
     """The share of cases that are hit."""
     n, k = len(cases), sum(hit(case) for case in cases)
     if n == 0:
-        return Figure(name, goal, None, None, None, 0)
+        return Figure(name, goal)
     interval = binomtest(k, n).proportion_ci(0.95, method="exact")
     return Figure(name, goal, k / n, float(interval.low), float(interval.high), n)
 
 
 def _measure_statistic(
-    name: str, values: Sequence[float], of: Callable[..., np.floating | float], goal: Goal, share: bool = True
+    name: str, values: Sequence[float], statistic: Callable[..., np.floating | float], goal: Goal, share: bool = True
 ) -> Figure:
     """A mean or percentile of values, with its bootstrap interval (none for fewer than two values)."""
     if not values:
-        return Figure(name, goal, None, None, None, 0, share)
-    data, measured = np.asarray(values, float), float(of(np.asarray(values, float)))
+        return Figure(name, goal, share=share)
+    data, measured = np.asarray(values, float), float(statistic(np.asarray(values, float)))
     if data.size < 2 or np.ptp(data) == 0.0:
-        return Figure(name, goal, measured, None, None, data.size, share)
+        return Figure(name, goal, measured, cases=data.size, share=share)
     rng = np.random.default_rng(0)  # the interval of equal answers is equal
-    drawn = bootstrap((data,), of, method="percentile", n_resamples=2000, rng=rng, vectorized=False)
+    drawn = bootstrap((data,), statistic, method="percentile", n_resamples=2000, rng=rng, vectorized=False)
     low, high = drawn.confidence_interval
     return Figure(name, goal, measured, float(low), float(high), data.size, share)
 
@@ -131,7 +131,7 @@ def _list_extents(cases: Cases, named: Cases, single: Cases) -> list[Figure]:
     clear = select_cases(cases, "single", "pair", gap=CLEAR)
     held = [case.held_out for case in clear if case.right and case.held_out is not None]
     overlaps = [case.iou if case.iou is not None else 0.0 for case in named]
-    sizes = [float(len(case.listed)) for case in single if case.said is not None]
+    sizes = [float(len(case.listed)) for case in single if case.leading is not None]
     return [
         _measure_statistic("mean size of the 0.95 set", sizes, np.mean, Goal(high=2.5), share=False),
         _measure_statistic("footprint against the cells truly altered, mean IoU", overlaps, np.mean, Goal(low=0.9)),
@@ -145,10 +145,10 @@ def _tenth(values: np.ndarray) -> float:
 
 
 def _measure_calibration(cases: Cases) -> Figure:
-    known = [case for case in select_cases(cases, "null", "single", "pair") if case.said is not None]
+    known = [case for case in select_cases(cases, "null", "single", "pair") if case.leading is not None]
     name, goal = "expected calibration error", Goal(high=0.05)
     if not known:
-        return Figure(name, goal, None, None, None, 0)
+        return Figure(name, goal)
     pairs = np.array([[case.probability, float(case.right)] for case in known])
     rng = np.random.default_rng(0)
     drawn = [calibration_error(pairs[rng.integers(0, len(pairs), len(pairs))]) for _ in range(1000)]
@@ -171,10 +171,9 @@ def _list_work(cases: Cases, processor_seconds: float | None) -> list[Figure]:
     low, high = _TYPICAL_ROWS
     own = [c.cpu_seconds for c in cases if c.cpu_seconds is not None and low <= c.rows <= high]
     name, goal = "processor time per case of 120 to 180 points, s", Goal(high=1.5)
-    if own or processor_seconds is None or not cases:
-        time = _measure_statistic(name, own, np.mean, goal, share=False)
-    else:
-        mean = processor_seconds / len(cases)
-        time = Figure("processor time per case, all of it, s", goal, mean, None, None, len(cases), share=False)
-    failed = measure_share("cases without an answer", cases, lambda case: case.said is None, Goal(high=0.0))
+    time = _measure_statistic(name, own, np.mean, goal, share=False)
+    if cases and not own and processor_seconds is not None:
+        name, mean = "processor time per case, all of it, s", processor_seconds / len(cases)
+        time = Figure(name, goal, mean, cases=len(cases), share=False)
+    failed = measure_share("cases without an answer", cases, lambda case: case.leading is None, Goal(high=0.0))
     return [time, failed]

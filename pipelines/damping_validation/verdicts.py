@@ -1,4 +1,4 @@
-"""One answer of the diagnosis beside the label of its case: what was said, what was so.
+"""One answer of the diagnosis beside the label of its case: what it says, what is so.
 
 An answer is good where it is right or honestly short: the true effects lead or stand in the set of 0.95, or the answer
 says itself that something is unexplained or that the cause is probably in no library; a null case is good where nothing
@@ -29,8 +29,8 @@ _CLOSE = 1e-6  # of a frequency: rounding in an answer
 class Verdict:
     """A case and its answer.
 
-    ``said`` is the leading explanation (None where the diagnosis failed), ``probability`` its probability, ``listed``
-    the explanations that reach 0.95, ``flagged`` whether the answer doubts itself. ``held_out`` is the held-out
+    ``leading``: explanation (None where the diagnosis failed), ``probability`` of it, ``listed`` are the
+    explanations that reach 0.95, ``flagged`` whether the answer doubts itself. ``held_out`` is the held-out
     shrinkage, ``iou`` the overlap of the footprint with the cells truly altered, both None where there is none.
     ``of_rig``: nothing but the rig is at fault, or nothing at all; ``accuses``: a part of the structure is blamed.
     """
@@ -42,7 +42,7 @@ class Verdict:
     gap: float
     rows: int
     true: frozenset[str]
-    said: frozenset[str] | None
+    leading: frozenset[str] | None
     probability: float
     flagged: bool
     listed: tuple[frozenset[str], ...]
@@ -56,14 +56,14 @@ class Verdict:
     @property
     def right(self) -> bool:
         """The leading explanation is the true one, name by name."""
-        return self.said == self.true
+        return self.leading == self.true
 
     @property
     def right_or_equivalent(self) -> bool:
         """Right, or wrong only by effects that the answer says this record cannot tell from the true ones."""
-        if self.said is None or len(self.said) != len(self.true):
+        if self.leading is None or len(self.leading) != len(self.true):
             return False
-        missed, added = sorted(self.true - self.said), sorted(self.said - self.true)
+        missed, added = sorted(self.true - self.leading), sorted(self.leading - self.true)
         return any(
             all(any({a, b} <= group for group in self.equivalents) for a, b in zip(missed, order, strict=True))
             for order in permutations(added)
@@ -72,12 +72,12 @@ class Verdict:
     @property
     def blames(self) -> bool:
         """The answer blames something, named or not."""
-        return bool(self.said) or self.flagged
+        return bool(self.leading) or self.flagged
 
     @property
     def good(self) -> bool:
         """Right or honestly short: see the module."""
-        if self.said is None:
+        if self.leading is None:
             return False
         if self.family == "null":
             return not self.blames
@@ -88,9 +88,9 @@ class Verdict:
     @property
     def confidently_wrong(self) -> bool:
         """Wrong at a probability beyond ``CONFIDENT`` without a flag; to see nothing where little is, is not wrong."""
-        if self.said is None or self.flagged or self.right_or_equivalent or self.probability <= CONFIDENT:
+        if self.leading is None or self.flagged or self.right_or_equivalent or self.probability <= CONFIDENT:
             return False
-        return bool(self.said) or self.gap >= DETECTABLE
+        return bool(self.leading) or self.gap >= DETECTABLE
 
     @property
     def wrongs_structure(self) -> bool:
@@ -140,7 +140,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], rig: f
     """The label and the answer (``gap/1``, or ``{"format", "error"}``) of one case; ``rig``: effects of the rig."""
     failed = "error" in answer
     explanations = [] if failed else answer["explanations"]
-    said = None if failed else frozenset(answer["effects"])
+    leading = None if failed else frozenset(answer["effects"])
     known = answer.get("in_library")
     return Verdict(
         name=name,
@@ -150,7 +150,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], rig: f
         gap=label["gap"],
         rows=label["rows"],
         true=frozenset(label["effects"]),
-        said=said,
+        leading=leading,
         probability=float(explanations[0]["probability"]) if explanations else 0.0,
         flagged=bool(answer.get("unexplained", False)) or (known is not None and known < DOUBTED),
         listed=tuple(frozenset(explanation["effects"]) for explanation in explanations),
@@ -159,7 +159,7 @@ def judge(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], rig: f
         iou=None if failed else overlap_footprint(label, answer["footprint"]),
         cpu_seconds=answer.get("cpu_seconds"),
         of_rig=set(label["effects"]) <= set(label.get("rig", ())),
-        accuses=bool((said or frozenset()) - rig),
+        accuses=bool((leading or frozenset()) - rig),
     )
 
 
@@ -167,12 +167,12 @@ def overlap_footprint(label: Mapping[str, Any], footprint: list[Mapping[str, Any
     """Cells in both over cells in either (a cell is a row and a quantity); None where both are empty."""
     altered = {(row, quantity) for quantity, rows in label["altered"].items() for row in rows}
     places = list(enumerate(zip(label["sweep"], label["frequency"], strict=True)))
-    said = {
+    blamed = {
         (row, cell["quantity"])
         for cell in footprint
         for row, (sweep, frequency) in places
         if str(cell["sweep"]) == sweep
         and cell["frequency_low"] * (1 - _CLOSE) <= frequency <= cell["frequency_high"] * (1 + _CLOSE)
     }
-    either = len(altered | said)
-    return len(altered & said) / either if either else None
+    either = len(altered | blamed)
+    return len(altered & blamed) / either if either else None

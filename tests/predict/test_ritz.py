@@ -146,6 +146,16 @@ def test_friction_or_slip_alone_has_no_resonance_above_saturation() -> None:
     assert np.isnan(A[2])
 
 
+def test_a_stiff_joint_that_starts_to_slip_is_no_trap() -> None:
+    """Newton's steps from both sides of the kink at the slip limit lead across it: C = F is solved all the same."""
+    coefficient, stiffness = np.geomspace(1e-3, 1.0, 25)[:, None, None], np.geomspace(1.0, 1e4, 25)[:, None]
+    force = Sum((Viscous(coefficient), Slip(stiffness, 0.0372)))
+    F = np.array([3.0, 30.0, 90.0])
+    A = resonant_amplitude(force, F, 500.0)
+    # an error of rounding in ln A, times the slope of ln C, up to some hundreds where the joint lets go
+    np.testing.assert_allclose(force.quadrature(A, 500.0), np.broadcast_to(F, A.shape), rtol=1e-11)
+
+
 def test_falling_damping_gives_the_stable_amplitude_or_none() -> None:
     """C = omega (2 A - (2/(3 pi)) A^2) has its largest value at A = 3 pi/2; below it the smaller root is meant."""
     force = Sum((Viscous(2.0), DisplacementVelocity(-0.5)))

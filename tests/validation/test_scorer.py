@@ -241,7 +241,7 @@ def test_labels_changed_after_the_sealing_are_refused(tmp_path):
     labels = tmp_path / "labels.sealed.json"
     labels.write_bytes(content)
     sealed = hashlib.sha256(content).hexdigest()
-    assert read_sealed(labels, tmp_path, sealed)[0].said is None  # no answer is a failed one
+    assert read_sealed(labels, tmp_path, sealed)[0].leading is None  # no answer is a failed one
     labels.write_bytes(content.replace(b"slip", b"iwan"))
     with pytest.raises(InputError, match="sealed"):
         read_sealed(labels, tmp_path, sealed)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,7 @@ from scipy.linalg import eigh
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping.plots import INK, LINEAR, MUTED, WIDTH, law_style, styled
+from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
 from damping_reed1970.chapter_2 import (
     REFERENCE,
     EquivalenceError,
@@ -106,13 +105,8 @@ def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
 
 @styled
 def draw_slip_energy(energies: pd.DataFrame) -> Figure:
-    """Draw energy per cycle against amplitude: slip exact and printed, and what a fixed C3 makes of it.
-
-    Args:
-        energies: ``amplitude, exact, printed, printed_equivalent, corrected_equivalent`` in units of A1 and K A1^2.
-    """
-    figure = Figure(figsize=(WIDTH, 3.0))
-    axes = figure.add_subplot()
+    """Draw the energies of :class:`SlipEquivalent` against amplitude: slip exact and printed, and a fixed C3."""
+    figure, axes = build_panel(3.0, "amplitude A / A₁", "energy per cycle / K A₁²")
     lines = {
         "exact": (law_style("slip").colour, "-", "slip joint, exact: grows like A"),
         "printed": (LINEAR, (0, (4, 2)), "(2.4.3) as printed: like A²"),
@@ -122,7 +116,6 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
         axes.plot(energies["amplitude"], energies[name], color=colour, linestyle=line, label=label)
     top = float(np.max(energies["printed"]))
     axes.set(xlim=(1.0, float(energies["amplitude"].iloc[-1])), ylim=(0.0, top))
-    axes.set(xlabel="amplitude A / A₁", ylabel="energy per cycle / K A₁²")
     axes.legend(loc="upper left")
     return figure
 
@@ -178,22 +171,11 @@ def modal_force(modes: NormalModes, node: int, force: float) -> FloatArray:
 
 def subsystem_damping(modes: NormalModes, dampers: Sequence[Damper]) -> dict[str, FloatArray]:
     """What each sub-system adds to the modal coefficients C_j, (modes,) each; they add to diag(phi^T c phi)."""
-    shares: dict[str, FloatArray] = {}
+    shares = {damper.subsystem: np.zeros(modes.omega.size) for damper in dampers}
     for damper in dampers:
-        stroke = _direction(damper, modes.shapes.shape[0]) @ modes.shapes
-        shares[damper.subsystem] = shares.get(damper.subsystem, np.zeros(modes.omega.size)) + (
-            damper.coefficient * stroke**2
-        )
+        stroke = modes.shapes[damper.node] - (0.0 if damper.other is None else modes.shapes[damper.other])
+        shares[damper.subsystem] += damper.coefficient * stroke**2
     return shares
-
-
-def _direction(damper: Damper, nodes: int) -> FloatArray:
-    """Relative motion that the damper sees: +1 at its node, -1 at the other."""
-    direction = np.zeros(nodes)
-    direction[damper.node] = 1.0
-    if damper.other is not None:
-        direction[damper.other] -= 1.0
-    return direction
 
 
 MASSES = 4
@@ -263,10 +245,8 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    title, text = "Chapter II: hysteresis and slip", Path(__file__).with_suffix(".txt")
-    return write_chapter(
-        2, title, text, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=tables
-    )
+    figures = collect_figures(studies)
+    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:

@@ -37,7 +37,8 @@ ComplexArray = npt.NDArray[np.complex128]
 class PlanarOscillator(NamedTuple):
     """Mass M, viscous coefficient C (equal in all directions), principal frequencies in rad/s, angle theta in rad.
 
-    Fields may be arrays that broadcast with the frequency.
+    As a sensor sees it: ``R``, motion in phase with the force that is not this mode's, per unit of modal force, and
+    ``lag`` of all readings, rad. Fields may be arrays that broadcast with the frequency.
     """
 
     M: Floats
@@ -45,22 +46,24 @@ class PlanarOscillator(NamedTuple):
     omega_p: Floats
     omega_y: Floats
     theta: Floats
+    R: Floats = 0.0
+    lag: Floats = 0.0
 
 
 def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
-    """Phasor of the pitch motion under F_p in pitch: the sum over both principal planes.
+    """Phasor of the pitch motion under F_p in pitch: the sum over both principal planes, e^(-i lag) of it, and R F_p.
 
     F_p/M [cos^2 theta/(omega_p^2 - omega^2 + i omega C/M) + sin^2 theta/(omega_y^2 - omega^2 + i omega C/M)],
     identical with Eqs. 3.1.30-3.1.35.
     """
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta, R, lag = oscillator
     pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
-    return F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw)
+    return np.asarray(F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw) * np.exp(-1j * lag) + R * F_p)
 
 
 def yaw_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
     """Phasor of the yaw motion under F_p in pitch (from Eqs. 3.1.27, 3.1.28): zero for theta = 0."""
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta = oscillator[:5]
     pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
     return F_p * np.sin(theta) * np.cos(theta) * (pitch - yaw)
 

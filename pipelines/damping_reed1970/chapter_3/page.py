@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,16 +103,10 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
         **_collect_plane_values(computed),
         **_collect_root_values(computed),
     }
+    headings = {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
+    figures = collect_figures(computed)
     return write_chapter(
-        3,
-        "Chapter III: one mode in two planes",
-        Path(__file__).with_suffix(".txt"),
-        results.tables,
-        values=values,
-        figures=collect_figures(computed),
-        shown=shown,
-        tables=tables,
-        headings={"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"},
+        3, results.tables, values=values, figures=figures, shown=shown, tables=tables, headings=headings
     )
 
 

@@ -12,7 +12,7 @@ chains pass too seldom for the criteria of convergence. Its least-squares fit st
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import degrees
 
@@ -21,11 +21,10 @@ import pandas as pd
 from scipy.stats import chi2
 
 from damping.arrays import FloatArray
-from damping.infer.importance import Evidence
 from damping.signals import viscous_energy
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, yaw_response
-from damping_reed1970.chapter_3.planar_fit import Noise, Phasors, PlanarFit, PlanarModel, fit_planar
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response, yaw_response
+from damping_reed1970.chapter_3.planar_fit import Noise, Phasors, PlanarFit, fit_planar
 from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior, PlanarPrior, planar_evidence, planar_posterior
 
 #: What is held, and what is added to the planes, in each fit; in the order of the tables.
@@ -104,18 +103,13 @@ def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
     return {"chi_square": chi_square, "p_value": p[0], "p_value_correlated": p[1]}
 
 
-def yaw_amplitude(model: PlanarModel, data: Phasors) -> FloatArray:
-    """Amplitude of the yaw motion that a model predicts at the measured points: nothing of it was fitted."""
-    return np.abs(yaw_response(model.oscillator, data.F, data.omega))
-
-
 def tabulate_yaw(fits: Fits) -> pd.DataFrame:
     """Yaw amplitude by point: measured (Table 3.I, tail yaw over the mode factor), and predicted by fits to pitch."""
     motion = load_table("3_I", "corrected")
     omega, yaw = columns(motion, "omega_rad_s", "tail_yaw_disp_in_e2")
     data = phasors("A2")
     predicted = {
-        variant: yaw_amplitude(fits["A2", "constant", variant].model, data)
+        variant: np.abs(yaw_response(fits["A2", "constant", variant].model, data.F, data.omega))
         for variant in ("free", "theta = 28, M = 21", "free + in phase + lag")
     }
     return pd.DataFrame({"point": motion["point"], "omega": omega, "measured": yaw / 100 / PLANES.phi, **predicted})
@@ -131,9 +125,9 @@ def tabulate_energy_split(fits: Fits) -> pd.DataFrame:
     return pd.DataFrame({"point": table["point"].to_numpy(), "omega": data.omega, "printed": printed, **shares})
 
 
-def _yaw_share(model: PlanarModel, data: Phasors) -> FloatArray:
+def _yaw_share(model: PlanarOscillator, data: Phasors) -> FloatArray:
     """Per cent of the energy lost that is lost in the yaw plane, (n,)."""
-    M, C, omega_p, omega_y, theta = (float(value) for value in model.oscillator)
+    M, C, omega_p, omega_y, theta = (float(value) for value in model[:5])
     energies = []
     for omega_j, part in ((omega_p, np.cos(theta)), (omega_y, np.sin(theta))):
         A = np.abs(part * data.F / (M * (omega_j**2 - data.omega**2) + 1j * C * data.omega))
@@ -151,9 +145,7 @@ WEIGHTED = (
 )
 #: Content of every interval and band.
 LEVEL = 0.9
-#: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
-SECOND_PLANE = (11.48, 11.51)
-
+TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
 #: Frequencies of a band: 16 between two measured ones.
 _GRID = 177
 #: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
@@ -175,64 +167,40 @@ class PlanarBand:
     phase: Curve
 
 
-@dataclass(frozen=True)
-class KnownPosterior:
-    """What is known of one posterior.
-
-    Attributes:
-        data, variant: whose. prior: the meaning of ``x``. draws: of the variables (n, dimension). evidence: of it.
-        posterior: the chains, None where it is known by importance sampling.
-    """
-
-    data: str
-    variant: str
-    prior: PlanarPrior
-    draws: FloatArray
-    evidence: Evidence
-    posterior: PlanarPosterior | None
-
-    @property
-    def parameters(self) -> dict[str, FloatArray]:
-        """Draws of every parameter that is free, and of C; theta in degrees, R as motion in phase at the mean force."""
-        values = self.prior.parameters(self.draws)
-        if "theta" in values:
-            values["theta"] = np.degrees(values["theta"])
-        if "R" in values:
-            values["R"] = values["R"] * float(phasors(self.data).F.mean())
-        return values
+#: Posteriors by data and variant.
+Posteriors = Mapping[tuple[str, str], PlanarPosterior]
 
 
-def planar_posteriors(seed: int) -> dict[tuple[str, str], KnownPosterior]:
-    """All posteriors by data and variant, constant noise."""
-    return {key: _known(*key, seed) for key in (*SAMPLED, *WEIGHTED)}
+def planar_posteriors(seed: int) -> dict[tuple[str, str], PlanarPosterior]:
+    """All posteriors, constant noise."""
+    posteriors = {}
+    for name, variant in (*SAMPLED, *WEIGHTED):
+        data, (fixed, extras) = phasors(name), VARIANTS[variant]
+        held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
+        prior = PlanarPrior.of(data, PLANES.mass, held, extras)
+        if (name, variant) in SAMPLED:
+            posteriors[name, variant] = planar_posterior(prior, data, seed)
+        else:
+            evidence = planar_evidence(prior, data, seed)
+            posteriors[name, variant] = PlanarPosterior(prior, evidence.draws, evidence)
+    return posteriors
 
 
-def _known(name: str, variant: str, seed: int) -> KnownPosterior:
-    data, (fixed, extras) = phasors(name), VARIANTS[variant]
-    held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
-    prior = PlanarPrior.of(data, PLANES.mass, held, extras)
-    if (name, variant) in SAMPLED:
-        posterior = planar_posterior(prior, data, seed)
-        return KnownPosterior(name, variant, prior, posterior.draws, posterior.evidence, posterior)
-    weighed = planar_evidence(prior, data, seed)
-    return KnownPosterior(name, variant, prior, weighed.draws, weighed, None)
-
-
-def tabulate_posterior(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
+def tabulate_posterior(posteriors: Posteriors) -> pd.DataFrame:
     """Median and interval of every parameter (theta in degrees, R F in in), and how well it is known.
 
     ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
     """
     rows = []
-    for posterior in known.values():
-        chains = posterior.posterior.chains if posterior.posterior else None
+    for (data, variant), posterior in posteriors.items():
+        chains = posterior.chains
         diagnoses = {d.name: d for d in chains.diagnoses} if chains else {}
         for name, values in posterior.parameters.items():
-            low, median, high = np.quantile(values, _tails())
+            low, median, high = np.quantile(values, TAILS)
             rows.append(
                 {
-                    "data": posterior.data,
-                    "fit": posterior.variant,
+                    "data": data,
+                    "fit": variant,
                     "parameter": name,
                     "median": median,
                     "low": low,
@@ -246,49 +214,30 @@ def tabulate_posterior(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.Da
     return pd.DataFrame(rows)
 
 
-def tabulate_evidence(known: Mapping[tuple[str, str], KnownPosterior]) -> pd.DataFrame:
+def tabulate_evidence(posteriors: Posteriors) -> pd.DataFrame:
     """Log marginal likelihood of each variant on the modal motion A2, and its Bayes factor over ``free``."""
-    free = known["A2", "free"].evidence
-    rows = [
-        {
-            "fit": posterior.variant,
-            "log_z": posterior.evidence.log_z,
-            "log_z_error": posterior.evidence.standard_error,
-            "bayes_factor_over_free": float(np.exp(posterior.evidence.log_z - free.log_z)),
-        }
-        for posterior in known.values()
-        if posterior.data == "A2"
-    ]
-    return pd.DataFrame(rows)
+    evidences = {variant: p.evidence for (data, variant), p in posteriors.items() if data == "A2"}
+    rows = [(variant, evidence.log_z, evidence.standard_error) for variant, evidence in evidences.items()]
+    table = pd.DataFrame(rows, columns=["fit", "log_z", "log_z_error"])
+    return table.assign(bayes_factor_over_free=np.exp(table["log_z"] - evidences["free"].log_z))
 
 
-def second_plane_probability(known: KnownPosterior) -> float:
-    """Posterior probability that omega_y lies in ``SECOND_PLANE``."""
-    omega_y = known.parameters["omega_y"]
-    return float(np.mean((omega_y >= SECOND_PLANE[0]) & (omega_y <= SECOND_PLANE[1])))
-
-
-def band(known: KnownPosterior) -> PlanarBand:
+def fit_band(data: Phasors, posterior: PlanarPosterior) -> PlanarBand:
     """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
 
     What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
     """
-    data = phasors(known.data)
     omega = np.linspace(data.omega[0], data.omega[-1], _GRID)
+    every = max(1, len(posterior.draws) // _BAND_DRAWS)
     F = np.interp(omega, data.omega, data.F)
-    every = max(1, len(known.draws) // _BAND_DRAWS)
-    response = known.prior.model(known.draws[::every]).response(F, omega)
+    response = pitch_response(posterior.prior.model(posterior.draws[::every]), F, omega)
     phase = np.mod(-np.angle(response) + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
-    low, median, high = np.quantile(np.abs(response), _tails(), axis=0)
-    phase_low, phase_median, phase_high = np.quantile(phase, _tails(), axis=0)
+    low, median, high = np.quantile(np.abs(response), TAILS, axis=0)
+    phase_low, phase_median, phase_high = np.quantile(phase, TAILS, axis=0)
     return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 
-def prior_draws(known: KnownPosterior, seed: int = 0) -> dict[str, FloatArray]:
+def prior_draws(posterior: PlanarPosterior, seed: int = 0) -> dict[str, FloatArray]:
     """Draws of the prior of the parameters that are free, and of C; theta in degrees."""
-    x = np.random.default_rng(seed).standard_normal((_PRIOR_DRAWS, known.prior.dimension))
-    return KnownPosterior(known.data, known.variant, known.prior, x, known.evidence, None).parameters
-
-
-def _tails() -> tuple[float, float, float]:
-    return 0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL)
+    x = np.random.default_rng(seed).standard_normal((_PRIOR_DRAWS, posterior.prior.dimension))
+    return replace(posterior, draws=x).parameters

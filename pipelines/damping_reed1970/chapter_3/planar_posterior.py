@@ -29,7 +29,8 @@ from damping.arrays import FloatArray
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
-from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
+from damping_reed1970.chapter_3 import PlanarOscillator
+from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors
 
 #: Log standard deviation of M: a factor of 2.3 either way in 90 %.
 MASS_LOG_SD = 0.5
@@ -61,6 +62,7 @@ class PlanarPrior:
 
     Attributes:
         low, high: the swept band, rad/s. mass: median of M. sigma: median of the noise scale. R: standard deviation.
+        force: mean modal force.
         fixed: theta (rad) and M where they are held at a value. extras: of ``EXTRAS``, that are free.
     """
 
@@ -69,6 +71,7 @@ class PlanarPrior:
     mass: float
     sigma: float
     R: float
+    force: float
     fixed: Mapping[str, float] = field(default_factory=dict)
     extras: tuple[str, ...] = ()
 
@@ -77,13 +80,14 @@ class PlanarPrior:
         cls, data: Phasors, mass: float, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()
     ) -> PlanarPrior:
         """Scales from the data; ``mass`` is the modal mass assumed."""
-        largest = float(np.max(np.abs(data.q)))
+        largest, force = float(np.max(np.abs(data.q))), float(np.mean(data.F))
         return cls(
             low=float(data.omega.min()),
             high=float(data.omega.max()),
             mass=mass,
             sigma=SIGMA_SHARE * float(np.max(np.abs(data.q) / data.shape)),
-            R=R_SHARE * largest / float(np.mean(data.F)),
+            R=R_SHARE * largest / force,
+            force=force,
             fixed=dict(fixed or {}),
             extras=tuple(name for name in EXTRAS if name in extras),
         )
@@ -103,9 +107,10 @@ class PlanarPrior:
         free = {*self.names, "C"}
         return {name: value for name, value in self.values(x).items() if name in free}
 
-    def model(self, x: FloatArray) -> PlanarModel:
+    def model(self, x: FloatArray) -> PlanarOscillator:
         """Models whose fields have shape (..., 1), to broadcast with frequencies."""
-        return _model(self.values(x))
+        values = self.values(x)
+        return PlanarOscillator(*(values[name][..., None] for name in PlanarOscillator._fields))
 
     def values(self, x: FloatArray) -> dict[str, FloatArray]:
         """Every parameter, free or held, and C and xi."""
@@ -124,29 +129,32 @@ class PlanarPrior:
         return {"omega_p": omega_p, "omega_y": omega_y, **values, "C": C, "xi": xi, "sigma": sigma}
 
 
-def _model(values: Mapping[str, FloatArray]) -> PlanarModel:
-    return PlanarModel(*(values[name][..., None] for name in PlanarModel._fields))
-
-
 @dataclass(frozen=True)
 class PlanarPosterior:
-    """Chains of a planar oscillator, the prior that gives ``x`` its meaning, and the evidence they started from."""
+    """What is known of a planar oscillator.
+
+    Attributes:
+        prior: the meaning of ``x``. draws: of the variables (n, dimension). evidence: of the model.
+        chains: None where it is known by importance sampling.
+    """
 
     prior: PlanarPrior
-    chains: Chains
+    draws: FloatArray
     evidence: Evidence
+    chains: Chains | None = None
 
     @property
-    def draws(self) -> FloatArray:
-        """All kept draws of the variables, (ensembles * kept, dimension)."""
-        return self.chains.x.reshape(-1, self.chains.x.shape[-1])
+    def parameters(self) -> dict[str, FloatArray]:
+        """Draws of every parameter that is free, and of C; theta in degrees, R as motion in phase at the mean force."""
+        values = self.prior.parameters(self.draws)
+        factors = {"theta": 180.0 / np.pi, "R": self.prior.force}
+        return {name: factors[name] * draws if name in factors else draws for name, draws in values.items()}
 
 
 def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
     """Circular normal log likelihood at points (points, dimension): -ln(2 pi s^2) - |q - model|^2/(2 s^2) a phasor."""
-    values = prior.values(x)
-    sigma = values["sigma"]
-    square = np.sum(np.abs(data.residuals(_model(values))) ** 2, axis=-1)
+    sigma = prior.values(x)["sigma"]
+    square = np.sum(np.abs(data.residuals(prior.model(x))) ** 2, axis=-1)
     norm = data.omega.size * np.log(2.0 * np.pi * sigma**2) + 2.0 * np.sum(np.log(data.shape))
     return np.asarray(-0.5 * square / sigma**2 - norm)
 
@@ -186,4 +194,4 @@ def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Set
     evidence = planar_evidence(prior, data, seed)
     target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
     chains = run(target, evidence, lambda x: {}, seed, settings)
-    return PlanarPosterior(prior, chains, evidence)
+    return PlanarPosterior(prior, chains.x.reshape(-1, chains.x.shape[-1]), evidence, chains)

@@ -15,7 +15,7 @@ from damping.signals import input_energy, nearest_root, plane_motion
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping_reed1970 import columns, data_folder, load_table
-from damping_reed1970.chapter_3 import PLANES
+from damping_reed1970.chapter_3 import PLANES, pitch_response
 from damping_reed1970.chapter_3.implications import (
     fitted_planes,
     roots_at,
@@ -27,9 +27,9 @@ from damping_reed1970.chapter_3.implications import (
 from damping_reed1970.chapter_3.planar_fits import (
     SAMPLED,
     Fits,
-    KnownPosterior,
     PlanarBand,
-    band,
+    Posteriors,
+    fit_band,
     fit_table,
     phasors,
     planar_fits,
@@ -71,7 +71,7 @@ class Chapter3:
     effect: pd.DataFrame
     curves: pd.DataFrame
     fits: Fits
-    posteriors: Mapping[tuple[str, str], KnownPosterior]
+    posteriors: Posteriors
     bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]
@@ -96,7 +96,7 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
         "branch_means": tabulate_mean(),
         "implications": tabulate_implications(fits, posteriors),
     }
-    bands = {name: band(posteriors[name, variant]) for name, variant in SAMPLED}
+    bands = {name: fit_band(phasors(name), posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
@@ -220,6 +220,6 @@ def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
         motion = plane_motion(planes, F / PLANES.phi, omega, xi)
         curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
     for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
-        response = fits["A2", "constant", variant].model.response(F, omega)
+        response = pitch_response(fits["A2", "constant", variant].model, F, omega)
         curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
     return pd.DataFrame(curves)

@@ -214,10 +214,6 @@ class Source:
     stated: Corrections
     summary: Summary
 
-    def error(self, message: str, expected: str) -> InputError:
-        """What is wrong with the file."""
-        return InputError(message, file=self.file, expected=expected)
-
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
         """The run with its level: as the label says where the control agrees, else the median of the control.
 
@@ -227,7 +223,7 @@ class Source:
         assert run.drive is not None
         stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
         if not measured > 0.0:
-            raise self.error(f"the drive of {run.label!r} is zero", "a control above 0")
+            raise InputError(f"the drive of {run.label!r} is zero", expected="a control above 0")
         if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
             return replace(run, level=measured)
         level, control = (

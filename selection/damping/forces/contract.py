@@ -84,9 +84,14 @@ class Force(ABC):
         ``sign`` is 1 or -1, so that friction is known where the mass turns; numbers or arrays that broadcast.
         """
 
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A together: the latter is (m - 1) C where the energy is a A^m omega^n."""
+        C, exponents = self.quadrature(A, omega), self.energy_exponents
+        return C, self.slope(A, omega) if exponents is None else (exponents[0] - 1.0) * C
+
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A, for those who need them all."""
-        C, slope = self.quadrature(A, omega), self.slope(A, omega)
+        C, slope = self.grow(A, omega)
         return (
             (C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega))
             if self.restores
@@ -225,6 +230,11 @@ class Sum(Force):
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' dC/d ln A."""
         return _add([force.slope(A, omega) for force in self.forces], A, omega)
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """Sums of the parts' C and dC/d ln A."""
+        grown = [force.grow(A, omega) for force in self.forces]
+        return _add([C for C, _ in grown], A, omega), _add([slope for _, slope in grown], A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """Sum of the parts' g."""

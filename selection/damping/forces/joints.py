@@ -82,7 +82,15 @@ class Slip(Force):
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
         S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
-        return self.quadrature(A, omega), self.slope(A, omega), S, S - self.scale(A, omega) * sine
+        return *self._grow(held, A, omega), S, S - self.scale(A, omega) * sine
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A: see `averages`."""
+        return self._grow(self._held(A), A, omega)
+
+    def _grow(self, held: Floats, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        whole = self.scale(A, omega) * ones(omega)
+        return whole * (1.0 - held), whole * held * (held < 1.0)
 
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""
@@ -90,7 +98,7 @@ class Slip(Force):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C: see `averages`."""
-        return self.scale(A, omega) * (1.0 - self._held(A)) * ones(omega)
+        return self.scale(A, omega) * ones(omega) * (1.0 - self._held(A))
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
@@ -98,7 +106,7 @@ class Slip(Force):
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """dC/d ln A: see `averages`."""
-        return self.scale(A, omega) * self._held(A) * (self.limit < A) * ones(omega)
+        return self.grow(A, omega)[1]
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """S: see `averages`."""

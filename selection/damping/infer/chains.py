@@ -1,8 +1,12 @@
-"""Posteriors by emcee: independent walkers that choose among many draws of a proposal close to the posterior.
+"""Posteriors by emcee: independent walkers that choose among several draws of a proposal close to the posterior.
 
-At each step every walker at x weighs N draws y_1 .. y_N of the adapted proposal q beside its own place, w = p/q, and
-goes to one of these N + 1 points with a probability in proportion to w (iterated sampling importance resampling:
-Tjelmeland 2004; Andrieu, Lee and Vihola 2018). That leaves p as it is whatever q; steps of one walker are nearly
+At each step every walker at x weighs N draws y_1 .. y_N of the adapted proposal q, w = p/q, takes one of them, y_j, in
+proportion to w and goes there with the probability
+
+    min(1, sum_i w_i / (sum_i w_i - w_j + w(x)))
+
+(independent multiple-try Metropolis: Liu, Liang and Wong 2000; one try is the independence sampler). That leaves p as
+it is whatever q, and moves at least as often as a choice among all N + 1 points; steps of one walker are nearly
 independent where N draws of q are worth more than one of p.
 
 A run grows until, for every quantity, the effective sample size reaches 1000, the chains are 50 autocorrelation times
@@ -116,7 +120,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class ManyTries:
-    """A move of emcee: every walker chooses among its place and ``tries`` draws of the proposal (see the module)."""
+    """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module)."""
 
     log_density: Callable[[FloatArray], FloatArray]
     proposal: Proposal
@@ -124,16 +128,21 @@ class ManyTries:
 
     def propose(self, model: Model, state: State) -> tuple[State, FloatArray]:
         """The state after one step, and which walkers moved (walkers,)."""
-        walkers, d = state.coords.shape
+        walkers = len(state.coords)
         tried = self.proposal.draw_random(walkers * self.tries, model.random)
-        places = np.concatenate([state.coords[:, None], tried.reshape(walkers, -1, d)], axis=1)
-        log_p = np.column_stack([state.log_prob, self.log_density(tried).reshape(walkers, -1)])
-        log_w = log_p - self.proposal.log_density(places.reshape(-1, d)).reshape(log_p.shape)
+        log_p = self.log_density(tried)
+        log_w = (log_p - self.proposal.log_density(tried)).reshape(walkers, -1)
+        here = state.log_prob - self.proposal.log_density(state.coords)
+        top = np.maximum(log_w.max(axis=1), here)
+        w, own = np.exp(log_w - top[:, None]), np.exp(here - top)
+        total = w.sum(axis=1)
+        every = np.arange(walkers)
         # the largest of ln w + Gumbel noise is one in proportion to w
         chosen = np.argmax(log_w + model.random.gumbel(size=log_w.shape), axis=1)
-        every = np.arange(walkers)
-        state.coords, state.log_prob = places[every, chosen], log_p[every, chosen]
-        return state, chosen > 0
+        moved = model.random.random_sample(walkers) * (total - w[every, chosen] + own) < total
+        at = (every * self.tries + chosen)[moved]
+        state.coords[moved], state.log_prob[moved] = tried[at], log_p[at]
+        return state, moved
 
 
 def sample(

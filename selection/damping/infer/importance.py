@@ -20,7 +20,7 @@ from scipy.special import gammaln, ndtri
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
 
-#: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
+#: Heavier tails than a posterior close to normal, so that importance weights stay bounded; an integer.
 DEGREES_OF_FREEDOM = 5.0
 #: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
 WIDE_SHARE = 0.3
@@ -78,13 +78,11 @@ class Proposal:
 
     def _improve(self, draws: FloatArray, least: FloatArray) -> Proposal:
         """One step of expectation and maximisation on draws (n, d); ``least`` is added to each covariance."""
-        log_parts, squares = self._log_parts(draws)
-        nu, d = DEGREES_OF_FREEDOM, draws.shape[1]
-        of_part = np.exp(log_parts - log_parts.max(axis=1, keepdims=True))
+        of_part, growth = self._densities(draws)
         of_part /= of_part.sum(axis=1, keepdims=True)
         number = of_part.sum(axis=0)
-        kept = np.flatnonzero(number[:-1] > d)
-        weight = (of_part * (nu + d) / (nu + squares))[:, kept].T
+        kept = np.flatnonzero(number[:-1] > draws.shape[1])
+        weight = (of_part * ((1.0 + draws.shape[1] / DEGREES_OF_FREEDOM) / growth))[:, kept].T
         means = weight @ draws / weight.sum(axis=1, keepdims=True)
         centred = draws - means[:, None]
         covariances = (centred * weight[..., None]).transpose(0, 2, 1) @ centred / number[kept, None, None] + least
@@ -123,24 +121,27 @@ class Proposal:
         return np.asarray(-np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel())
 
     @cached_property
-    def _log_norms(self) -> FloatArray:
-        """Log of each part's share times its density at its centre."""
+    def _heights(self) -> FloatArray:
+        """Each part's share times its density at its centre."""
         d, nu = self.means.shape[1], DEGREES_OF_FREEDOM
         norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
-        return np.asarray(norm - np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1) + np.log(self.shares))
+        log_volume = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
+        return np.asarray(np.exp(norm - log_volume + np.log(self.shares)))
 
-    def _log_parts(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Log of each part's share times its density at x (n, d), and the squared distance from it, (n, k) each."""
-        d, nu = x.shape[1], DEGREES_OF_FREEDOM
+    def _densities(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Each part's share times its density at x (n, d), and 1 + its squared distance over nu, (n, k) each."""
+        d = x.shape[1]
         white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
-        squares = np.einsum("nki,nki->nk", white, white)
-        return self._log_norms - 0.5 * (nu + d) * np.log1p(squares / nu), squares
+        growth = 1.0 + np.einsum("nki,nki->nk", white, white) / DEGREES_OF_FREEDOM
+        return self._heights * _raise_root(1.0 / growth, int(DEGREES_OF_FREEDOM) + d), growth
+
+    def density(self, x: FloatArray) -> FloatArray:
+        """Density at x (n, d): above zero, the wide part has heavy tails."""
+        return np.asarray(self._densities(x)[0].sum(axis=1))
 
     def log_density(self, x: FloatArray) -> FloatArray:
-        """Log density at x (n, d)."""
-        parts, _ = self._log_parts(x)
-        top = parts.max(axis=1)
-        return np.asarray(top + np.log(np.sum(np.exp(parts - top[:, None]), axis=1)))
+        """Its logarithm."""
+        return np.asarray(np.log(self.density(x)))
 
     def draw(self, number: int, seed: int) -> FloatArray:
         """Draws (number, d) on points that fill space."""
@@ -159,6 +160,17 @@ class Proposal:
         """The part that a uniform variable falls into."""
         edges = np.cumsum(self.shares)[:-1]
         return np.searchsorted(edges, u).astype(np.int64)
+
+
+def _raise_root(values: FloatArray, power: int) -> FloatArray:
+    """sqrt(values)^power by products, a fifth of the work of a logarithm and an exponential."""
+    result = np.sqrt(values) if power % 2 else np.ones_like(values)
+    power //= 2
+    while power:
+        if power % 2:
+            result = result * values
+        values, power = values * values, power // 2
+    return result
 
 
 def _covary(draws: FloatArray) -> FloatArray:
@@ -246,16 +258,15 @@ def importance(
     """
     proposals, proposal, sizes = [], Proposal.around(mode, covariance), np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
-    log_q = np.empty((0, 0))  # of each draw under each proposal, (draws, proposals)
+    q = np.empty((0, 0))  # density of each draw under each proposal, (draws, proposals)
     rounds = max(least_rounds, len(ROUNDS))
     for round_ in range(max(rounds, MOST_ROUNDS)):
         proposals.append(proposal)
         new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
-        of_old = proposal.log_density(x)[:, None]
-        log_q = np.vstack([np.hstack([log_q, of_old]), np.stack([q.log_density(new) for q in proposals], axis=1)])
+        of_old = proposal.density(x)[:, None]
+        q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
-        top = log_q.max(axis=1)
-        log_mixture = top + np.log(np.exp(log_q - top[:, None]) @ (sizes / len(x)))
+        log_mixture = np.log(q @ (sizes / len(x)))
         weighed = _weigh(x, log_p - log_mixture, seed)
         enough = wanted if round_ < rounds - 1 else min(wanted, LEAST_DRAWS)
         if round_ >= least_rounds - 1 and weighed.effective_draws > enough:

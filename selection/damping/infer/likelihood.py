@@ -41,24 +41,35 @@ _FEW = 32
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
     """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
-    return _residuals(*_averages(force, data), data)
+    n, h, known = _residuals(*_averages(force, data), data)
+    return n, h, np.zeros(n.shape) if known is None else known
 
 
 def _averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
     """C and what it grows with amplitude at each row, (..., rows) each."""
     with np.errstate(all="ignore"):
-        C = np.asarray(force.quadrature(data.A, data.omega))
-        return C, C if data.amplitude_is_input else np.asarray(force.slope(data.A, data.omega))
+        if data.amplitude_is_input:
+            C = grown = force.quadrature(data.A, data.omega)
+        else:
+            C, grown = force.grow(data.A, data.omega)
+        return np.asarray(C), np.asarray(grown)
 
 
-def _residuals(C: FloatArray, grown: FloatArray, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """As `residuals`, of averages."""
+def _residuals(
+    C: FloatArray, grown: FloatArray, data: Observations
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """As `residuals`, of averages; None for a variance that no row states."""
     with np.errstate(all="ignore"):
         g = grown * np.minimum(1.0, np.abs(data.D / C))
-        spread = g**2 + data.R**2
-        n = (data.D - C) / np.sqrt(spread)
-        known = (g**2 * data.sd_amplitude**2 + data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2) / spread
-        return n, g / np.sqrt(spread), known
+        size = np.sqrt(g * g + data.R**2)
+        n, h = (data.D - C) / size, g / size
+        return n, h, _find_known(h, size, data) if data.states_uncertainty else None
+
+
+def _find_known(h: FloatArray, size: FloatArray, data: Observations) -> FloatArray:
+    """Variance of n by the record's own uncertainties, (..., rows)."""
+    beside = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
+    return np.asarray(h**2 * data.sd_amplitude**2 + beside / size**2)
 
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -84,15 +95,25 @@ def _weigh(
 ) -> FloatArray:
     """Log likelihood of rows with averages ``C`` and ``grown``; ``force``: of the law at ``x``, up to a factor."""
     n, h, known = _residuals(C, grown, data)
-    variance = coordinates.scatter(x)[0][:, None] ** 2 + known
+    variance = coordinates.scatter(x)[0][:, None] ** 2
+    if known is not None:
+        variance = variance + known
     with np.errstate(all="ignore"):
-        value = -0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=-1)
+        value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * variance), axis=1)
+        nn = _sum_over(n * n, variance, data)
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            nn, hh, hn = (by_sweep(product / variance, data) for product in (n**2, h**2, h * n))
+            hh, hn = _sum_over(h * h, variance, data), _sum_over(h * n, variance, data)
             value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
         else:
-            value -= 0.5 * np.sum(n**2 / variance, axis=-1)
+            value -= 0.5 * np.sum(nn, axis=1)
     return np.where(np.isfinite(value), value, -np.inf)
+
+
+def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> FloatArray:
+    """Sums of values (points, rows) over a variance, of each row or (points, 1) the same for all; (points, sweeps)."""
+    if variance.shape[1] == 1:
+        return np.asarray(by_sweep(values, data) / variance)
+    return by_sweep(values / variance, data)
 
 
 def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, force: Sum) -> FloatArray:
@@ -217,12 +238,13 @@ class Balanced:
         force = self.coordinates.force(x)
         C, grown = _averages(force, self.data)
         data, (row, level) = self.data, self.coordinates.scatter(x)
-        weight = C / (data.D**2 + data.R**2)
+        weight = 1.0 / (data.D**2 + data.R**2)
         with np.errstate(all="ignore"):
-            t = np.log(np.sum(weight * data.D, axis=1) / np.sum(weight * C, axis=1)) / TOTAL_LOG_SD
+            t = np.log((C @ (weight * data.D)) / ((C * C) @ weight)) / TOTAL_LOG_SD
+        t[np.isnan(t)] = 0.0
         known = np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2)
         s = np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN
-        x[:, 0] = np.clip(np.nan_to_num(t), -REACH, REACH) + s * z[:, 0]
+        x[:, 0] = np.clip(t, -REACH, REACH) + s * z[:, 0]
         return x, force, C, grown, s
 
     def _log_density(self, z: FloatArray) -> FloatArray:

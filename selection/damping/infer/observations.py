@@ -11,6 +11,7 @@ while ``R = sqrt(F^2 - D^2) = |F cos(phi)|`` is taken by stiffness and inertia a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -60,6 +61,11 @@ class Observations:
     def has_repeats(self) -> bool:
         """Whether any sweep has several rows, so that row noise and level scatter can be told apart."""
         return bool(np.any(self.rows_per_sweep > 1))
+
+    @cached_property
+    def states_uncertainty(self) -> bool:
+        """Whether the record gives a standard uncertainty of any row."""
+        return any(bool(sd.any()) for sd in (self.sd_amplitude, self.sd_force, self.sd_phase))
 
     @property
     def reference(self) -> tuple[float, float, float]:

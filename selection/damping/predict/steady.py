@@ -23,31 +23,38 @@ from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
 SMALL_STEP = 1e-8
+#: ... where the value, a logarithm, is as near zero as this: beside a kink a short step may lead nowhere.
+SMALL_VALUE = 1e-6
 #: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
 
 
 def bracketed_newton(
-    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]], low: FloatArray, high: FloatArray
+    function: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    low: FloatArray,
+    high: FloatArray,
+    start: FloatArray | None = None,
 ) -> FloatArray:
     """Roots by Newton's method, bisecting wherever a step would leave the bracket; NaN where a bracket is NaN.
 
     Args:
         function: value and derivative at an array of the shape of ``low``; each value changes sign in its bracket.
-        low, high: ends of the brackets.
+        low, high: ends of the brackets. start: in the brackets, where the first step begins; ``high`` by default.
     """
     side = function(high)[0] >= 0.0
-    u = high
+    u = high if start is None else start
     with np.errstate(all="ignore"):
         for _ in range(MOST_STEPS):
             value, derivative = function(u)
             of_high = (value >= 0.0) == side
             low, high = np.where(of_high, low, u), np.where(of_high, u, high)
-            newton = u - value / derivative
-            inside = (newton >= low) & (newton <= high)
-            previous, u = u, np.where(inside, newton, 0.5 * (low + high))
-            moving = (np.abs(u - previous) > SMALL_STEP) & (high - low > 1e-15 * np.abs(u))
-            if not np.any(moving):
+            step = value / derivative
+            newton = u - step
+            there = (np.abs(step) <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
+            # strictly inside, so that no two points lead to each other across a kink
+            inside = ((newton > low) & (newton < high) & (np.abs(step) > SMALL_STEP)) | there
+            u = np.where(inside, newton, 0.5 * (low + high))
+            if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
                 break
     return u
 
@@ -64,6 +71,8 @@ def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: 
 
 #: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
 _FAR = 1e15
+#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
+_WIDEST = 127.0
 
 
 @dataclass(frozen=True)
@@ -120,14 +129,15 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
         if exponents is not None:
             return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
-        low, high = _bracket(force, target, omega) if _grows(force, omega) else _scan(force, target, omega)
+        grows = _grows(force, omega)
+        low, high = _bracket(force, target, omega) if grows else _scan(force, target, omega)
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-            A = np.exp(u)
-            C = force.quadrature(A, omega)
-            return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(force.slope(A, omega) / C, shape)
+            C, slope = force.grow(np.exp(u), omega)
+            return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(slope / C, shape)
 
-        return np.exp(bracketed_newton(excess, low, high))
+        # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
+        return np.exp(bracketed_newton(excess, low, high, np.zeros(shape) if grows else None))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:
@@ -199,16 +209,10 @@ def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> F
 
 
 def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the root of a growing C, by steps that double, from A = 1; NaN where there is none."""
-    low, high = np.zeros(target.shape), np.zeros(target.shape)
-    for step in 2.0 ** np.arange(7):
-        below = _excess(force, low, omega, target) < 0.0
-        above = _excess(force, high, omega, target) >= 0.0
-        if np.all(below & above):
-            break
-        high, low = np.where(above, high, high + step), np.where(below, low, low - step)
-    found = (_excess(force, low, omega, target) < 0.0) & (_excess(force, high, omega, target) >= 0.0)
-    return np.where(found, low, np.nan), np.where(found, high, np.nan)
+    """ln A below and above the root of a growing C: the widest there can be; NaN where there is none."""
+    low, high = np.full(target.shape, -_WIDEST), np.full(target.shape, _WIDEST)
+    crosses = (_excess(force, low, omega, target) < 0.0) & (_excess(force, high, omega, target) >= 0.0)
+    return np.where(crosses, low, np.nan), np.where(crosses, high, np.nan)
 
 
 def _scan(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:

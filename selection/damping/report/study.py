@@ -25,6 +25,7 @@ from damping.report import (
     format_force_text,
     format_joined,
     format_percent,
+    format_quantity,
     format_share,
     number,
     tables,
@@ -39,9 +40,7 @@ from damping.report.page import (
     Section,
     Table,
     Text,
-    join_lines,
     render_page,
-    write_blocks,
 )
 from damping.report.results import (
     RecordResult,
@@ -51,10 +50,10 @@ from damping.report.results import (
     build_figure,
     describe_failed_chains,
     describe_file_stem,
-    describe_record,
 )
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
+from damping.report.text import join_lines, write_blocks
 
 
 @dataclass(frozen=True)
@@ -137,10 +136,19 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
                 return [Callout(caption, failed)]
             case "notes":
                 return [List(notes, numbered=True)]
-        return [Text(describe_record(result))]
+        return []
 
+    units = result.mode.units
+    mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
     values = {
-        "units": result.mode.units,
+        "mode": result.mode,
+        "mass": format_quantity(result.mode.mass, mass_unit, 4),
+        "file": Path(result.record.source).name,
+        "points": len(result.record),
+        "sweeps": len(result.record.sweeps),
+        "has_energy": "energy" in result.record.table.columns,
+        "has_phase": result.record.has_phase,
+        "units": units,
         "used": len(observations),
         "shown": min(len(observations), MOST_POINTS),
         "levels": len(result.data.sweeps),
