@@ -49,7 +49,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
         explained = explain(record, mode)
     except AnalysisError:  # a record that no simulation can be compared with
         return ()
-    most = bound_probabilities(explained.hypotheses, explained.setting.noise_known)
+    most = bound_probabilities(explained.hypotheses)
     possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
     outside = {e.hypothesis.key for e in possible if _predict_outside(e, loads)[1].any()}
     # levels are only held out, which takes as long again, where an answer may hang on it

@@ -190,8 +190,8 @@ def conclude(explained: Explained) -> Diagnosis:
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
     more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    in_library = estimate_in_library(describe_doubts(tests, hypotheses, gap, held_out), leading, known.dispersion)
-    hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
+    in_library = estimate_in_library(describe_doubts(tests, hypotheses), leading, known.dispersion)
+    hypotheses = blend_probabilities(hypotheses, in_library)
     cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
