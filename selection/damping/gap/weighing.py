@@ -47,21 +47,11 @@ TEMPERATURE_OUTSIDE = 8.0
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown."""
-    outside = _temper(hypotheses)
+    outside = softmax([one.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for one in hypotheses])
     return tuple(
         replace(one, probability=float(in_library * one.probability + (1.0 - in_library) * own))
         for one, own in zip(hypotheses, outside, strict=True)
     )
-
-
-def bound_probabilities(hypotheses: tuple[Explanation, ...]) -> FloatArray:
-    """The most that `blend_probabilities` can make of each, however likely the cause is in the library."""
-    return np.maximum([one.probability for one in hypotheses], _temper(hypotheses))
-
-
-def _temper(hypotheses: tuple[Explanation, ...]) -> FloatArray:
-    """Probabilities if the cause is not in the library."""
-    return np.asarray(softmax([one.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for one in hypotheses]))
 
 
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
