@@ -7,19 +7,24 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from damping.campaign.analysis import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel, SensorPrediction
+from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
+from damping.plots import to_svg
+from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.campaign_page import render_campaign_page
+from damping.report.page import Block, FigureBlock, Footer, Section, Table, render_page
+from damping.report.text import write_sections
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import console, number, plain_table
+from damping_pipelines.terminal import PlainTable, console, number
 
 
 def campaign(
@@ -54,7 +59,7 @@ def campaign(
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
     written["study.toml"] = _describe_study(title, answer, seed).encode()
     written["campaign.json"] = to_json(answer.to_json()).encode()
-    written["report.html"] = render_campaign_page(answer, title, seed, versions(), inputs).encode()
+    written["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs)).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(answer, out)
 
@@ -69,10 +74,11 @@ def _read_design(word: str) -> DesignLevel:
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
-    numbers = read_columns(read_bytes(path), path, {}, named).numbers
-    missing = [name for name in named if name not in numbers]
-    if missing:
-        raise InputError(f"no column {missing[0]}", file=path, expected="columns frequency (Hz) and level")
+    with naming(path):
+        numbers = read_columns(read_bytes(path), {}, named).numbers
+        missing = [name for name in named if name not in numbers]
+        if missing:
+            raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
     return DesignLevel(numbers["frequency"], numbers["level"])
 
 
@@ -131,6 +137,73 @@ def _describe_study(title: str, answer: Campaign, seed: int) -> str:
     return "\n".join(lines)
 
 
+def _write_page(answer: Campaign) -> list[Section]:
+    """The page: modes, their damping against level, and the response of every sensor at the design levels."""
+    parts: dict[str, Block] = {
+        "modes": Table(_tabulate_modes(answer), ""),
+        "outcomes": Table(_tabulate_outcomes(answer), ""),
+        "files": Table(answer.summary.table, ""),
+    }
+    for mode in answer.modes:
+        parts |= _draw_levels(mode, answer.unit)
+        for at in mode.places:
+            rows = [(peak.sensor, *peak.band, peak.unit) for peak in at.response]
+            peaks = pd.DataFrame(rows, columns=["sensor", "median", "low", "high", "unit"])
+            parts[f"{mode.name} at {at.level}"] = Table(peaks, "")
+    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer), parts)
+
+
+def _tabulate_modes(answer: Campaign) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "mode": mode.name,
+            "frequency, Hz": mode.frequency,
+            "damping ratio at the lowest level, %": _describe_percent(mode.places[0].ratio),
+            f"at {mode.places[-1].level:.4g} {answer.unit}, %": _describe_percent(mode.places[-1].ratio),
+            "law": mode.law,
+            "sensors left out": ", ".join(mode.left_out) or "none",
+        }
+        for mode in answer.modes
+    )
+
+
+def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
+    """What was predicted before the last runs, beside what they gave."""
+    return pd.DataFrame(
+        {
+            "mode": outcome.mode,
+            "sensor": outcome.sensor,
+            f"input, {answer.unit}": outcome.level,
+            "measured": outcome.measured,
+            **dict(zip(("predicted", "low", "high"), outcome.predicted, strict=True)),
+            "unit": outcome.unit,
+            "above, dB": f"{outcome.above_db:+.1f}",
+            "in the band": "yes" if outcome.held else "no",
+        }
+        for outcome in answer.outcomes
+    )
+
+
+def _describe_percent(band: tuple[float, float, float] | None) -> str:
+    return f"{100 * band[0]:.3g} ({100 * band[1]:.3g} to {100 * band[2]:.3g})" if band else "no answer"
+
+
+def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
+    """The figure of a mode by its name; none where one level has an answer."""
+    levels = pd.DataFrame(
+        {"level": at.level, "tested": at.tested, "frequency": at.frequency}
+        | dict(zip(("median", "low", "high"), at.ratio, strict=True))
+        for at in sorted(mode.places, key=lambda at: at.level)
+        if at.ratio
+    )
+    if len(levels) < 2:
+        return {}
+    words = f"Damping ratio and frequency of {mode.name} against the level in {unit}."
+    return {
+        mode.name: FigureBlock(to_svg(mode_over_level(levels, unit), f"{mode.name}-levels", mode.name, words), words)
+    }
+
+
 def _show(answer: Campaign, out: Path) -> None:
     to = console()
     to.print("What was understood (--correct FILE.toml says otherwise):")
@@ -139,7 +212,7 @@ def _show(answer: Campaign, out: Path) -> None:
     for note in answer.summary.notes:
         to.print(f"- {note}")
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
-    table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
+    table = PlainTable("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
             table.add_row(*_list_row(mode.name, at))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,7 +24,8 @@ from damping.report import (
     format_signed,
     number,
 )
-from damping.report.page import Block, Callout, Fold, Footer, Heading, List, Section, Table, Text, render_page
+from damping.report.page import Block, Footer, Table, render_page
+from damping.report.text import write_sections
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0
@@ -82,38 +85,37 @@ class StudySummary:
 def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[str, str]) -> str:
     """The page as HTML. Equal arguments give equal text; names of studies are all different."""
     names = list(dict.fromkeys(name for study in studies for name in study.records))
-    sections = [Section("studies", "Side by side", _build_overview(studies, names))]
-    sections.append(Section("sharing", "Is it the same law in all of them?", _build_sharing(_list_different(studies))))
-    for name in names:
-        having = [study for study in studies if name in study.records]
-        if len(having) < 2 and len(studies) == 1:
-            continue
-        title = having[0].records[name].title or name
-        sections.append(Section(f"record-{name}", title, _record(name, having, studies)))
-    footer = Footer(
-        seed=studies[0].seed,
-        versions=versions,
-        inputs={f"{study.name}: summary.json": study.digest for study in studies},
-    )
-    return render_page(f"{len(studies)} studies side by side", sections, footer)
-
-
-def _build_overview(studies: Sequence[StudySummary], names: Sequence[str]) -> list[Block]:
     shared = [name for name in names if all(name in study.records for study in studies)]
-    lead = f"{count(len(shared), 'record')} in every study" + (f": {format_joined(shared)}." if shared else ".")
+    several = len(studies) > 1
     rows = [
         {"study": study.name, "title": study.title, "seed": study.seed, "level": study.level}
         | {"records": ", ".join(study.records)}
         for study in studies
     ]
-    several = len(studies) > 1
-    lines = [*_list_leading(studies, shared), *_list_differences(studies)] if several else []
-    return [
-        *([Text(lead, lead=True)] if several else []),
-        _tabulate_records(studies),
-        *([List(lines)] if lines else []),
-        Table(pd.DataFrame(rows), "What is compared"),
-    ]
+    sharing, parts = _weigh_sharing(_list_different(studies))
+    parts |= {"overview": _tabulate_records(studies), "studies": Table(pd.DataFrame(rows), "")}
+    records = []
+    for name in names:
+        having = [study for study in studies if name in study.records]
+        if several or len(having) > 1:
+            tables = _build_tables(name, having)
+            parts |= {f"{name} {what}": table for what, table in tables.items()}
+            has = {what: what in tables for what in ("predictions", "posteriors")}
+            records.append(_describe_record(name, having, studies) | has)
+    values = {
+        "studies": studies,
+        "shared": shared,
+        "lines": [*_list_leading(studies, shared), *_list_differences(studies)] if several else [],
+        "records": records,
+        **sharing,
+    }
+    footer = Footer(
+        seed=studies[0].seed,
+        versions=versions,
+        inputs={f"{study.name}: summary.json": study.digest for study in studies},
+    )
+    sections = write_sections(Path(__file__).with_suffix(".txt"), values, parts)
+    return render_page(f"{len(studies)} studies side by side", sections, footer)
 
 
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
@@ -129,8 +131,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         for study in studies
         for name, record in study.records.items()
     ]
-    caption = "Every record: damping at the top of its test with its 90 % band; exponent p of F in proportion to A^p."
-    return Table(pd.DataFrame(rows), caption)
+    return Table(pd.DataFrame(rows), "")
 
 
 def _describe_top(top: TopOfTest | None, unit: str) -> dict[str, str]:
@@ -155,40 +156,31 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
     """Records that rest on data of their own: of two studies of the same files the first."""
     different: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[str, RecordSummary]] = {}
     for study in studies:
-        of = f"{study.name}: " if len(studies) > 1 else ""
+        prefix = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
             key = (name, tuple(sorted(study.inputs.items())))
-            different.setdefault(key, (of + (record.title or name), record))
+            different.setdefault(key, (prefix + (record.title or name), record))
     return list(different.values())
 
 
-def _build_sharing(records: Sequence[tuple[str, RecordSummary]]) -> list[Block]:
+def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[str, Any], dict[str, Block]]:
+    """What the text says of one law in all records, and its tables."""
+    values: dict[str, Any] = {"among": "", "decides": DECIDES}
     if len(records) < 2:
-        return [Text("There is one record: nothing to share.")]
-    groups = [record.groups for _, record in records]
+        return values, {}
+    names, groups = [name for name, _ in records], [record.groups for _, record in records]
     observed = [record.observations for _, record in records if record.observations is not None]
     complete = len(observed) == len(records)
     shapes = share_shapes(groups, observed) if complete else {}
     odds, table = weigh_sharing(groups, shapes)
-    if not np.isfinite(odds):
-        return [Text("No law was weighed on every record.")]
-    among = f"{count(len(records), 'record')} ({format_joined(name for name, _ in records)})"
-    if odds >= DECIDES:
-        verdict = f"One law in all {among} is {odds:.2g} times more probable than a law of its own for each."
-    elif odds <= 1.0 / DECIDES:
-        times = "beyond doubt" if odds == 0.0 else f"{1.0 / odds:.2g} times more probable"
-        verdict = f"A law of its own for each of {among} is {times} than one law in all."
-    else:
-        verdict = f"Whether one law holds in all {among} cannot be told: the odds are {odds:.2g} to 1."
-    if not complete:
-        verdict += " Studies that keep no observations were compared by their rankings: run them again for a joint fit."
-    shown = table.head(MOST_POOLED)
-    caption = (
-        "Probability of each law if one holds in all records: one exponent where it has one, fitted jointly, with "
-        "coefficients of each record's own"
-    )
-    blocks: list[Block] = [Text(verdict), *([Table(shown, caption, {"weight": format_share})] if len(shown) else [])]
-    return [*blocks, *([_tabulate_shapes([name for name, _ in records], shapes)] if shapes else [])]
+    values |= {"odds": odds, "weighed": np.isfinite(odds), "complete": complete}
+    values["among"] = f"{count(len(records), 'record')} ({format_joined(names)})"
+    parts: dict[str, Block] = {}
+    if len(table):
+        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": format_share})
+    if shapes:
+        parts["shapes"] = _tabulate_shapes(names, shapes)
+    return values, parts
 
 
 def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) -> Table:
@@ -200,8 +192,7 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
         | {f"alone: {name}": interval.format(*alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
-    caption = "Joint fits with one exponent: the odds against an exponent for each, and medians with 90 % intervals"
-    return Table(pd.DataFrame(rows), caption)
+    return Table(pd.DataFrame(rows), "")
 
 
 def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:
@@ -234,22 +225,33 @@ def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     return [*differences, *(f"Not the same {what} in every study." for what in other)]
 
 
-def _record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> list[Block]:
-    blocks: list[Block] = []
-    if len(having) < len(studies):
-        missing = [study.name for study in studies if study not in having]
-        blocks.append(Text(f"Not in {format_joined(missing)}."))
+def _describe_record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> dict[str, Any]:
+    """What the text says of a record: the studies without it, and units where they are not the same."""
     units = {study.name: study.records[name].units for study in having}
-    comparable = len(set(units.values())) == 1
-    if not comparable:
-        lines = [f"{study}: {' and '.join(filter(None, named)) or 'not stated'}" for study, named in units.items()]
-        warning = "The studies are in different units: amplitudes and coefficients cannot be compared"
-        blocks.append(Callout(warning, lines))
-    predictions = _build_predictions(name, having, comparable=comparable)
-    return [*blocks, *_build_rankings(name, having), *predictions, *_build_posteriors(name, having)]
+    lines = [f"{study}: {' and '.join(filter(None, named)) or 'not stated'}" for study, named in units.items()]
+    return {
+        "name": name,
+        "title": having[0].records[name].title or name,
+        "missing": [study.name for study in studies if study not in having],
+        "units": lines if len(set(units.values())) > 1 else [],
+    }
 
 
-def _build_rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
+def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]:
+    """Rankings, predictions and posteriors of a record in all studies; empty ones are left out."""
+    predictions, posteriors = (_tabulate_stacked(name, having, what) for what in ("loads", "posteriors"))
+    tables = {"rankings": _tabulate_rankings(name, having)}
+    if len(predictions):
+        comparable = len({study.records[name].units for study in having}) == 1
+        tables["predictions"] = _tabulate_predictions(predictions, comparable=comparable)
+    if len(posteriors):
+        columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
+        order = posteriors.sort_values(["law", "parameter"], kind="stable")[columns]
+        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or NOTHING})
+    return tables
+
+
+def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
     table = _tabulate_stacked(name, having, "ranking")
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
     wide = pd.DataFrame({"law": order.index})
@@ -258,37 +260,22 @@ def _build_rankings(name: str, having: Sequence[StudySummary]) -> list[Block]:
         wide[f"weight: {study.name}"] = ranking["weight"].to_numpy(float)
         wide[f"held-out error (%): {study.name}"] = ranking["held_out_error"].to_numpy(float)
     formats = {column: format_share if column.startswith("weight") else format_percent for column in wide.columns[1:]}
-    caption = "Weight of each candidate (posterior probability among the physical ones) and its held-out error"
-    return [Heading("Rankings"), Table(wide, caption, formats)]
+    return Table(wide, "", formats)
 
 
-def _build_predictions(name: str, having: Sequence[StudySummary], *, comparable: bool) -> list[Block]:
-    table = _tabulate_stacked(name, having, "loads")
-    if table.empty:
-        return []
+def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
     first = table.drop_duplicates("force").set_index("force")["median"]
     table["difference"] = 100.0 * (table["median"] / table["force"].map(first).to_numpy(float) - 1.0)
     if not comparable:
         table["difference"] = np.nan
     table = table.sort_values("force", kind="stable")
     columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
-    caption = "Resonant amplitude at design forces; difference: of the median from that of the first study that has it"
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
     formats = {
         "linear_overprediction_percent": format_percent,
         "difference": lambda value: format_signed(value).removesuffix(" %"),
     }
-    return [Heading("Predictions"), Table(table[columns], caption, formats, headings)]
-
-
-def _build_posteriors(name: str, having: Sequence[StudySummary]) -> list[Block]:
-    table = _tabulate_stacked(name, having, "posteriors")
-    if table.empty:
-        return []
-    columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
-    order = table.sort_values(["law", "parameter"], kind="stable")[columns]
-    caption = "Median and 90 per cent interval of each parameter"
-    return [Fold("Parameters of every law", [Table(order, caption, {"unit": lambda unit: str(unit) or NOTHING})])]
+    return Table(table[columns], "", formats, headings)
 
 
 def _tabulate_stacked(name: str, having: Sequence[StudySummary], what: str) -> pd.DataFrame:

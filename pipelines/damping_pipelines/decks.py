@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -141,36 +142,30 @@ def _write_nastran(levels: Sequence[LoadLevel], comment: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _write_abaqus(levels: Sequence[LoadLevel], comment: str) -> str:
-    """``*MODAL DAMPING, MODAL=DIRECT`` with a line a mode; all but the first table stand as comments."""
+def _write_blocks(levels: Sequence[LoadLevel], comment: str, block: Callable[[list[float]], list[str]]) -> str:
+    """A block of ratios a table; all but the first stand as comments."""
     lines: list[str] = []
     for number, level, which, ratios in _each_table(levels):
-        block = ["*MODAL DAMPING, MODAL=DIRECT"]
-        block += [f"{mode}, {mode}, {ratio:.9g}" for mode, ratio in enumerate(ratios, start=1)]
         off = "" if number == 1 else f"{comment} "
-        lines += [*_describe(level, which, comment), *(off + line for line in block)]
+        lines += [*_describe(level, which, comment), *(off + line for line in block(ratios))]
     return "\n".join(lines) + "\n"
 
 
-def _write_ansys(levels: Sequence[LoadLevel], comment: str) -> str:
-    """``MDAMP`` commands, six modes a line; all but the first table stand as comments."""
-    lines: list[str] = []
-    for number, level, which, ratios in _each_table(levels):
-        starts = range(0, len(ratios), RATIOS_A_LINE)
-        block = [f"MDAMP,{i + 1}," + ",".join(f"{r:.9g}" for r in ratios[i : i + RATIOS_A_LINE]) for i in starts]
-        off = "" if number == 1 else f"{comment} "
-        lines += [*_describe(level, which, comment), *(off + line for line in block)]
-    return "\n".join(lines) + "\n"
+def _block_abaqus(ratios: list[float]) -> list[str]:
+    """``*MODAL DAMPING, MODAL=DIRECT`` with a line a mode."""
+    lines = (f"{mode}, {mode}, {ratio:.9g}" for mode, ratio in enumerate(ratios, start=1))
+    return ["*MODAL DAMPING, MODAL=DIRECT", *lines]
 
 
-def _write_opensees(levels: Sequence[LoadLevel], comment: str) -> str:
-    """``modalDamping`` of as many modes; all but the first table stand as comments."""
-    lines: list[str] = []
-    for number, level, which, ratios in _each_table(levels):
-        block = [f"eigen {len(ratios)}", "modalDamping " + " ".join(f"{ratio:.9g}" for ratio in ratios)]
-        off = "" if number == 1 else f"{comment} "
-        lines += [*_describe(level, which, comment), *(off + line for line in block)]
-    return "\n".join(lines) + "\n"
+def _block_ansys(ratios: list[float]) -> list[str]:
+    """``MDAMP`` commands, six modes a line."""
+    starts = range(0, len(ratios), RATIOS_A_LINE)
+    return [f"MDAMP,{i + 1}," + ",".join(f"{r:.9g}" for r in ratios[i : i + RATIOS_A_LINE]) for i in starts]
+
+
+def _block_opensees(ratios: list[float]) -> list[str]:
+    """``modalDamping`` of as many modes."""
+    return [f"eigen {len(ratios)}", "modalDamping " + " ".join(f"{ratio:.9g}" for ratio in ratios)]
 
 
 def _write_openfast(levels: Sequence[LoadLevel], comment: str) -> str:
@@ -210,8 +205,8 @@ def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]
 #: Structural codes, each with what writes its deck and how its comments begin.
 CODES: dict[str, tuple[Callable[[Sequence[LoadLevel], str], str], str]] = {
     "nastran": (_write_nastran, "$"),
-    "abaqus": (_write_abaqus, "**"),
-    "ansys": (_write_ansys, "!"),
-    "opensees": (_write_opensees, "#"),
+    "abaqus": (partial(_write_blocks, block=_block_abaqus), "**"),
+    "ansys": (partial(_write_blocks, block=_block_ansys), "!"),
+    "opensees": (partial(_write_blocks, block=_block_opensees), "#"),
     "openfast": (_write_openfast, "!"),
 }

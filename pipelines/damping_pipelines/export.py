@@ -9,7 +9,7 @@ import pandas as pd
 
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
-from damping.formats.uff_write import uff
+from damping.formats.uff_values import write_uff
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
@@ -164,7 +164,7 @@ def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
 
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
     if out.suffix.lower() in _UFF:
-        content, lost = uff(record, names.length, names.force, binary=not text)
+        content, lost = write_uff(record, names.length, names.force, binary=not text)
         write_bytes(out, content)
         notes = [*notes, *lost]
     else:

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from damping.errors import InputError, escape_control
+from damping.errors import InputError, escape_control, naming
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.reading import read_file
@@ -23,7 +23,7 @@ from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
 from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import console, plain_table
+from damping_pipelines.terminal import PlainTable, console
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,8 @@ def import_file(
     refuse_inputs("--json", json_out, *inputs)
     refuse_twice({"--out": out, "--json": json_out})
     series, summary = read_file(file, stated, max_size=max_size)
-    imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
+    with naming(file):
+        imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
     findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
     write_text(out, record_to_csv(imported.record))
     if json_out is not None:
@@ -170,27 +171,24 @@ def read_band(text: str | None) -> tuple[float, float] | None:
 
 def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) -> Imported:
     if any(row.is_time for row in series):
-        raise InputError(
-            "the file holds time histories",
-            file=file,
-            expected="--ring-down --mode MODE.toml where they are free decays",
-        )
+        expected = "--ring-down --mode MODE.toml where they are free decays"
+        raise InputError("the file holds time histories", expected=expected)
     return steady_record(series, stated, file, summary)
 
 
 def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, summary: Summary) -> Imported:
     """The record of free decays: each level a sweep of its own."""
     if stated.forces:
-        raise InputError("--force beside --ring-down", file=file, expected="one of them: a free decay has no force")
+        raise InputError("--force beside --ring-down", expected="one of them: a free decay has no force")
     mode = read_mode(decay.mode)
     _same_system(mode, stated, decay.mode, summary)
-    histories = time_histories(series, stated, file, summary)
+    histories = time_histories(series, stated, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
     tables = [_levels(history, mode, decay, summary).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
     labels = [motion.label for motion in histories]
     if len(set(labels)) < len(labels):
-        raise InputError("two time histories have one label", file=file, expected="--label of each, all different")
+        raise InputError("two time histories have one label", expected="--label of each, all different")
     return Imported(Record(table, str(file)), summary)
 
 
@@ -250,7 +248,7 @@ def import_form(imported: Imported, out: Path) -> dict[str, Any]:
 
 def _print(imported: Imported, out: Path, to: Console) -> None:
     title = f"{escape_control(Path(imported.record.source).name)}: what was understood"
-    table = plain_table(title, (), ("what", "understood", "whence"))
+    table = PlainTable(title, (), ("what", "understood", "whence"))
     for row in imported.summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)

@@ -25,15 +25,14 @@ from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
 from damping.forces import force_class
 from damping.infer.checks import inference_data
-from damping.records.keys import describe_nearest, line_of, read_toml
+from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
-from damping.records.text import describe_shortened
 from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
@@ -44,19 +43,6 @@ from damping_pipelines.store import print_answer, refuse_inputs, to_json, to_png
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970
-#: What belongs where pydantic found another thing, by its name for the mistake.
-_EXPECTED = {
-    "string_type": "text",
-    "string_pattern_mismatch": "letters, digits, - and _, the first a letter or digit",
-    "string_too_long": "at most 80 characters",
-    "tuple_type": "a list",
-    "model_type": "a table",
-    "int_type": "a whole number",
-    "float_type": "a number",
-    "bool_type": "true or false",
-    "bool_parsing": "true or false",
-    "too_short": "at least one",
-}
 
 
 class _Table(BaseModel):
@@ -116,36 +102,7 @@ def read_settings(path: Path) -> StudySettings:
     Raises:
         InputError: with file, line and key of the first thing that is wrong, and what was expected.
     """
-    table = read_toml(path)
-    try:
-        return StudySettings.model_validate(table.values)
-    except ValidationError as error:
-        # a misspelt key explains a missing one, so it comes first
-        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        raise _input_error(problems[0], path, table.content) from None
-
-
-def _input_error(problem: Any, path: Path, content: str) -> InputError:
-    """Pydantic's first problem as one line for people."""
-    keys = tuple(str(key) for key in problem["loc"] if isinstance(key, str))
-    key = ".".join(str(part) for part in problem["loc"])
-    line = _line(content, tuple(problem["loc"]))
-    if problem["type"] == "extra_forbidden":
-        known = RecordSettings.model_fields if len(keys) > 1 else StudySettings.model_fields
-        message, expected = "unknown key", f"{describe_nearest(keys[-1], known)} (nearest of {', '.join(known)})"
-        return InputError(message, file=path, line=line, column=key, expected=expected)
-    if problem["type"] == "missing":
-        return InputError("missing key", file=path, line=line, column=key, expected=f"{keys[-1]} = ...")
-    if problem["type"] in _EXPECTED:
-        given = describe_shortened(repr(problem["input"]))
-        return InputError(given, file=path, line=line, column=key, expected=_EXPECTED[problem["type"]])
-    return InputError(problem["msg"].removeprefix("Value error, "), file=path, line=line, column=key)
-
-
-def _line(content: str, loc: tuple[str | int, ...]) -> int | None:
-    """Line of what a problem is with, or of the least that holds it."""
-    lines = (line_of(content, loc[:length]) for length in range(len(loc), 0, -1))
-    return next((line for line in lines if line is not None), None)
+    return read_schema(read_toml(path), StudySettings)
 
 
 def write_study(

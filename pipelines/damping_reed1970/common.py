@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,8 @@ from matplotlib.figure import Figure
 
 from damping.plots import to_svg
 from damping.report import count, format_joined
-from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text, join_lines, write_blocks
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
+from damping.report.text import join_lines, write_blocks
 
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)
@@ -134,14 +135,12 @@ class KnownTable:
     """A table that is known by name: its title, what it says, and the columns that the page shows (all if empty)."""
 
     title: str
-    said: str
-    columns: tuple[str, ...] = ()
+    text: str
+    columns: Sequence[str] = ()
 
 
-KNOWN = {
-    name: KnownTable(known["title"], known["said"], tuple(known.get("columns", ())))
-    for name, known in tomllib.loads((Path(__file__).parent / "known_tables.toml").read_text("utf-8")).items()
-}
+_KNOWN = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
+KNOWN = {name: KnownTable(**known) for name, known in _KNOWN.items()}
 
 
 def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
@@ -149,34 +148,40 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     known = KNOWN[name]
     shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
     if len(shown) <= MOST_ROWS:
-        return [Table(shown, known.said or known.title, key=name)]
-    words = [Text(known.said)] if known.said else []
+        return [Table(shown, known.text or known.title, key=name)]
+    words = [Text(known.text)] if known.text else []
     return [*words, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
+
+
+TITLES = {
+    2: "Chapter II: hysteresis and slip",
+    3: "Chapter III: one mode in two planes",
+    4: "Chapter IV: force from level to level",
+    5: "Chapter V: energy as a polynomial",
+    6: "Chapter VI: the forces of section 6.1",
+}
 
 
 def write_chapter(
     number: int,
-    title: str,
-    text: Path,
     named: Mapping[str, pd.DataFrame],
     *,
     values: Mapping[str, Any],
     figures: Mapping[str, Callable[[], Figure]],
-    shown: Mapping[str, Table] | None = None,
-    tables: Mapping[str, pd.DataFrame] | None = None,
+    tables: Mapping[str, pd.DataFrame],
+    shown: Mapping[str, Table],
     headings: Mapping[str, str] | None = None,
 ) -> ReportPart:
     """The section of a chapter from its text, which may say ``agreement``.
 
     Args:
-        number, title: of the chapter. named: tables of the report beside ours, by name.
-        values: what the template is filled with. figures: how each is drawn, by name.
+        named: tables of the report beside ours, by name. values: what the template is filled with.
+        figures: how each is drawn, by name.
         tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
         shown: further tables of the page by name, or such as stand for whole ones, without captions.
     """
-    tables = tables or {}
     whole = {name: chapter_table(number, name, frame, headings) for name, frame in tables.items()}
-    known = whole | dict(shown or {})
+    known = whole | dict(shown)
 
     def take(kind: str, name: str, rest: str) -> list[Block]:
         if kind == "figure":
@@ -189,5 +194,7 @@ def write_chapter(
         return [replace(known[name], caption=join_lines(rest))]
 
     agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
-    section = Section(f"chapter-{number}", title, write_blocks(text, {"agreement": agreement, **values}, take))
+    text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
+    blocks = write_blocks(text, {"agreement": agreement, **values}, take)
+    section = Section(f"chapter-{number}", TITLES[number], blocks)
     return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})

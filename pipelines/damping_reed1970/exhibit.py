@@ -22,12 +22,12 @@ from damping_pipelines.terminal import progress
 from damping_reed1970 import data_folder, load_errata
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
-from damping_reed1970.chapter_3.planar_fits import KnownPosterior
+from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
 from damping_reed1970.chapter_4.lines import section_4_3_example, tabulate_linear_coefficients, tabulate_power_laws
 from damping_reed1970.chapter_4.page import write_chapter_4
+from damping_reed1970.chapter_5 import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_5.page import write_chapter_5
-from damping_reed1970.chapter_5.regressions import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
 from damping_reed1970.common import CLOSE, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
@@ -67,9 +67,10 @@ def start(pool: Executor, seed: int) -> StartedReport:
 
 def exhibit(results: ReportResults) -> Exhibit:
     """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
-    sampled = [known for known in results.chapter_3.posteriors.values() if known.posterior]
     posteriors = {
-        f"chapter-3--{_describe_file_stem(f'{known.data} {known.variant}')}": planar_data(known) for known in sampled
+        f"chapter-3--{re.sub('[^A-Za-z0-9]+', '-', f'{data}-{variant}')}": describe_draws(data, variant, posterior)
+        for (data, variant), posterior in results.chapter_3.posteriors.items()
+        if posterior.chains
     }
     parts = report_parts(results)
     pages = build_pages(parts)
@@ -90,15 +91,15 @@ def exhibit(results: ReportResults) -> Exhibit:
     )
 
 
-#: How the section of each chapter is written.
-WRITERS = (write_chapter_2, write_chapter_3, write_chapter_4, write_chapter_5, write_chapter_6)
-
-
 def report_parts(results: ReportResults) -> list[ReportPart]:
     """Chapters II to VI, two gaps between simulation and test, every printed number, and the errata."""
     printed = results.tables["reproduction"]
     return [
-        *(write(results) for write in WRITERS),
+        write_chapter_2(results),
+        write_chapter_3(results),
+        write_chapter_4(results),
+        write_chapter_5(results),
+        write_chapter_6(results),
         gaps_part(results.gaps),
         reproduction_part(printed),
         errata_part(results.tables["errata"], printed),
@@ -167,14 +168,14 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     }
 
 
-#: Columns of every printed number, and tables of each chapter, that the summary holds.
-REPRODUCTION = ("id", "printed", "computed", "computed_after_correction", "erratum")
-CHAPTER_3 = ("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means")
-STUDIES = (
+#: Columns of every printed number, and tables of the chapters, that the summary holds.
+REPRODUCTION = ["id", "printed", "computed", "computed_after_correction", "erratum"]
+SUMMARISED = (
+    *("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means"),
     *("response_points", "level_variations", "chance_of_exponent", "nine_terms_summary"),
     *("false_terms", "false_terms_inflation", "circular_claims"),
+    *("linear_coefficients", "power_laws", "section_4_3_example", "regressions"),
 )
-TABLES = ("linear_coefficients", "power_laws", "section_4_3_example", "regressions")
 
 
 def summarise(results: ReportResults) -> dict[str, Any]:
@@ -182,19 +183,18 @@ def summarise(results: ReportResults) -> dict[str, Any]:
 
     ``chapters`` begins with how many printed numbers agree how well.
     """
-    studies, chapter_3, tables = results.studies, results.chapter_3, results.tables
-    every = studies.tables()
-    shown = {name: chapter_3.tables[name] for name in CHAPTER_3} | {name: every[name] for name in STUDIES}
-    shown |= {name: tables[name] for name in TABLES}
+    printed, levels = results.tables["reproduction"], results.studies.levels
+    tables = {**results.chapter_3.tables, **results.studies.tables(), **results.tables}
+    agreements = printed["agreement"].groupby(printed["id"].map(chapter_of))
     chapters = {
-        "agreement": _agreement(tables["reproduction"]),
-        "picked": [
-            {"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in studies.levels.items()
-        ],
-        **{name: _convert_rows(table) for name, table in shown.items()},
+        "agreement": {
+            str(number): {str(name): int(n) for name, n in own.value_counts().items()} for number, own in agreements
+        },
+        "picked": [{"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in levels.items()],
+        **{name: _convert_rows(tables[name]) for name in SUMMARISED},
     }
     return {
-        "reproduction": _convert_rows(tables["reproduction"][list(REPRODUCTION)]),
+        "reproduction": _convert_rows(printed[REPRODUCTION]),
         "section_6_1": _convert_rows(tables["section_6_1"]),
         "errata": _convert_rows(tables["errata"]),
         "chapters": chapters,
@@ -207,28 +207,16 @@ def _convert_rows(table: pd.DataFrame) -> list[Any]:
     return plain
 
 
-def planar_data(known: KnownPosterior) -> Any:
+def describe_draws(data: str, variant: str, posterior: PlanarPosterior) -> Any:
     """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
 
     Single precision: seven digits are far more than the Monte Carlo error leaves.
     """
-    assert known.posterior is not None  # asked of sampled posteriors only
-    ensembles, kept = known.posterior.chains.x.shape[:2]
-    draws = {name: np.asarray(values, dtype=np.float32) for name, values in known.parameters.items()}
+    chains = posterior.chains
+    assert chains is not None  # asked of sampled posteriors only
+    ensembles, kept = chains.x.shape[:2]
+    draws = {name: np.asarray(values, dtype=np.float32) for name, values in posterior.parameters.items()}
     return load_arviz().from_dict(
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},
-        attrs={"data": known.data, "fit": known.variant, "converged": str(known.posterior.chains.converged)},
+        attrs={"data": data, "fit": variant, "converged": str(chains.converged)},
     )
-
-
-def _agreement(reproduction: pd.DataFrame) -> dict[str, Mapping[str, int]]:
-    """By chapter: printed numbers by how well they come out."""
-    chapter = reproduction["id"].map(chapter_of)
-    return {
-        str(number): {str(name): int(n) for name, n in agreements.value_counts().items()}
-        for number, agreements in reproduction["agreement"].groupby(chapter)
-    }
-
-
-def _describe_file_stem(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Mapping
+import tomllib
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -14,9 +15,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots import ALERT, AVERAGE, MUTED, WIDTH, draw_plain_rows, styled
-from damping.report import count, format_joined, number
-from damping.report.page import Block, Fold, Heading, Section, Table, Text, join_lines, write_blocks
+from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, styled
+from damping.report import number
+from damping.report.page import Block, Section, Table
+from damping.report.text import join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 
@@ -67,16 +69,7 @@ def reproduce() -> list[Reproduction]:
     corrected = {**chapter_3.after_correction(), **chapter_4.after_correction(), **chapter_5.after_correction()}
     changed = {key: value for key, value in corrected.items() if value != computed.get(key)}
     return [
-        Reproduction(
-            id=row["id"],
-            where=row["where"],
-            printed=row["printed"],
-            computed=computed.get(row["id"]),
-            computed_after_correction=changed.get(row["id"]),
-            erratum=row["erratum"],
-            recipe=row["recipe"],
-            reason=row["reason"],
-        )
+        Reproduction(**row, computed=computed.get(row["id"]), computed_after_correction=changed.get(row["id"]))
         for row in load_printed_results().to_dict("records")
     ]
 
@@ -105,7 +98,7 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
             return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
         if kind == "counts":
             return [Table(count_agreements(rows), rest)]
-        return [Table(rows[list(known.columns)], known.said, key="reproduction")]
+        return [Table(rows[list(known.columns)], known.text, key="reproduction")]
 
     blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
@@ -139,25 +132,17 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
     """
     rows = tabulate_percent_differences(table)
     groups = list(rows["group"].unique())
-    figure = Figure(figsize=(WIDTH, 1.1 + 0.2 * len(groups)))
-    axes = figure.add_subplot()
+    figure, axes = build_panel(1.1 + 0.2 * len(groups))
     counts = rows["group"].value_counts()
     draw_plain_rows(axes, [f"{group} ({counts[group]})" for group in groups])
     axes.axvline(0.0, color=MUTED, linewidth=0.8)
     level = rows["group"].map(groups.index).to_numpy(float) + _spread(rows)
     known = rows["erratum"].astype(str).ne("").to_numpy()
-    for chosen, colour, marker, label in (
-        (~known, AVERAGE, "o", "no erratum"),
-        (known, ALERT, "X", "erratum known"),
-    ):
+    marks = ((~known, AVERAGE, "o", "no erratum"), (known, ALERT, "X", "erratum known"))
+    for chosen, colour, marker, label in marks:
         axes.plot(rows["percent"][chosen], level[chosen], marker, color=colour, markersize=4, alpha=0.75, label=label)
-    corrected: dict[str, Any] = {
-        "color": "white",
-        "markeredgecolor": ALERT,
-        "markersize": 3.5,
-        "label": "after correction",
-    }
-    axes.plot(rows["percent_corrected"], level, "D", **corrected)
+    corrected: dict[str, Any] = {"color": "white", "markeredgecolor": ALERT, "label": "after correction"}
+    axes.plot(rows["percent_corrected"], level, "D", markersize=3.5, **corrected)
     axes.set_xscale("symlog", linthresh=_LINEAR)
     axes.xaxis.set_major_formatter(lambda value, position: f"{value:g}")
     axes.set_xlabel("computed against printed (%),\nlinear within ±1 %, logarithmic beyond")
@@ -203,25 +188,22 @@ MOST_NUMBERS = 3
 
 def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     """The errata by severity, each with its proof and the numbers that it changes."""
-    numbers = evidence(reproduction)
-    sizes = table["severity"].value_counts()
-    by_severity = format_joined(f"{sizes.get(key, 0)} {words}" for key, words in
-                  (("A", "change results"), ("B", "change numbers but no conclusion"), ("C", "are minor")))  # fmt: skip
-    kinds = table["kind"].value_counts()
-    blocks: list[Block] = [
-        Text(
-            f"{count(len(table), 'entry').replace('entrys', 'entries')}: {by_severity}. By kind: "
-            + format_joined(f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items())
-            + ". Each comes with its proof, which needs nothing but the report's own text and tables, and with the "
-            "numbers recomputed here: printed → from the printed tables → after correction."
-        )
-    ]
-    for key, title in SEVERITIES.items():
-        rows = table[table["severity"] == key]
-        shown = pd.DataFrame([describe_erratum(row, numbers.get(row["id"], "")) for row in rows.to_dict("records")])
-        shown_table = Table(shown, f"{title}, with proofs.", key="errata")
-        blocks += [Heading(title), shown_table] if key == "A" else [Fold(f"{title}: {len(rows)}", [shown_table])]
-    return ReportPart(Section("errata", "Errata of the report", blocks))
+    numbers, kinds = evidence(reproduction), table["kind"].value_counts()
+    values = {
+        "entries": len(table),
+        "sizes": table["severity"].value_counts().to_dict(),
+        "kinds": [f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items()],
+        "severities": SEVERITIES,
+    }
+
+    def take(kind: str, name: str, caption: str) -> list[Block]:
+        rows = table[table["severity"] == name].to_dict("records")
+        shown = pd.DataFrame([describe_erratum(row, numbers.get(row["id"], "")) for row in rows])
+        return [Table(shown, caption, key="errata")]
+
+    return ReportPart(
+        Section("errata", "Errata of the report", write_blocks(Path(__file__).with_name("errata.txt"), values, take))
+    )
 
 
 def describe_erratum(erratum: Mapping[Hashable, Any], numbers: str) -> dict[str, str]:
@@ -240,47 +222,19 @@ def evidence(rows: pd.DataFrame) -> dict[str, str]:
     """By erratum: the numbers it changes, printed, computed and computed after correction."""
     changes: dict[str, list[str]] = {}
     for row in rows[rows["erratum"] != ""].to_dict("records"):
-        steps = [
-            row["printed"],
-            *(number(row[name], 4) for name in ("computed", "computed_after_correction") if pd.notna(row[name])),
-        ]
+        computed = [row[name] for name in ("computed", "computed_after_correction") if pd.notna(row[name])]
+        steps = [row["printed"], *(number(value, 4) for value in computed)]
         for identity in str(row["erratum"]).split(", "):
             changes.setdefault(identity, []).append(f"{row['id']}: {' → '.join(steps)}")
-    return {identity: "; ".join(_some(texts)) for identity, texts in changes.items()}
-
-
-def _some(texts: list[str]) -> Iterable[str]:
-    return texts if len(texts) <= MOST_NUMBERS else [*texts[:MOST_NUMBERS], f"and {len(texts) - MOST_NUMBERS} more"]
+    for texts in changes.values():
+        if len(texts) > MOST_NUMBERS:
+            texts[MOST_NUMBERS:] = [f"and {len(texts) - MOST_NUMBERS} more"]
+    return {identity: "; ".join(texts) for identity, texts in changes.items()}
 
 
 _SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: What stands in the data, as a pattern, and what the report writes.
-SYMBOLS = {
-    r"->": "→",
-    r"\+-": "±",
-    r"(?<=[\w)\]])( ?)\*( ?)(?=[\w(.])": r"\1·\2",
-    r"\b(?:Gamma)\b": "Γ",
-    r"(?<![A-Za-z])pi(?![A-Za-z])": "π",
-    r"(?<![A-Za-z])xi(?![A-Za-z])": "ξ",
-    r"(?<![A-Za-z])phi(?![A-Za-z])": "φ",
-    r"(?<![A-Za-z])eta(?![A-Za-z])": "η",
-    r"(?<![A-Za-z])omega(?![A-Za-z])": "ω",
-    r"(?<![A-Za-z])(?:w)(?![A-Za-z])": "ω",
-    r"\bwt\b": "ωt",
-    r"(?<![A-Za-z])psi(?![A-Za-z])": "ψ",
-    r"(?<![A-Za-z])int(?=[ _])": "∫",
-    r"\bLambda(?=_)": "Λ",
-    r"\balpha\b": "α",
-    r"\bbeta\b": "β",
-    r"\bdelta\b": "δ",
-    r"\bdW\b": "ΔW",
-    r"\bQd\b": "Q̇",
-    r"(?<=\d)pi": "π",
-    r"\bOLS\b": "least squares",
-    r"\bdof\b": "degree of freedom",
-    r"\bs\.e\.": "standard error",
-    r"\bsqrt\b": "√",
-}
+SYMBOLS = tomllib.loads(Path(__file__).with_name("symbols.toml").read_text("utf-8"))
 
 
 def describe_in_symbols(text: str) -> str:

@@ -18,17 +18,11 @@ from damping.plots import Drawn
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.report import format_share, number
+from damping.report import format_share
 from damping.report.gap_figures import gap_figures
-from damping.report.gap_page import (
-    describe_doubts,
-    describe_following,
-    describe_place,
-    describe_reach,
-    describe_trends,
-    describe_verdict,
-)
-from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
+from damping.report.gap_page import describe_diagnosis
+from damping.report.page import Block, List, Section, Table, Text
+from damping.report.text import join_lines, write_blocks
 from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3 import PLANES
@@ -43,8 +37,7 @@ from damping_reed1970.chapter_4.lines import (
 )
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
-from damping_reed1970.chapter_5.nine_terms import NineTerms, nine_terms
-from damping_reed1970.chapter_5.regressions import EnergySurface, energy_surface
+from damping_reed1970.chapter_5.nine_terms import EnergySurface, NineTerms, energy_surface, nine_terms
 from damping_reed1970.common import DrawnBlock, ReportPart, draw_block
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
@@ -72,28 +65,34 @@ class Studies:
     circular: Circularity
     surface: EnergySurface
 
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """Tidy tables by name."""
-        return {
-            "hysteresis_loops": self.loops.areas,
-            "slip_equivalent": self.slip.energies,
-            "response_points": section_4_2_points(self.curves),
-            "response_widths": self.curves.widths,
-            "level_coefficients": self._levels("coefficients"),
-            "level_variations": self._levels("variations"),
-            "level_predictions": self._levels("predictions"),
-            "chance_of_exponent": tabulate_chance_of_exponent(),
-            "nine_terms": self.nine.full,
-            "nine_terms_summary": self.nine.summary,
-            "nine_terms_elimination": self.nine.elimination,
-            "nine_terms_best": self.nine.best,
-            "nine_terms_by_size": self.nine.by_size,
-            "false_terms": self.false.selection,
-            "false_terms_frequency": self.false.frequency,
-            "false_terms_inflation": self.false.inflation,
-            "circular_laws": self.circular.laws,
-            "circular_claims": self.circular.claims,
+    def tables(self, chapter: int | None = None) -> dict[str, pd.DataFrame]:
+        """Tidy tables by name, of a chapter or all."""
+        nine, false = self.nine, self.false
+        by_chapter = {
+            2: {"hysteresis_loops": self.loops.areas, "slip_equivalent": self.slip.energies},
+            4: {
+                "response_points": section_4_2_points(self.curves),
+                "response_widths": self.curves.widths,
+                "level_coefficients": self._levels("coefficients"),
+                "level_variations": self._levels("variations"),
+                "level_predictions": self._levels("predictions"),
+                "chance_of_exponent": tabulate_chance_of_exponent(),
+            },
+            5: {
+                "nine_terms": nine.full,
+                "nine_terms_summary": nine.summary,
+                "nine_terms_elimination": nine.elimination,
+                "nine_terms_best": nine.best,
+                "nine_terms_by_size": nine.by_size,
+                "false_terms": false.selection,
+                "false_terms_frequency": false.frequency,
+                "false_terms_inflation": false.inflation,
+                "circular_laws": self.circular.laws,
+                "circular_claims": self.circular.claims,
+            },
         }
+        chosen = by_chapter.values() if chapter is None else [by_chapter[chapter]]
+        return {name: table for tables in chosen for name, table in tables.items()}
 
     def _levels(self, name: str) -> pd.DataFrame:
         """One table of the level methods over modes and what is held."""
@@ -101,8 +100,7 @@ class Studies:
             getattr(methods, name).assign(mode=mode, kept=held, picked=methods.picked)
             for (mode, held), methods in self.levels.items()
         ]
-        result: pd.DataFrame = pd.concat(parts, ignore_index=True)
-        return result
+        return pd.concat(parts, ignore_index=True)
 
 
 def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
@@ -125,32 +123,25 @@ def _level_methods(mode: int, held: str) -> LevelMethods:
     """The methods on a mode of Configuration II, with xi held as in the report or with the coefficient itself."""
     record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
     data = observe(record)
-    return level_methods(data, masses(record, data, 1.0) if held == "xi" else None, (1.0, 100.0))
+    return level_methods(data, masses(record, data) if held == "xi" else None, (1.0, 100.0))
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Two gaps between simulation and test, diagnosed."""
+
+    configuration_1: Diagnosis
+    configuration_2: Diagnosis
 
 
 @dataclass(frozen=True)
 class ReportResults:
-    """The report recomputed.
-
-    Attributes:
-        studies: of chapters II, IV and V.
-        chapter_3: of chapter III.
-        tables: of the report beside ours, by name.
-        gaps: two gaps between simulation and test, diagnosed.
-    """
+    """The report recomputed: chapters II, IV and V, chapter III, tables of the report beside ours by name, gaps."""
 
     studies: Studies
     chapter_3: Chapter3
     tables: Mapping[str, pd.DataFrame]
     gaps: Gaps
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Both diagnoses."""
-
-    configuration_1: Diagnosis
-    configuration_2: Diagnosis
 
 
 def diagnose_gaps() -> Gaps:
@@ -218,7 +209,6 @@ _MOST = 8
 def gaps_part(gaps: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
     diagnoses = {"1": gaps.configuration_1, "2": gaps.configuration_2}
-    further = {"1": _describe_planes(gaps.configuration_1), "2": [_describe_damping(gaps.configuration_2)]}
     tables = {f"gap_configuration_{number}": tabulate_hypotheses(d) for number, d in diagnoses.items()}
 
     def take(kind: str, name: str, caption: str) -> list[Block]:
@@ -226,17 +216,20 @@ def gaps_part(gaps: Gaps) -> ReportPart:
             return [Table(tabulate_blind_rows(load_blind_table()), caption)]
         diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
         if kind == "verdict":
-            sentences = [describe_place(diagnosis), *describe_doubts(diagnosis), *describe_trends(diagnosis)]
-            sentences += [*further[name], describe_reach(diagnosis), describe_following(diagnosis)]
-            return [Text(describe_verdict(diagnosis), lead=True), List(sentences)]
+            told = describe_diagnosis(diagnosis)
+            sentences = [*told["place"], *told["doubts"], *told["trends"]]
+            sentences += [join_lines(caption)] if caption else []
+            return [Text(told["verdict"][0], lead=True), List([*sentences, *told["reach"], *told["following"]])]
         if kind == "table":
             formats = {"probability": format_share}
             return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 
-    titles = {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}
-    blocks = write_blocks(Path(__file__).with_name("gaps.txt"), {"titles": titles}, take)
+    first, second = diagnoses.values()
+    values = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
+    values |= {"planes": _find_planes(first), "missing_forces": format_share(_sum_forces(second))}
+    blocks = write_blocks(Path(__file__).with_name("gaps.txt"), values, take)
     return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)
 
 
@@ -246,36 +239,20 @@ def _draw_gap(file: str, drawn: Drawn) -> DrawnBlock:
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
     """Every hypothesis that was fitted, most probable first: ``explanation, probability, log_evidence``."""
-    return pd.DataFrame(
-        {
-            "explanation": [" + ".join(hypothesis.effects) or "no effect" for hypothesis in diagnosis.hypotheses],
-            "probability": [hypothesis.probability for hypothesis in diagnosis.hypotheses],
-            "log_evidence": [hypothesis.hypothesis.log_evidence for hypothesis in diagnosis.hypotheses],
-        }
-    )
+    hypotheses = diagnosis.hypotheses
+    rows = [(" + ".join(h.effects) or "no effect", h.probability, h.hypothesis.log_evidence) for h in hypotheses]
+    return pd.DataFrame(rows, columns=["explanation", "probability", "log_evidence"])
 
 
-def _describe_planes(diagnosis: Diagnosis) -> list[str]:
-    """The second plane in rad/s, if that is the explanation."""
+def _find_planes(diagnosis: Diagnosis) -> tuple[float, float, float] | None:
+    """Second and first frequency, rad/s, and angle of the drive, degrees, if a second plane is the explanation."""
     values = effect_values(diagnosis.leading.best).get("planar-coupling")
     if values is None:
-        return []
+        return None
     first = diagnosis.mode.omega_n * (1.0 + refitted_values(diagnosis.leading.best)["frequency"])
-    return [
-        f"The second plane lies at {number(first * values['frequency_ratio'], 4)} rad/s, the first at "
-        f"{number(first, 4)}, and the drive {number(degrees(values['angle']), 2)} degrees from the first. (The fit of "
-        "section 3.1, which sees the phase of every node too, is in chapter III.)"
-    ]
+    return first * values["frequency_ratio"], first, degrees(values["angle"])
 
 
-def _describe_damping(diagnosis: Diagnosis) -> str:
+def _sum_forces(diagnosis: Diagnosis) -> float:
     """How probable it is that damping forces, and no other effects, are missing."""
-    forces = sum(
-        hypothesis.probability
-        for hypothesis in diagnosis.hypotheses
-        if {CATALOGUE[name].kind for name in hypothesis.effects} == {"force"}
-    )
-    return (
-        "Missing forces that grow with amplitude, whichever they are, have probability "
-        f"{format_share(forces)} together."
-    )
+    return sum(h.probability for h in diagnosis.hypotheses if {CATALOGUE[name].kind for name in h.effects} == {"force"})

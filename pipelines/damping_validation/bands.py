@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.plots import describe_with_unit
+from damping.plots import (
+    ALERT,
+    AVERAGE,
+    BEYOND,
+    CREDIBLE,
+    LINEAR,
+    MEASURED,
+    PREDICTIVE,
+    TEXT_WIDTH,
+    describe_with_unit,
+    plain_log,
+    styled,
+    to_png,
+)
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
+from damping.report.text import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress
-from damping_validation.calibration_plots import real_bands
 
 LEVEL = 0.9
 #: Largest high/low wanted at a ratio of force to the largest tested one.
@@ -80,17 +96,17 @@ def bands_page(folder: Path, out: Path, seed: int) -> None:
     inputs = {name: digest(read_bytes(folder / name, MAX_SIZE)) for name in read}
     with sole_writer(out, ["README.md", *outputs]):
         files: dict[str, bytes] = {}
-        results = [result(folder / name, seed) for name in names]
-        for one in results:
-            files[f"{one.name}.png"] = figure(one)
-            files[f"{one.name}.csv"] = record_to_csv(tabulate_loads(one.at)).encode()
-            files[f"{one.name}-left-out.csv"] = record_to_csv(one.left_out).encode()
+        results = [predict_structure(folder / name, seed) for name in names]
+        for band in results:
+            files[f"{band.name}.png"] = to_png(draw_real_bands(band), _DPI)
+            files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()
+            files[f"{band.name}-left-out.csv"] = record_to_csv(band.left_out).encode()
         files["README.md"] = render_page(results, seed).encode()
         publish(out, files, seed=seed, versions=versions(), inputs=inputs)
     print(f"{out / 'README.md'} written")
 
 
-def result(folder: Path, seed: int) -> BandResult:
+def predict_structure(folder: Path, seed: int) -> BandResult:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     data = near_resonance(record)
@@ -129,118 +145,123 @@ def tabulate_loads(loads: Loads) -> pd.DataFrame:
     )
 
 
-def figure(band: BandResult) -> bytes:
-    """The figure of one structure as PNG."""
-    data, units = band.plan.data, band.mode.units
-    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
-    drawn = real_bands(
-        tabulate_loads(band.grid),
-        tested,
-        band.left_out,
-        describe_with_unit("force at resonance", units.force),
-        describe_with_unit("resonant amplitude", units.length),
-    )
-    buffer = io.BytesIO()
-    drawn.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
-
-
 def render_page(results: list[BandResult], seed: int) -> str:
     """The page in Markdown."""
-    goals = [row for one in results for row in _list_goals(one)]
-    checks = pd.concat([one.left_out for one in results], ignore_index=True)
+    checks = pd.concat([band.left_out for band in results], ignore_index=True)
     given = checks[~checks["refused"]]
-    head = _HEAD.format(
-        seed=seed,
-        goals="\n".join(goals),
-        hits=int(given["inside"].sum()),
-        given=len(given),
-        refused=int(checks["refused"].sum()),
-        worst=checks["linear_over_percent"].max(),
-        medians=_describe_medians(given),
-    )
-    return head + "\n".join(_describe_section(one) for one in results)
+    values = {
+        "seed": seed,
+        "goals": [row for band in results for row in _list_goals(band)],
+        "checks": checks,
+        "given": given,
+        "errors": (100.0 * (given["median"] / given["measured"] - 1.0)).groupby(given["levels"]),
+        "bands": [
+            (
+                band,
+                _name_structure(band),
+                tabulate_loads(band.at).to_dict("records"),
+                dict.fromkeys(chain.from_iterable(band.at.cautions)),
+            )
+            for band in results
+        ],
+        "citations": {name: source for name, (_, source) in CITATIONS.items()},
+        "parts": PARTS,
+    }
+    return fill_text(Path(__file__).with_suffix(".txt"), values)
 
 
-_HEAD = """# Design-load bands on real structures
-
-By `damping bands FOLDER --out DIR --seed {seed}`, FOLDER holding the records (`NAME/record.csv`, `NAME/mode.toml`). The
-records are not part of the project; what stands here is derived from them.
-
-| goal | measured | met |
-|---|---|---|
-{goals}
-
-Within the records, every level with two or more below it was predicted from those below alone, with nothing of the
-higher ones in the choice of laws, weights or discrepancy: the 90 % band holds {hits} of {given} resonances, and
-{refused} predictions were refused (two levels are no test beyond 1.5 times). The median errs by {medians}; the goal
-is 10 %. Linear damping from the same levels overpredicts by up to {worst:.0f} %. The predictions share
-levels, so they are fewer checks than they seem.
-"""
-
-
-def _describe_medians(given: pd.DataFrame) -> str:
-    """Errors of the medians, by number of levels below."""
-    error = 100.0 * (given["median"] / given["measured"] - 1.0)
-    parts = [
-        f"{', '.join(f'{value:+.0f}' for value in rows)} % from {levels} levels"
-        for levels, rows in error.groupby(given["levels"])
-    ]
-    return "; ".join(parts)
-
-
-def _list_goals(band: BandResult) -> list[str]:
-    """Widths beside the goals; a warning where one is wanted."""
+def _list_goals(band: BandResult) -> list[tuple[str, str, bool]]:
+    """Goal, what was measured, met or not: widths; a warning where one is wanted."""
+    title = _name_structure(band)
     if band.name in WARNED:
         caution, refused = band.at.cautions[-1][0], bool(np.isnan(band.at.average.median).all())
         measured = caution if refused else f"a band, and before it: {caution}"
-        return [f"| {_title(band)}: a warning rather than a confident band | {measured} | {_describe_yes(refused)} |"]
+        return [(f"{title}: a warning rather than a confident band", measured, refused)]
     rows = []
     for ratio, most in GOALS.items():
         i = RATIOS.index(ratio)
         width = band.at.average.high[i] / band.at.average.low[i]
         measured = f"{width:.2f}" if np.isfinite(width) else f"refused: {band.at.cautions[i][0]}"
-        goal = f"{_title(band)}: high/low at {ratio:g} times the tested force at most {most:g}"
-        rows.append(f"| {goal} | {measured} | {_describe_yes(bool(width <= most))} |")
+        goal = f"{title}: high/low at {ratio:g} times the tested force at most {most:g}"
+        rows.append((goal, measured, bool(width <= most)))
     return rows
 
 
-def _describe_yes(met: bool) -> str:
-    return "yes" if met else "no"
-
-
-def _describe_section(band: BandResult) -> str:
-    """One structure: figure, table, what was left out, citation."""
-    units, plan = band.mode.units, band.plan
-    force, length = (f" ({unit})" if unit else "" for unit in (units.force, units.length))
-    exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
-    laws = ", ".join(f"{law.name} {law.weight:.2f}" for law in plan.laws)
-    said = dict.fromkeys(c for cautions in band.at.cautions for c in cautions)
-    lines = [
-        f"\n## {_title(band)}\n",
-        f"![Bands of {band.name}]({band.name}.png)\n",
-        f"| force{force} | times tested | median{length} | 90 % band | high/low | linear over by % |"
-        + "".join(f" {name.replace('_', ' ')} % |" for name in PARTS),
-        "|" + "---|" * (6 + len(PARTS)),
-        *(_describe_row(band.at, i) for i in range(len(RATIOS))),
-        f"\nLaws by weight: {laws}. Local exponent p from level to level: {exponents}.\n",
-        *(f"- {caution}" for caution in said),
-        f"\nDerived from: {CITATIONS[band.name][1]}." if band.name in CITATIONS else "",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _describe_row(loads: Loads, i: int) -> str:
-    band = loads.average
-    if not np.isfinite(band.median[i]):
-        return f"| {loads.force[i]:.3g} | {loads.ratio[i]:g} |" + " refused |" + " |" * (3 + len(PARTS))
-    low, high = loads.overprediction_low[i], loads.overprediction_high[i]
-    return (
-        f"| {loads.force[i]:.3g} | {loads.ratio[i]:g} | {band.median[i]:.3g} | {band.low[i]:.3g} to {band.high[i]:.3g} "
-        f"| {band.high[i] / band.low[i]:.2f} | {loads.overprediction[i]:.0f} ({low:.0f} to {high:.0f}) |"
-        + "".join(f" {loads.parts[name][i]:.1f} |" for name in PARTS)
-    )
-
-
-def _title(band: BandResult) -> str:
+def _name_structure(band: BandResult) -> str:
     return CITATIONS[band.name][0] if band.name in CITATIONS else band.mode.name
+
+
+_PARTS = {
+    "measurement_noise": ("measurement noise", "#999933"),
+    "parameters": ("parameters", "#56b4e9"),
+    "between_model": ("between models", "#d55e00"),
+    "discrepancy": ("discrepancy", "#0b2545"),
+}
+
+
+@styled
+def draw_real_bands(band: BandResult) -> Figure:
+    """Draw three panels side by side: beyond the test, higher levels left out, standard deviations of the parts."""
+    figure = Figure(figsize=(1.35 * TEXT_WIDTH, 3.1))
+    axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
+    bands = tabulate_loads(band.grid)
+    _draw_bands(axes[0], bands, band)
+    _draw_left_out(axes[1], band.left_out)
+    _draw_parts(axes[2], bands)
+    return figure
+
+
+def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
+    """Draw resonant amplitude against force, both logarithmic."""
+    data, force = band.plan.data, bands["force"]
+    ax.axvspan(data.tested_force.max(), force.max(), color=BEYOND, linewidth=0, zorder=0)
+    for name, ends, colour in (("predictive", "", PREDICTIVE), ("credible", "credible_", CREDIBLE)):
+        low, high = bands[f"{ends}low"], bands[f"{ends}high"]
+        ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
+    ax.plot(force, bands["median"], color=AVERAGE, label="median")
+    ax.plot(force, bands["linear"], color=LINEAR, linestyle=(0, (7, 2)), label="linear")
+    ax.plot(data.tested_force, data.tested_amplitude, "o", color=MEASURED, markeredgecolor="white", label="tested")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(lambda value, position: f"{value:g}")
+        axis.set_minor_locator(NullLocator())
+    ax.set_xlim(force.min(), force.max())
+    ax.set_title("beyond the test")
+    ax.set_xlabel(describe_with_unit("force at resonance", band.mode.units.force))
+    ax.set_ylabel(describe_with_unit("resonant amplitude", band.mode.units.length))
+    ax.legend()
+
+
+def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
+    """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
+    place = np.arange(len(left_out))
+    low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
+    ax.vlines(place, low, high, color=CREDIBLE, linewidth=5)
+    ax.plot(place, median, "o", color=AVERAGE, markersize=4)
+    linear = 1.0 + left_out["linear_over_percent"] / 100.0
+    ax.plot(place, linear, "_", color=LINEAR, markersize=9, markeredgewidth=1.8)
+    refused = left_out["refused"].to_numpy(bool)
+    ax.plot(place[refused], np.ones(refused.sum()), "x", color=ALERT)
+    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+    labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
+    ax.set_xticks(place, labels, fontsize=6.5)
+    ax.set_xlim(-0.6, len(left_out) - 0.4)
+    ax.grid(visible=False, axis="x")
+    ax.set_ylabel("predicted over measured")
+    ax.set_title("higher levels left out")
+
+
+def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
+    """Standard deviation of each part against the extrapolation ratio."""
+    for name, (label, colour) in _PARTS.items():
+        ax.plot(bands["ratio"], bands[name], color=colour, label=label)
+    whole = np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1))
+    ax.plot(bands["ratio"], whole, color=MEASURED, lw=1.0, ls=":", label="whole")
+    ax.set_xscale("log")
+    plain_log(ax.xaxis)
+    ax.set_xlabel("force over largest tested")
+    ax.set_ylabel("standard deviation, % of amplitude")
+    ax.set_title("four parts")
+    ax.legend()

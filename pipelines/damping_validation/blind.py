@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -34,9 +34,8 @@ from damping_validation.generator import (
     draw_further_rows,
     strata,
 )
-from damping_validation.scorer import score
+from damping_validation.scorer import Verdict, judge, score
 from damping_validation.scorer_output import SCORES, describe_verdict, render_scores
-from damping_validation.verdicts import read_answer, read_sealed, read_verdicts
 
 #: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
 DIAGNOSIS_SEED = 1970
@@ -143,6 +142,41 @@ def _processor_time() -> float:
     """Processor time of this process and of its finished children, s."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
+
+
+def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
+    """The verdicts, from labels that are still those whose SHA-256 was recorded before the diagnosis.
+
+    Raises:
+        InputError: labels that were changed since, or an answer of another form.
+    """
+    content = labels.read_bytes()
+    if hashlib.sha256(content).hexdigest() != sealed:
+        raise InputError("the labels are not those that were sealed", file=labels, expected=f"SHA-256 {sealed}")
+    return read_verdicts(json.loads(content), answers)
+
+
+def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
+    """The verdicts of all labelled cases; a missing answer counts as a failed one.
+
+    Raises:
+        InputError: an answer that is neither ``gap/1`` nor an error.
+    """
+    rig = frozenset(labels.get("rig", ()))
+    return [judge(name, label, read_answer(answers / f"{name}.json"), rig) for name, label in labels["cases"].items()]
+
+
+def read_answer(path: Path) -> Mapping[str, Any]:
+    """The answer of a file; an error where there is none. InputError where it is of another form."""
+    if not path.exists():
+        return {"error": "no answer"}
+    try:
+        answer = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"not JSON: {error}", file=path, expected="gap/1") from None
+    if not isinstance(answer, dict) or ("error" not in answer and answer.get("format") != "gap/1"):
+        raise InputError("not an answer", file=path, expected="gap/1")
+    return answer
 
 
 class _Task(NamedTuple):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
@@ -14,13 +13,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.stats import binom, binomtest
 
+from damping.arrays import FloatArray
 from damping.infer.law import Law
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled, to_png
 from damping.records.record import record_to_csv
+from damping.report.text import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
-from damping_validation import calibration_plots as plots
 from damping_validation import calibration_tables as tables
 from damping_validation.calibration import (
     CALIBRATED,
@@ -44,6 +47,7 @@ SWEPT = Law(("viscous", "velocity-squared"))
 CHAINED = Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
+#: Dots per inch of the figures.
 _DPI = 130
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
@@ -92,7 +96,7 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
         f"{name}.csv": record_to_csv(table).encode()
         for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
     }
-    files |= {f"{name}.png": png(figure) for name, figure in figures(predictions, ranks).items()}
+    files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in draw_figures(predictions, ranks).items()}
     return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
 
 
@@ -141,113 +145,112 @@ def _batch(trials: list[Trial]) -> dict[tuple[Any, ...], Any]:
     return {trial.key: trial.call() for trial in trials}
 
 
-def figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
+def draw_figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
     """The figures by name."""
-    found: dict[str, dict[str, np.ndarray]] = {}
-    beyond: dict[str, np.ndarray] = {}
+    ecdfs: dict[str, dict[str, FloatArray]] = {}
+    beyond: dict[str, FloatArray] = {}
     counts: dict[str, int] = {}
     for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
         name = str(law) if data == "resonances" else f"{law}\n({_OF[str(data)]})"
         values = group["rank"].to_numpy()
-        found.setdefault(name, {})[str(quantity)] = ecdf(values)
+        ecdfs.setdefault(name, {})[str(quantity)] = ecdf(values)
         counts[name] = len(values)
         if quantity == "amplitude beyond":
             beyond[name] = values
-    bands = {n: ecdf_band(n, tables.SURE) for n in set(counts.values())}
     return {
-        "coverage": plots.coverage(tables.tabulate_coverage(predictions[predictions["way"] == "fast"]), LEVEL),
-        "ranks": plots.rank_histograms(beyond, tables.BINS, RANKED),
-        "ecdf": plots.rank_ecdfs(found, bands, counts),
+        "coverage": draw_coverage(tables.tabulate_coverage(predictions[predictions["way"] == "fast"])),
+        "ranks": draw_rank_histograms(beyond),
+        "ecdf": draw_rank_ecdfs(ecdfs, counts),
     }
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as PNG; equal figures give equal bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
     """The page: goals beside what was measured, every structure, figures."""
-    goals = tables.tabulate_goals(predictions, ranks)
-    command = f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else "")
+    fast = tables.tabulate_coverage(predictions[predictions["way"] == "fast"])
     selection = tables.tabulate_selection(predictions)
-    return _PAGE.format(
-        trials=trials,
-        command=command,
-        goals="\n".join(f"| {r.goal} | {r.measured} | {'yes' if r.met else 'no'} |" for r in goals.itertuples()),
-        structures="\n".join(_list_structures(predictions[predictions["way"] == "fast"])),
-        leads="; ".join(f"{r.truth} {r.true_leads} of {r.trials}" for r in selection.itertuples()),
-        outside=_describe_outside(ranks),
-        sure=f"{100 * tables.SURE:g}",
-        refused=int(predictions["refused"].sum()),
-        predictions=len(predictions),
-        levels=f"{LEVELS[0]} to {LEVELS[1]}",
-        spans=f"{SPANS[0]:g} to {SPANS[1]:g}",
-        noises=f"{100 * NOISES[0]:g} to {100 * NOISES[1]:g} %",
-    )
+    worst_first = fast.loc[fast["ratio"] == RATIOS[-1], "truth"]
+    values = {
+        "trials": trials,
+        "command": f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else ""),
+        "goals": tables.tabulate_goals(predictions, ranks),
+        "structures": [(truth, fast[fast["truth"] == truth].sort_values("ratio")) for truth in worst_first],
+        "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
+        "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
+        "sure": 100 * tables.SURE,
+        "predictions": predictions,
+        "levels": LEVELS,
+        "spans": SPANS,
+        "noises": NOISES,
+    }
+    return fill_text(Path(__file__).with_suffix(".txt"), values) + "\n"
 
 
-def _list_structures(predictions: pd.DataFrame) -> list[str]:
-    """One line per structure, worst first at the largest ratio: held and above at each ratio, widths."""
-    table = tables.tabulate_coverage(predictions)
-    lines = []
-    for truth in table.loc[table["ratio"] == RATIOS[-1], "truth"]:  # the worst stands first
-        rows = table[table["truth"] == truth].sort_values("ratio")
-        held, above = (
-            " | ".join(f"{100 * share:.0f}" for share in rows[column]) for column in ("share_held", "share_above")
-        )
-        width, over = (float(rows[column].iloc[-1]) for column in ("width", "over_oracle"))
-        lines.append(f"| {truth} | {held} | {above} | {width:.2f} | {f'{over:.1f}' if np.isfinite(over) else ''} |")
-    return lines
+@styled
+def draw_coverage(table: pd.DataFrame) -> Figure:
+    """Draw the share of next tests inside the band and above it, a row a structure, a mark a ratio, 95 % intervals."""
+    names = list(dict.fromkeys(table["truth"]))[::-1]
+    figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, column, goal in ((left, "held", LEVEL), (right, "above", 0.5 * (1.0 - LEVEL))):
+        ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
+        for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
+            rows = table[(table["ratio"] == ratio) & (table["given"] > 0)]
+            place = np.array([names.index(name) for name in rows["truth"]]) + shift
+            shares = [binomtest(int(k), int(n)) for k, n in zip(rows[column], rows["given"], strict=True)]
+            limits = [result.proportion_ci(0.95, "wilson") for result in shares]
+            ax.hlines(place, [limit.low for limit in limits], [limit.high for limit in limits], color=CREDIBLE)
+            ax.plot([result.statistic for result in shares], place, "o", markersize=2 + ratio / 2, color=AVERAGE,
+                    label=f"{ratio:g} times")  # fmt: skip
+        ax.set_xlim(-0.02, 1.02)
+    left.set_yticks(np.arange(len(names)), names)
+    left.set_xlabel(f"share inside the {100 * LEVEL:g} % band")
+    right.set_xlabel("share above it")
+    right.legend()
+    return figure
 
 
-def _describe_outside(ranks: pd.DataFrame) -> str:
-    """The quantities whose ranks leave their band."""
-    names = [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()]
-    return "; ".join(names) or "none"
+@styled
+def draw_rank_ecdfs(ecdfs: Mapping[str, Mapping[str, FloatArray]], counts: Mapping[str, int]) -> Figure:
+    """Draw the ECDFs of ranks less the uniform one, every parameter of a law in a panel, in the simultaneous band.
+
+    Args:
+        ecdfs: by law and parameter, at k/(RANKED + 1). counts: trials by law.
+    """
+    z = np.linspace(0.0, 1.0, RANKED + 2)[1:-1]
+    figure, panels = _open_panels(ecdfs, 1.2, sharey=True)
+    for law, ax in panels.items():
+        low, high = ecdf_band(counts[law], tables.SURE)
+        ax.fill_between(z, low - z, high - z, color=PREDICTIVE, linewidth=0)
+        for values in ecdfs[law].values():
+            ax.plot(z, values - z, color=AVERAGE, linewidth=0.8)
+    figure.supxlabel("rank of the true value among posterior draws, relative", fontsize=8.5)
+    figure.supylabel("ECDF less uniform", fontsize=8.5)
+    return figure
 
 
-_PAGE = """# Calibration
+@styled
+def draw_rank_histograms(ranks: Mapping[str, FloatArray]) -> Figure:
+    """Draw histograms of the ranks 0 to RANKED of the amplitude beyond the test, by law, with the 99 % range of a
+    uniform count."""
+    figure, panels = _open_panels(ranks, 1.1, sharey=False)
+    for law, ax in panels.items():
+        count = len(ranks[law])
+        ax.axhspan(*binom.interval(0.99, count, 1.0 / tables.BINS), color=PREDICTIVE, linewidth=0)
+        bins = {"bins": tables.BINS, "range": (0, RANKED + 1)}
+        ax.hist(ranks[law], **bins, color=MUTED, edgecolor="white", linewidth=0.5)
+        ax.axhline(count / tables.BINS, color=INK, linewidth=0.7)
+        ax.set_ylim(0)
+    figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
+    return figure
 
-{trials} trials, by `{command}`. Every trial has a seed of its own; the same command gives the same tables.
 
-## Goals beside what was measured
-
-In parentheses the {sure} % binomial interval; cover is met when the interval reaches the goal.
-
-| goal | measured | met |
-|---|---|---|
-{goals}
-
-![Coverage of the bands](coverage.png)
-
-Structures are drawn at random (`pipelines/damping_validation/truths.py`), tested at {levels} forces that span a factor
-of {spans}, with noise of {noises}, one in seven by whole sweeps. Refused predictions are left out of the shares:
-{refused} of {predictions} (two levels are no test of 2 and 4 times). Every prediction:
-[predictions.csv](predictions.csv); counts: [coverage.csv](coverage.csv).
-
-By structure, `--fast`, the worst at 4 times first: per cent of next tests held and above the band, median high/low, and
-its ln over that of a fitter who knows the form (least squares, Student's t).
-
-| structure | held 1.5 | 2 | 4 | above 1.5 | 2 | 4 | high/low at 4 | over the oracle's |
-|---|---|---|---|---|---|---|---|---|
-{structures}
-
-The law of largest weight is the structure's own: {leads}. Over a narrow span some laws imitate others to within the
-noise; a choice among them would be a guess, which is why bands average over laws by weight.
-
-## Posteriors
-
-Simulation-based calibration: parameters from the prior, data from the likelihood, rank of the true value among 63
-posterior draws. Shaded: {sure} % simultaneous band of uniform ranks ([ranks.csv](ranks.csv)). Outside it: {outside}.
-
-Of whole sweeps, the scatter of rows comes out somewhat too large: the likelihood divides a row's residual by the slope
-at the measured point, as is right for small scatter. The residuals of simulated rows are 2 % wider than it says at a
-scatter of 2 %, and 12 % wider at 10 %, which the prior allows and few tests show.
-
-![Ranks of the amplitude beyond the test](ranks.png)
-
-![ECDF of all ranks less uniform](ecdf.png)
-"""
+def _open_panels(names: Collection[str], height: float, sharey: bool) -> tuple[Figure, dict[str, Axes]]:
+    """A figure of three columns of small panels, one a name, ``height`` inches a row."""
+    rows = -(-len(names) // 3)
+    figure = Figure(figsize=(TEXT_WIDTH, height * rows))
+    panels = figure.subplots(rows, 3, sharex=True, sharey=sharey, squeeze=False).ravel()
+    for ax in panels[len(names) :]:
+        ax.set_visible(False)
+    for ax, name in zip(panels, names, strict=False):
+        ax.set_title(name, fontsize=7)
+    return figure, dict(zip(names, panels, strict=False))

@@ -93,7 +93,10 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     tested = np.geomspace(span**-0.5, span**0.5, levels)
     swept = rng.random() < SWEPT_SHARE
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
-    data = at_resonance(sweeps(truth, tested, noise, rng)) if swept else peaks(tested, read)
+    data = peaks(tested, read)
+    if swept:
+        data = at_resonance(sweeps(truth.amplitude, tested, noise, 0.5 * noise, rng))
+
     force = tested[-1] * np.array(RATIOS)
     estimate, sampler = (
         brief_evidence if way == "fast" else evidence,
@@ -171,22 +174,8 @@ def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
     coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, True)
     true = _prior_draw(coordinates, rng)
     row, level = (float(value[0]) for value in coordinates.scatter(true))
-    phase = np.tile(np.linspace(0.25 * np.pi, 0.75 * np.pi, 9), len(_FORCES))
-    sweep = np.repeat(np.arange(len(_FORCES)), 9)
-    force = _FORCES[sweep]
-    exact = resonant_amplitude(coordinates.force(true), (force * np.sin(phase))[None, :], OMEGA)[0]
-    shift = level * rng.standard_normal(len(_FORCES))[sweep] + row * rng.standard_normal(len(force))
-    read = phase + row * rng.standard_normal(len(force))
-    data = replace(
-        peaks(force, exact * np.exp(shift)),
-        D=force * np.sin(read),
-        R=np.abs(force * np.cos(read)),
-        sweep=sweep,
-        sweeps=tuple(f"level {i + 1}" for i in range(len(_FORCES))),
-        tested_force=_FORCES,
-        tested_amplitude=_amplitudes(coordinates, true)[0],
-        tested_omega=np.full(len(_FORCES), OMEGA),
-    )
+    data = sweeps(lambda force: _amplitudes(coordinates, true, force)[0], _FORCES, level, row, rng)
+    data = replace(data, tested_amplitude=_amplitudes(coordinates, true)[0])
     return _ranks(coordinates, data, true, rng, chains=False)
 
 
@@ -194,10 +183,10 @@ def _ranks(
     coordinates: Coordinates, data: Observations, true: FloatArray, rng: np.random.Generator, chains: bool
 ) -> dict[str, int]:
     """Ranks of the true values among draws that have resonances in range."""
-    found = evidence(coordinates, data, int(rng.integers(2**31)))
-    x = found.draws
+    estimate = evidence(coordinates, data, int(rng.integers(2**31)))
+    x = estimate.draws
     if chains:
-        x = sample(coordinates, data, found, lambda x: {}, int(rng.integers(2**31))).draws
+        x = sample(coordinates, data, estimate, lambda x: {}, int(rng.integers(2**31))).draws
     x = rng.permutation(x[_in_range(coordinates, x)])[:RANKED]
     values, at = _quantities(coordinates, x, data), _quantities(coordinates, true, data)
     # draws by importance may repeat: ties are broken at random
@@ -226,9 +215,9 @@ def _in_range(coordinates: Coordinates, x: FloatArray) -> BoolArray:
         return np.asarray(np.all(np.abs(np.log(A)) < np.log(_RANGE), axis=1))
 
 
-def _amplitudes(coordinates: Coordinates, x: FloatArray) -> FloatArray:
-    """Resonant amplitudes at the forces of the calibration data, (draws, forces)."""
-    return resonant_amplitude(coordinates.force(x), _FORCES[None, :], OMEGA)
+def _amplitudes(coordinates: Coordinates, x: FloatArray, force: FloatArray = _FORCES) -> FloatArray:
+    """Resonant amplitudes at forces, by default those of the calibration data, (draws, forces)."""
+    return resonant_amplitude(coordinates.force(x), force[None, :], OMEGA)
 
 
 @lru_cache(maxsize=8)
@@ -254,5 +243,5 @@ def ecdf(ranks: FloatArray) -> FloatArray:
 def is_uniform(ranks: FloatArray, level: float = 0.99) -> bool:
     """Whether the ECDF of ranks stays inside its simultaneous band."""
     low, high = ecdf_band(len(ranks), level)
-    found = ecdf(ranks)
-    return bool(np.all((found >= low) & (found <= high)))
+    shares = ecdf(ranks)
+    return bool(np.all((shares >= low) & (shares <= high)))

@@ -116,9 +116,9 @@ def tabulate_goals(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFra
         for ratio, given, held, above in zip(*columns, strict=True):
             interval = binomtest(int(held), int(given)).proportion_ci(SURE, "wilson")
             met = interval.high >= HELD[0] and interval.low <= HELD[1]
-            said = f"{100 * held / given:.1f} % of {given} ({100 * interval.low:.0f} to {100 * interval.high:.0f})"
+            text = f"{100 * held / given:.1f} % of {given} ({100 * interval.low:.0f} to {100 * interval.high:.0f})"
             goal = f"{way}: holds {100 * HELD[0]:g} to {100 * HELD[1]:g} % of next tests at {ratio:g} times"
-            rows.append({"goal": goal, "measured": said, "met": met})
+            rows.append({"goal": goal, "measured": text, "met": met})
             goal = f"{way}: at most {100 * ABOVE:g} % above the band at {ratio:g} times"
             rows.append({"goal": goal, "measured": f"{100 * above:.1f} %", "met": above <= ABOVE})
         if way != "chains":  # one trial a truth says nothing of it

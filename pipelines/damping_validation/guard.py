@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from damping_pipelines.terminal import end_with_parent
-from damping_validation.blind import make_cases
+from damping_validation.blind import make_cases, read_sealed
 from damping_validation.calibration import RATIOS, Coverage, coverage_trial
 from damping_validation.truths import TRUTHS
-from damping_validation.verdicts import read_sealed
 
 #: Trials of each truth, and their seed.
 TRIALS = 8

@@ -5,19 +5,17 @@ The figures of the last blind run of the gap diagnosis are shipped: what may be 
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_svg
+from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_png, to_svg
 from damping.report.page import FigureBlock, Footer, Section, Table, Text, render_page
 from damping_pipelines.exhibits import shipped_folder
-from damping_validation.scorer import Figure, Goal
-from damping_validation.verdicts import DETECTABLE, Verdict
+from damping_validation.scorer import DETECTABLE, Figure, Goal, Verdict
 
 # Answers that name no single class, as the confusion matrix heads them.
 NONE = "none"
@@ -27,6 +25,8 @@ OPEN = "flagged"
 FAILED = "no answer"
 #: Families in the order in which tables list them.
 FAMILIES = {"null": 0, "single": 1, "pair": 2, "outside": 3}
+#: Where the cause is, of a case of each family.
+CAUSES = {"null": "nothing", "single": "in the library", "pair": "a pair", "outside": "in no library"}
 _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)
 
 
@@ -46,11 +46,12 @@ SCORES = (
 
 def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> dict[str, bytes]:
     """Contents of ``SCORES`` by name: tables, both drawings as SVG and PNG, the report."""
-    matrix, table, kinds = tabulate_confusion(cases), _tabulate_frame(figures), tabulate_kinds(cases)
+    matrix, table, kinds = tabulate_confusion(cases), tabulate_figures(figures), tabulate_kinds(cases)
     sentence = describe_verdict(figures, cases)
+    kinds_text = write_markdown(kinds.rename(columns=lambda name: name.replace("_", " ")))
     files = {
         "table.csv": table.to_csv(index=False, lineterminator="\n").encode(),
-        "table.md": f"{sentence}\n\n{to_markdown(figures)}\n{_list_kinds(kinds)}".encode(),
+        "table.md": f"{sentence}\n\n{to_markdown(figures)}\n{kinds_text}".encode(),
         "kinds.csv": kinds.to_csv(index=False, lineterminator="\n").encode(),
         "confusion.csv": matrix.to_csv(lineterminator="\n").encode(),
     }
@@ -58,12 +59,21 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
         "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
     }
-    svgs = {}
+    blocks = {}
     for name, (drawing, title) in drawn.items():
-        svgs[name] = (to_svg(drawing, f"blind-{name}", title, title), title)
-        files |= {f"{name}.svg": svgs[name][0].encode(), f"{name}.png": _to_png(drawing)}
-    page = describe_blind_page([Text(sentence, lead=True), Text(_WHAT)], table, kinds, matrix, svgs, seed, len(cases))
-    return files | {"report.html": page.encode()}
+        svg = to_svg(drawing, f"blind-{name}", title, title)
+        blocks[name] = FigureBlock(svg, title)
+        files |= {f"{name}.svg": svg.encode(), f"{name}.png": to_png(drawing, dpi=150)}
+    lead = [Text(sentence, lead=True), Text(_WHAT)]
+    rows, counts = Table(tabulate_blind_rows(table), "All figures"), matrix.reset_index(names="truth")
+    answers = [blocks["confusion"], Table(counts, "Cases by truth and answer")]
+    sections = [
+        Section("table", "Goals and measured values", [*lead, rows, blocks["table"]]),
+        Section("kinds", "Kind by kind", [Table(kinds, "Cases and answers by kind", key="kinds")]),
+        Section("confusion", "What was answered to what", answers),
+    ]
+    title = f"Blind check of the gap diagnosis: {len(cases)} cases"
+    return files | {"report.html": render_page(title, sections, Footer(seed, {}, {})).encode()}
 
 
 def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str:
@@ -80,41 +90,34 @@ def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str
         )
         if value[name] is not None
     ]
-    said = ", ".join(words.format(f"{100 * share:.1f} %") for words, share in shares if share is not None)
-    return f"Of {len(cases)} generated cases of {len(kinds)} kinds, {len(outside)} of them in no library: {said}."
+    measured = ", ".join(words.format(f"{100 * share:.1f} %") for words, share in shares if share is not None)
+    return f"Of {len(cases)} generated cases of {len(kinds)} kinds, {len(outside)} of them in no library: {measured}."
 
 
 def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
     """One row per kind: cases, and how many answers were good, right, flagged, confidently wrong, unfair."""
-    order = {kind: (FAMILIES[case.family], kind) for case in cases for kind in [case.kind]}
-    rows = []
-    for kind in sorted(order, key=order.__getitem__):
-        some = [case for case in cases if case.kind == kind]
-        counts = {
-            "good": [case.good for case in some],
-            "right": [case.right for case in some],
-            "flagged": [case.flagged for case in some],
-            "confidently_wrong": [case.confidently_wrong for case in some],
-            "put_on_structure": [case.wrongs_structure for case in some],
+    rows = [
+        {
+            "family": FAMILIES[case.family],
+            "kind": case.kind,
+            "cause": CAUSES[case.family],
+            "cases": 1,
+            "good": case.good,
+            "right": case.right,
+            "flagged": case.flagged,
+            "confidently_wrong": case.confidently_wrong,
+            "put_on_structure": case.wrongs_structure,
         }
-        family = {"null": "nothing", "single": "in the library", "pair": "a pair", "outside": "in no library"}
-        rows.append({"kind": kind, "cause": family[some[0].family], "cases": len(some)}
-                    | {name: sum(hits) for name, hits in counts.items()})  # fmt: skip
-    return pd.DataFrame(rows)
+        for case in cases
+    ]
+    return pd.DataFrame(rows).groupby(["family", "kind", "cause"]).sum().reset_index().drop(columns="family")
 
 
-def _list_kinds(kinds: pd.DataFrame) -> str:
-    """The table of kinds for a web page."""
-    head = [str(name).replace("_", " ") for name in kinds.columns]
-    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    lines += [f"| {' | '.join(map(str, row))} |" for row in kinds.itertuples(index=False, name=None)]
-    return "\n".join(lines) + "\n"
-
-
-def _to_png(drawing: Drawing) -> bytes:
-    buffer = io.BytesIO()
-    drawing.savefig(buffer, format="png", dpi=150)
-    return buffer.getvalue()
+def write_markdown(table: pd.DataFrame) -> str:
+    """A table for a web page."""
+    head, *rows = [list(table.columns), *table.to_numpy(dtype=object)]
+    lines = [f"| {' | '.join(map(str, cells))} |" for cells in (head, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(head)}", *lines[1:]]) + "\n"
 
 
 def tabulate_confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
@@ -131,30 +134,27 @@ def tabulate_confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
 
 def _answer(case: Verdict) -> str:
     """The column of a case."""
-    if case.said is None:
+    if case.leading is None:
         return FAILED
     if case.flagged:
         return OPEN
-    if len(case.said) > 1:
+    if len(case.leading) > 1:
         return BOTH if case.right else SEVERAL
-    return next(iter(case.said), NONE)
+    return next(iter(case.leading), NONE)
 
 
-def _tabulate_frame(figures: Sequence[Figure]) -> pd.DataFrame:
+#: Columns of the table of figures.
+COLUMNS = ("figure", "goal", "measured", "low", "high", "cases", "met", "share")
+
+
+def tabulate_figures(figures: Sequence[Figure]) -> pd.DataFrame:
+    """One row per figure; ``share``: whether the values are shares of 1."""
+    met = {True: "yes", False: "no", None: ""}
     rows = [
-        {
-            "figure": figure.name,
-            "goal": describe_goal_text(figure.goal, figure.share),
-            "measured": figure.measured,
-            "low": figure.low,
-            "high": figure.high,
-            "cases": figure.cases,
-            "met": {True: "yes", False: "no", None: ""}[figure.met],
-            "share": figure.share,
-        }
-        for figure in figures
+        (f.name, describe_goal_text(f.goal, f.share), f.measured, f.low, f.high, f.cases, met[f.met], f.share)
+        for f in figures
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def describe_goal_text(goal: Goal, share: bool) -> str:
@@ -168,13 +168,10 @@ def describe_goal_text(goal: Goal, share: bool) -> str:
 
 def to_markdown(figures: Sequence[Figure]) -> str:
     """The table for a web page: goal beside measured value with its interval, number of cases."""
-    lines = ["| figure | goal | measured (95 % interval) | cases | met |", "|---|---|---|---|---|"]
-    for figure in figures:
-        met = {True: "yes", False: "**no**", None: ""}[figure.met]
-        goal = describe_goal_text(figure.goal, figure.share).replace(">=", "≥").replace("<=", "≤")
-        name = figure.name.replace(">=", "≥").replace("<=", "≤")
-        lines.append(f"| {name} | {goal} | {_describe_figure(figure)} | {figure.cases} | {met} |")
-    return "\n".join(lines) + "\n"
+    rows = tabulate_blind_rows(tabulate_figures(figures))
+    rows["met"] = rows["met"].replace("no", "**no**")
+    text = write_markdown(rows.rename(columns={"measured": "measured (95 % interval)"}))
+    return text.replace(">=", "≥").replace("<=", "≤")
 
 
 @styled
@@ -229,32 +226,6 @@ _WHAT = (
 )
 
 
-def describe_blind_page(
-    said: Sequence[Text],
-    table: pd.DataFrame,
-    kinds: pd.DataFrame,
-    confusion: pd.DataFrame,
-    drawings: Mapping[str, tuple[str, str]],
-    seed: int,
-    cases: int,
-) -> str:
-    """The page as HTML; ``drawings``: SVG and caption by name, ``table`` and ``confusion``."""
-    figures = {name: FigureBlock(svg, caption) for name, (svg, caption) in drawings.items()}
-    counts = confusion.reset_index(names="truth")
-    sections = [
-        Section(
-            "table",
-            "Goals and measured values",
-            [*said, Table(tabulate_blind_rows(table), "All figures"), figures["table"]],
-        ),
-        Section("kinds", "Kind by kind", [Table(kinds, "Cases and answers by kind", key="kinds")]),
-        Section(
-            "confusion", "What was answered to what", [figures["confusion"], Table(counts, "Cases by truth and answer")]
-        ),
-    ]
-    return render_page(f"Blind check of the gap diagnosis: {cases} cases", sections, Footer(seed, {}, {}))
-
-
 def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
     """What a reader sees of the table ``figure, goal, measured, low, high, cases, met``: shares in per cent."""
     return pd.DataFrame(
@@ -271,11 +242,6 @@ def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _describe_figure(figure: Figure) -> str:
-    value, low, high = (np.nan if bound is None else bound for bound in (figure.measured, figure.low, figure.high))
-    return _describe_measured(value, low, high, figure.share)
-
-
 def _describe_measured(value: float, low: float, high: float, share: bool) -> str:
     """A value with its interval; NaN where there is none."""
     if np.isnan(value):
@@ -283,9 +249,6 @@ def _describe_measured(value: float, low: float, high: float, share: bool) -> st
     scale, unit, digits = (100.0, " %", 1) if share else (1.0, "", 2)
     texts = [f"{scale * bound:.{digits}f}" for bound in (value, low, high)]
     return f"{texts[0]}{unit}" + ("" if np.isnan(low) else f" ({texts[1]} to {texts[2]})")
-
-
-COLUMNS = ("figure", "goal", "measured", "low", "high", "cases", "met", "share")
 
 
 def load_blind_table() -> pd.DataFrame:

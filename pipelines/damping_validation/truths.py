@@ -223,21 +223,27 @@ def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
 _PHASES = np.linspace(0.25 * np.pi, 0.75 * np.pi, 9)
 
 
-def sweeps(truth: Truth, force: FloatArray, noise: float, rng: np.random.Generator) -> Observations:
-    """Sweeps of nine rows: rows scatter by half of ``noise``, and levels by ``noise``."""
+def sweeps(
+    amplitude: Callable[[FloatArray], FloatArray], force: FloatArray, level: float, row: float, rng: np.random.Generator
+) -> Observations:
+    """Sweeps of nine rows of a structure whose resonant ``amplitude`` at each force is known.
+
+    ``level`` and ``row`` are the standard deviations of ln A from level to level and from row to row, ``row`` also that
+    of the phases, rad.
+    """
     n, rows = len(force), len(_PHASES)
     phase, sweep = np.tile(_PHASES, n), np.repeat(np.arange(n), rows)
-    level, row = noise * rng.standard_normal(n), 0.5 * noise * rng.standard_normal(n * rows)
-    exact = truth.amplitude(force[sweep] * np.sin(phase))
-    read = phase + 0.5 * noise * rng.standard_normal(n * rows)
+    levels, scatter = level * rng.standard_normal(n), row * rng.standard_normal(n * rows)
+    exact = amplitude(force[sweep] * np.sin(phase))
+    read = phase + row * rng.standard_normal(n * rows)
+    tested = peaks(force, amplitude(force) * np.exp(levels))
     return replace(
-        peaks(force, truth.amplitude(force) * np.exp(level)),
-        A=exact * np.exp(level[sweep] + row),
-        omega=np.full(n * rows, OMEGA),
+        peaks(force[sweep], exact * np.exp(levels[sweep] + scatter)),
         D=force[sweep] * np.sin(read),
         R=np.abs(force[sweep] * np.cos(read)),
         sweep=sweep,
-        sd_amplitude=np.zeros(n * rows),
-        sd_force=np.zeros(n * rows),
-        sd_phase=np.zeros(n * rows),
+        sweeps=tested.sweeps,
+        tested_force=tested.tested_force,
+        tested_amplitude=tested.tested_amplitude,
+        tested_omega=tested.tested_omega,
     )

@@ -195,7 +195,7 @@ class LoadsResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
-        from damping.plots.curves import design_loads, draw_design_loads  # noqa: PLC0415 - as above
+        from damping.plots.curves import design_loads  # noqa: PLC0415 - as above
 
         force, units = self.loads.force[np.isfinite(self.loads.force)], self.mode.units
         tested = pd.DataFrame(
@@ -206,10 +206,8 @@ class LoadsResult(Result):
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
         about = (units.force, units.length, bands.limit)
         tables = (forms.tabulate_loads(bands), tested, forms.tabulate_loads(design))
-        if ax is None:
-            return design_loads(*tables, self.loads.level, *about)
-        draw_design_loads(ax, *tables, self.loads.level, *about)
-        return ax
+        figure = design_loads(*tables, self.loads.level, *about, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:
@@ -261,13 +259,10 @@ class CurveResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""
-        from damping.plots.curves import damping_curve, draw_damping_curve  # noqa: PLC0415 - as above
+        from damping.plots.curves import damping_curve  # noqa: PLC0415 - as above
 
-        about = (self.table, self.curve.level, self.mode.units.length)
-        if ax is None:
-            return damping_curve(*about)
-        draw_damping_curve(ax, *about)
-        return ax
+        figure = damping_curve(self.table, self.curve.level, self.mode.units.length, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -33,6 +35,10 @@ class InputError(DampingError):
         self.file = None if file is None else str(file)
         super().__init__(self._text())
 
+    def in_file(self, file: str | Path) -> InputError:
+        """The same error in a file."""
+        return type(self)(self.message, file=file, line=self.line, column=self.column, expected=self.expected)
+
     def _text(self) -> str:
         place = [self.file] if self.file is not None else []
         if self.line is not None:
@@ -51,3 +57,14 @@ class Refused(InputError):  # noqa: N818 - the name is part of the interface
 
 class AnalysisError(DampingError):
     """The analysis cannot be done on this (valid) data; the message says why."""
+
+
+@contextmanager
+def naming(file: str | Path) -> Iterator[None]:
+    """The name of the file whose contents are understood, for every InputError that does not name one itself."""
+    try:
+        yield
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise error.in_file(file) from error

@@ -105,30 +105,22 @@ class DiagnosisResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
-        from damping.plots.gap import draw_probabilities, gap_probabilities  # noqa: PLC0415 - as above
+        from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - as above
         from damping.report.gap_figures import tabulate_probability  # noqa: PLC0415 - as above
 
-        table = tabulate_probability(self.diagnosis)
-        if ax is None:
-            return gap_probabilities(table)
-        draw_probabilities(ax, table)
-        return ax
+        figure = gap_probabilities(tabulate_probability(self.diagnosis), axes=ax)
+        return ax or figure
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report import gap_page as text  # noqa: PLC0415 - as above
+        from damping.report.gap_page import describe_diagnosis  # noqa: PLC0415 - as above
 
-        d = self.diagnosis
-        told = [
-            *(f"{said[0].upper()}{said[1:]}." for said in self.against),
-            text.describe_verdict(d),
-            text.describe_place(d),
-            *text.describe_doubts(d),
-            text.describe_reach(d),
-            text.describe_following(d),
-        ]
-        return (*told, *(f"Caution: {caution}." for caution in d.cautions))
+        told = describe_diagnosis(self.diagnosis)
+        disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
+        cautions = (f"Caution: {caution}." for caution in self.diagnosis.cautions)
+        parts = (told[what] for what in ("verdict", "place", "doubts", "reach", "following"))
+        return (*disagreements, *(sentence for part in parts for sentence in part), *cautions)
 
     @property
     def title(self) -> str:
@@ -208,12 +200,10 @@ class SweepResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Amplitude against frequency, each sweep apart."""
-        from damping.plots.fits import draw_sweeps, sweeps  # noqa: PLC0415 - as above
+        from damping.plots.fits import sweeps  # noqa: PLC0415 - as above
 
-        if ax is None:
-            return sweeps(self.record.table)
-        draw_sweeps(ax, self.record.table)
-        return ax
+        figure = sweeps(self.record.table, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

@@ -465,7 +465,7 @@ def test_what_is_no_file(tmp_path, imported):
     import os
 
     os.mkfifo(tmp_path / "pipe")
-    for name, message in (("none", "no such file"), (".", "no regular file"), ("pipe", "no regular file")):
+    for name, message in (("none", "no such file"), (".", "is a folder"), ("pipe", "no regular file")):
         with pytest.raises(InputError, match=message):
             imported(tmp_path / name)
 

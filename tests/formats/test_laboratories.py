@@ -138,7 +138,7 @@ def test_positions_are_no_readings(tmp_path):
         read_file(path, Stated())
     stated = Stated(columns={"response": "phi"}, units={"response": "rad"})
     series, summary = read_file(path, stated)
-    history = time_histories(series, stated, path, summary)[0]
+    history = time_histories(series, stated, summary)[0]
     np.testing.assert_allclose(history.signal, np.cos(t), rtol=1e-12)  # rad as it is
 
 
@@ -209,7 +209,7 @@ def test_german_spreadsheet(tmp_path):
     rows = [f"{0.01 * k:.4f};{np.cos(k):.5f};".replace(".", ",") for k in range(50)]
     path.write_text("\ufeffZeit [s];Weg [mm];Bemerkung\r\n" + "\r\n".join(rows) + "\r\n", encoding="utf-8")
     series, summary = read_file(path, Stated())
-    history = time_histories(series, Stated(), path, summary)[0]
+    history = time_histories(series, Stated(), summary)[0]
     np.testing.assert_allclose(history.signal, 1e-3 * np.cos(np.arange(50)), atol=6e-9)  # five decimals of mm
 
 
@@ -229,7 +229,7 @@ def test_channels_of_a_controller(tmp_path):
     series, _ = read_file(path, Stated())
     assert [one.label for one in series] == ["12 Z+", "15 Z+"]
     np.testing.assert_allclose(series[0].abscissa[1], 1 / 256, rtol=1e-15)
-    assert series[1].found.units["response"] == "g"
+    assert series[1].facts.units["response"] == "g"
     assert series[1].response[99] == -99.0
 
 
@@ -245,7 +245,7 @@ def test_channels_of_tdms(tmp_path):
     with TdmsWriter(path) as file:
         file.write_segment([ChannelObject("Decay", "Acc 7Z", decaying(2.0), properties)])
     series, summary = read_file(path, Stated())
-    history = time_histories(series, Stated(), path, summary)[0]
+    history = time_histories(series, Stated(), summary)[0]
     assert (history.label, history.order) == ("Decay/Acc 7Z", 2)
     np.testing.assert_allclose(history.t, 0.5 + 0.01 * np.arange(400), rtol=1e-12)
     np.testing.assert_array_equal(history.signal, decaying(2.0))
@@ -267,6 +267,6 @@ def test_segments_of_labview(tmp_path):
     path.write_text(head + "".join(parts))
     series, summary = read_file(path, Stated())
     assert [one.label for one in series] == ["1/Acc", "2/Acc"]
-    for one, k in zip(time_histories(series, Stated(), path, summary), (1.0, 2.0), strict=True):
+    for one, k in zip(time_histories(series, Stated(), summary), (1.0, 2.0), strict=True):
         np.testing.assert_allclose(one.signal, decaying(k), atol=6e-7)  # six decimals
         np.testing.assert_allclose(one.t[1], 0.01, rtol=1e-12)

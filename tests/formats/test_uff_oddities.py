@@ -70,8 +70,8 @@ def test_as_the_format_says(read: Read):
     found = read(header() + SINGLE + END)
     np.testing.assert_array_equal(found.abscissa, [5.0, 6.0, 7.0])
     np.testing.assert_array_equal(found.response, THREE)
-    assert found.found.response == "accelerance"
-    assert dict(found.found.units) == {"response": "m/s^2", "force": "N"}
+    assert found.facts.response == "accelerance"
+    assert dict(found.facts.units) == {"response": "m/s^2", "force": "N"}
 
 
 def test_a_last_line_filled_up_with_zeros(read: Read):
@@ -158,7 +158,7 @@ def test_an_abscissa_as_wide_as_the_ordinate(read: Read):
 @pytest.mark.parametrize("label", ["m/s²".encode(), "m/s²".encode("latin-1")])
 def test_labels_that_are_not_ascii(read: Read, label: bytes):
     content = (header(title="Prüfstand") + SINGLE + END).encode("latin-1").replace(b"m/s^2", label)
-    assert read(content).found.units["response"] == "m/s²"
+    assert read(content).facts.units["response"] == "m/s²"
 
 
 @pytest.mark.parametrize("end", [b"", b"\n", b"\r\n"])
@@ -230,7 +230,7 @@ def test_missing_quantities_are_asked_for(read: Read, tmp_path: Path, imported):
     """Ordinate types 0 (unknown): neither the motion nor what it is divided by is in the file."""
     blank = "         0    0    0    0 NONE                 NONE"
     found = read(header(numerator=blank, denominator=blank) + SINGLE + END)
-    assert found.found.response is None
+    assert found.facts.response is None
     path = tmp_path / "file.unv"
     with pytest.raises(
         InputError, match="neither in the file nor stated: type of the response, unit of the response"
@@ -269,21 +269,21 @@ UNITS_164 = (
 def test_units_of_data_set_164_where_labels_are_blank(read: Read, code: int, length: str, force: str):
     blank = {"numerator": "        12    0    0    0", "denominator": "        13    0    0    0"}
     found = read(UNITS_164.format(code=code, name="units", two=2) + header(**blank) + SINGLE + END)
-    assert dict(found.found.units) == {"response": f"{length}/s^2", "force": force}
+    assert dict(found.facts.units) == {"response": f"{length}/s^2", "force": force}
 
 
 @pytest.mark.parametrize("code", [0, 9, 4711])
 def test_units_code_that_names_no_units(read: Read, tmp_path: Path, imported, code: int):
     blank = {"numerator": "        12    0    0    0", "denominator": "        13    0    0    0"}
     found = read(UNITS_164.format(code=code, name="units", two=2) + header(**blank) + SINGLE + END)
-    assert not found.found.units
+    assert not found.facts.units
     with pytest.raises(InputError, match="neither in the file nor stated: unit of the response and unit of the force"):
         imported(tmp_path / "file.unv", forces=(1.0,))
 
 
 def test_labels_go_before_units_codes(read: Read):
     found = read(UNITS_164.format(code=7, name="Inch", two=2) + header() + SINGLE + END)
-    assert dict(found.found.units) == {"response": "m/s^2", "force": "N"}
+    assert dict(found.facts.units) == {"response": "m/s^2", "force": "N"}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from damping.effects import CATALOGUE
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
-from damping_validation.generator.forces import TrueEffect
+from damping_validation.generator.effects import TrueEffect
 from damping_validation.generator.plan import Bench
 from damping_validation.generator.refit import RecordCells, applied
 from damping_validation.generator.steady import true_record

@@ -44,7 +44,7 @@ def alone(name, record, mode):
     start = setting(record, mode)
     search = Search(start.problem, {name: CATALOGUE[name]}, start.unknowns)
     search.run()
-    return search.found
+    return search.hypotheses
 
 
 @pytest.mark.parametrize("name", NAMES)

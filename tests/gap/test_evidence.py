@@ -41,6 +41,10 @@ class Linear:
         J = self.columns()
         return self.r0 / self.scatter.factor + y @ J.T, np.repeat(J[np.newaxis], len(y), axis=0)
 
+    @property
+    def problem(self):
+        return SimpleNamespace(rows=SimpleNamespace(seen=np.ones(len(self.r0), dtype=bool)))
+
     def residuals(self, y):
         return SimpleNamespace(r=self.jacobian(y)[0])
 

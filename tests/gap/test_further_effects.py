@@ -124,6 +124,15 @@ def test_many_joints_at_once_are_their_sum():
     np.testing.assert_allclose((S_next - S) / np.log(1.0001), in_phase_slope, rtol=0.0, atol=2e-3 * np.max(-S))
 
 
+def test_joints_of_evenly_spread_limits():
+    """Limits evenly up to 1: below it C = 2 k A^2/(3 pi) and S = -k A^2/2, integrals of one joint's over them."""
+    A = np.array([0.02, 0.1, 0.3, 0.7])
+    C, _, S, _ = joint_force({"stiffness": 1.0, "limit": 1.0, "kappa": 1.0, "bounded": 1.0}).averages(A, OMEGA)
+    # nine joints for all of them: part of one range of limits is missed or too much
+    np.testing.assert_allclose(C / A, 2.0 * A / (3.0 * np.pi), rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(S / A, -0.5 * A, rtol=0.0, atol=0.01)
+
+
 def test_third_harmonic_of_a_cubic_spring():
     """k3 (A sin)^3 = k3 A^3 (3 sin theta - sin 3 theta)/4."""
     k3, A, phase, omega = 700.0, 0.05, 0.7, np.array([1.01 * OMEGA])

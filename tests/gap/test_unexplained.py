@@ -1,12 +1,33 @@
-"""A gap that nothing explains keeps its size."""
+"""A cause outside the library: the gap keeps its size, no answer is confident, and what patches it is doubted."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from damping.effects import CATALOGUE
 from damping.gap.diagnose import diagnose
+from damping.gap.rows import read_rows
 from damping.gap.size import nominal_residuals
+from damping.gap.weighing import describe_doubts
+from damping.records.record import Record
+
+#: Effects that are the same to first order: a second plane is a mode beside and a gain, a delay a lag in a narrow band.
+ALIKE = {"planar-coupling": {"second-mode"}, "phase-lag": {"time-delay"}}
+#: Effects whose gap in ``lab`` is 6 to 31 sigma: an instrument, a structure and a damping force; others of each kind.
+LARGE = ("phase-lag", "residual-modes", "slip")
+FURTHER = ("planar-coupling", "force-dropout", "stiffness-hardening")
+
+
+@pytest.mark.parametrize("name", [*LARGE, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
+def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
+    smaller = {other: effect for other, effect in CATALOGUE.items() if other not in {name} | ALIKE.get(name, set())}
+    found = diagnose(lab.measured(name, points=10), lab.mode(), smaller)
+    assert found.unexplained or found.hypotheses[0].probability < 0.95
+    assert all(name not in one.effects for one in found.hypotheses)
+    assert found.gap.nominal > 2.0  # the gap is seen
 
 
 def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
@@ -15,3 +36,30 @@ def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
     all_rows = np.sqrt(np.mean(nominal_residuals(found.leading.best) ** 2))
     # there is no wild point in this record; some rows, 5 % of them, may look like one
     assert found.gap.nominal > 0.8 * all_rows
+
+
+def hypothesis(log_posterior: float, *effects: str) -> SimpleNamespace:
+    own = SimpleNamespace(
+        effects=effects, key=frozenset(effects), log_posterior=log_posterior, best=SimpleNamespace(model=None)
+    )
+    return SimpleNamespace(hypothesis=own)
+
+
+def test_an_effect_that_pays_little_beside_others_is_doubted(monkeypatch):
+    """Effects beyond one over 1 + gain/10, gain that of the explanation over the best one without some of them."""
+    monkeypatch.setattr("damping.gap.weighing.list_ends", lambda fit: [])
+    tests = [SimpleNamespace(p_value=0.5)]
+    others = [hypothesis(-5.0, "drift"), hypothesis(-10.0, "slip"), hypothesis(-90.0)]
+    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others])[1] == 0.0  # one effect patches nothing
+    doubts = [describe_doubts(tests, [hypothesis(gain, "slip", "background"), *others])[1] for gain in (0, 20)]
+    assert doubts == pytest.approx([0.5, 0.25], rel=1e-12)  # gains of 10 and 30; drift is not part of the explanation
+
+
+def test_a_channel_that_was_not_measured_has_no_residuals(lab):
+    """They would be zero, and noise that is not stated would seem smaller for them."""
+    record = lab.measured("phase-lag", points=10)
+    third = {"amplitude_3": 1e-4 * record.column("amplitude"), "phase_3": np.zeros(len(record))}
+    rows = read_rows(Record(record.table.assign(**third), "with a third harmonic"), lab.mode())
+    assert rows.channels == ("third",)
+    assert rows.values == 4 * len(rows)  # amplitude, phase, two parts of the third harmonic
+    assert rows.seen.all()

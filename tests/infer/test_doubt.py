@@ -85,7 +85,7 @@ def test_levels_of_a_decay_drift_together(peaks):
 def test_likelihood_is_the_dense_normal_one():
     """Rows, levels and straying in one covariance matrix, written out."""
     rng = np.random.default_rng(4)
-    data = simulated_sweeps(draw_truth("saturating", rng), np.array([0.6, 1.0, 1.7]), 0.02, rng)
+    data = simulated_sweeps(draw_truth("saturating", rng).amplitude, np.array([0.6, 1.0, 1.7]), 0.02, 0.01, rng)
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
     x = 0.3 * rng.standard_normal((3, c.dimension))
     n, h, known = residuals(c.force(x), data)

@@ -8,7 +8,7 @@ import pytest
 
 from damping.report import format_counted, format_points_text
 from damping_reed1970.chapter_3 import page
-from damping_reed1970.chapter_3.planar_fits import PlanarBand
+from damping_reed1970.chapter_3.planar_posterior import PlanarBand
 from damping_reed1970.chapter_3.study import saturn_steps, tabulate_effect, tabulate_measured
 
 OMEGA = np.linspace(11.17, 11.61, 177)

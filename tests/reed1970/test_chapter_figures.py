@@ -10,7 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from damping_reed1970.chapter_2 import page as chapter_2
-from damping_reed1970.chapter_4 import figures as chapter_4
+from damping_reed1970.chapter_4.amplitude_frequency import draw_response_curves
+from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.page import collect_figures
 from damping_reed1970.chapter_5 import page as chapter_5
 from damping_reed1970.chapter_5.circularity import ROUTES, draw_circularity
@@ -74,7 +75,7 @@ def test_loops_are_closed_and_keep_their_corners(found: Studies) -> None:
 
 
 def test_curves_show_the_measured_resonance(found: Studies) -> None:
-    figure = chapter_4.draw_response_curves(found.curves)
+    figure = draw_response_curves(found.curves)
     for axes in figure.axes:
         marker = next(line for line in axes.lines if line.get_label() == "measured resonance")
         assert np.asarray(marker.get_data()).ravel().tolist() == [1.0, found.curves.A_m]
@@ -96,7 +97,7 @@ def test_printed_points_are_drawn(figures: dict[str, Figure]) -> None:
 
 def test_case_with_an_infinite_alpha_is_labelled(found: Studies) -> None:
     table = found.levels[1, "coefficient"].variations
-    axes = chapter_4.draw_level_variation(table, "coefficient").axes[0]
+    axes = draw_level_variation(table, "coefficient").axes[0]
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert "I + II, α = ∞ (free)" in labels
     assert len(labels) == table["case"].nunique()

@@ -81,7 +81,7 @@ def test_every_case_passes_the_measured_resonance() -> None:
 
 
 def test_case_i_in_closed_form() -> None:
-    curve = CURVES.curve("case I")
+    curve = CURVES.curves[0]
     xi = SWEEP_C["F_e"] / (2.0 * SWEEP_C["M"] * SWEEP_C["omega_n"] ** 2 * SWEEP_C["A_m"])
     u = 2.0 * xi / RATIOS[:-1]
     # (1 - eta^2)^2 + (2 xi eta)^2 = u^2, the lower root; its error is that of a difference of numbers near 1

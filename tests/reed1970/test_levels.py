@@ -118,7 +118,7 @@ def test_what_is_held_decides_where_masses_differ() -> None:
     """Generalized masses of mode 2 differ by 13 per cent, so xi of no case stays; coefficients of three cases do."""
     record = read_record(data_folder() / "saturn-v" / "records" / "config-2-mode-2.csv")
     data = observe(record)
-    M = masses(record, data, 1.0)
+    M = masses(record, data)
     np.testing.assert_array_equal(M, load_table("4_I").query("mode == 2")["generalized_mass_lb_s2_per_in"])
     least = [level_methods(data, mass).variations["spread_percent"].min() for mass in (M, None)]
     assert least[0] > 5.0 > 0.5 > least[1]

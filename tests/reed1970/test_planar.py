@@ -13,7 +13,8 @@ from scipy.stats import kstest, multivariate_normal, norm
 from damping.infer.chains import Settings
 from damping.infer.importance import importance
 from damping.infer.likelihood import log_prior
-from damping_reed1970.chapter_3.planar_fit import Phasors, PlanarModel, fit_planar
+from damping_reed1970.chapter_3 import PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3.planar_fit import Phasors, fit_planar
 from damping_reed1970.chapter_3.planar_posterior import (
     PlanarPrior,
     log_likelihood,
@@ -24,13 +25,13 @@ from damping_reed1970.chapter_3.planar_posterior import (
 
 OMEGA = np.linspace(11.1, 11.7, 25)
 F = np.full(25, 38.5)
-TRUE = PlanarModel(M=21.0, C=2.3, omega_p=11.39, omega_y=11.48, theta=radians(36.0))
+TRUE = PlanarOscillator(M=21.0, C=2.3, omega_p=11.39, omega_y=11.48, theta=radians(36.0))
 
 
 def data(noise: float = 0.03, seed: int = 0) -> Phasors:
     rng = np.random.default_rng(seed)
     scatter = noise * (rng.standard_normal(25) + 1j * rng.standard_normal(25))
-    return Phasors(TRUE.response(F, OMEGA) + scatter, F, OMEGA)
+    return Phasors(pitch_response(TRUE, F, OMEGA) + scatter, F, OMEGA)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,9 @@ def test_the_likelihood_is_a_circular_normal(noise: str, prior: PlanarPrior) -> 
     x = np.random.default_rng(2).standard_normal((3, prior.dimension)) * 0.3
     values = prior.values(x)
     for i, found in enumerate(log_likelihood(x, prior, phasors)):
-        model = PlanarModel(*(float(values[name][i]) for name in PlanarModel._fields)).response(F, OMEGA)
+        model = pitch_response(
+            PlanarOscillator(*(float(values[name][i]) for name in PlanarOscillator._fields)), F, OMEGA
+        )
         sd = values["sigma"][i] * phasors.shape
         parts = [np.column_stack([z.real, z.imag]) for z in (phasors.q, model)]
         expected = sum(multivariate_normal.logpdf(q, m, s**2 * np.eye(2)) for q, m, s in zip(*parts, sd, strict=True))
@@ -115,6 +118,7 @@ def test_posterior_converges_and_agrees_with_least_squares() -> None:
     phasors = data(noise=0.01)  # well determined: the posterior is close to normal
     prior = PlanarPrior.of(phasors, 21.0)
     posterior = planar_posterior(prior, phasors, seed=4)
+    assert posterior.chains
     assert posterior.chains.converged, posterior.chains.failure
     for d in posterior.chains.diagnoses:
         assert d.r_hat <= 1.01

@@ -17,6 +17,7 @@ from damping.regression.subsets import all_subsets, best_subsets
 from damping.signals import damping_roots, plane_motion
 from damping_reed1970 import load_table
 from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_5 import energy_design
 from damping_reed1970.chapter_5.circularity import (
     ASSUMED,
     FITTED,
@@ -36,8 +37,7 @@ from damping_reed1970.chapter_5.false_terms import (
     known_law,
     subset_fits,
 )
-from damping_reed1970.chapter_5.nine_terms import INPUTS, NINE_TERMS, nine_term_design, nine_terms
-from damping_reed1970.chapter_5.regressions import energy_surface
+from damping_reed1970.chapter_5.nine_terms import NINE_TERMS, energy_surface, load_inputs, nine_terms
 
 FIVE, NINE = POSITIONS
 
@@ -78,8 +78,8 @@ def test_many_selections_are_the_selections_of_one_response(noisy: tuple[np.ndar
 
 
 def test_nine_terms_of_the_report() -> None:
-    found = nine_terms(INPUTS[2:3])
-    A, omega, E = INPUTS[2].data()
+    found = nine_terms(["5.IV printed"])
+    A, omega, E = load_inputs("5.IV printed")
     X = np.column_stack(
         [A**2 * omega, A**2, A**3 * omega**2, A**3 * omega, A**4 * omega, A, A**3, A**4, A**2 * omega**2]
     )
@@ -200,7 +200,7 @@ def test_fitted_planes_are_the_least_squares_ones() -> None:
         ratio = pitch_response(PlanarOscillator(*p), PLANES.phi * F, omega) / (A * np.exp(-1j * phase))
         return np.concatenate([np.log(np.abs(ratio)), np.angle(ratio)])
 
-    start = np.array([float(value) for value in FITTED])
+    start = np.array([float(value) for value in FITTED[:5]])
     best = least_squares(residuals, start, x_scale=np.abs(start)).x
     # FITTED is written with three to five digits
     np.testing.assert_allclose(best, start, rtol=3e-3, atol=0.0)
@@ -230,11 +230,11 @@ def test_circularity_study() -> None:
 
 def test_energy_surface_passes_where_the_fits_do() -> None:
     found = energy_surface(cells=40)
-    A, omega, E = INPUTS[0].data()
-    X = nine_term_design(A, omega, E).columns
+    A, omega, E = load_inputs("5.III printed")
+    X = energy_design(NINE_TERMS, A, omega, E).columns
     members = [NINE_TERMS.index(term) for term in found.law]
     expected = np.linalg.lstsq(X[:, members], E, rcond=None)[0]
-    grid = nine_term_design(found.amplitude, np.full(40, found.omega[7]), np.ones(40)).columns[:, members]
+    grid = energy_design(NINE_TERMS, found.amplitude, np.full(40, found.omega[7]), np.ones(40)).columns[:, members]
     np.testing.assert_allclose(found.physical[:, 7], grid @ expected, rtol=1e-9, atol=1e-9)  # two terms: rounding
     assert (expected > 0.0).all()
     assert found.negative_share > 0.0 > found.lowest

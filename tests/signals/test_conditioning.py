@@ -33,8 +33,8 @@ from damping_reed1970 import load_errata, load_table
 from damping_reed1970.chapter_3 import (
     PLANES,
     PlanarOscillator,
+    find_roots,
     pitch_response,
-    table_3_iv_roots,
     yaw_response,
 )
 
@@ -80,7 +80,7 @@ def test_r2_over_i_is_identified(chain: tuple[NodeMode, list[NodeMode], np.ndarr
 
 
 def test_planar_response_solves_the_coupled_equations() -> None:
-    M, C, omega_p, omega_y, theta = OSCILLATOR
+    M, C, omega_p, omega_y, theta = OSCILLATOR[:5]
     K_p, K_y, c, s = M * omega_p**2, M * omega_y**2, np.cos(theta), np.sin(theta)  # turned into the vehicle's axes
     pp, yy, py = K_p * c**2 + K_y * s**2, K_p * s**2 + K_y * c**2, (K_p - K_y) * s * c
     for omega in OMEGA:
@@ -95,7 +95,7 @@ def printed_amplitude_and_phase(
     oscillator: PlanarOscillator, F_p: float, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Amplitude and phase lag (0 to 2 pi) by the report's own formulas (Eqs. 3.1.31, 3.1.34, 3.1.35)."""
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta = oscillator[:5]
     N1 = -(omega**2) + omega_p**2 * np.sin(theta) ** 2 + omega_y**2 * np.cos(theta) ** 2
     N2 = -C / M * omega
     N3 = (omega_p**2 - omega**2) * (omega_y**2 - omega**2) - (C / M) ** 2 * omega**2
@@ -165,7 +165,7 @@ def test_at_a_natural_frequency_the_loss_has_no_upper_bound() -> None:
 def test_roots_of_table_3_iv() -> None:
     """Erratum E3IV-1: two roots at 13 points, none at 10 and 13; the mean on each branch."""
     table = load_table("3_IV").query("corrected_row == 0")
-    roots, xi, omega = table_3_iv_roots(table), table["xi"].to_numpy(), table["omega_rad_s"].to_numpy()
+    roots, xi, omega = find_roots(table), table["xi"].to_numpy(), table["omega_rad_s"].to_numpy()
     assert [len(point.roots) for point in roots] == [2] * 9 + [0, 2, 2, 0, 2, 2]
     low, high = branch(roots, 0), branch(roots, -1)
     taken_low = np.abs(low - xi) < np.abs(high - xi)

@@ -20,7 +20,7 @@ from damping_validation.generator import (
     strata,
 )
 from damping_validation.generator.balance import predicted
-from damping_validation.generator.forces import TrueEffect
+from damping_validation.generator.effects import TrueEffect
 from damping_validation.generator.refit import KINDS, LIBRARY, OUTSIDE, applied, gap, name_effect
 from damping_validation.generator.steady import STEPS, TrueMotion, guesses, steady, steady_state, true_record
 from damping_validation.generator.structure import chosen_rows
@@ -38,7 +38,7 @@ def few(bench):
 
 
 def effect_on(name, bench, size):
-    return TrueEffect(name, size, KINDS[name].shape(np.random.default_rng([5, *name.encode()]), bench))
+    return TrueEffect(name, size, KINDS[name].draw(np.random.default_rng([5, *name.encode()]), bench))
 
 
 @pytest.mark.parametrize("name", sorted(set(KINDS) - WRONG))
@@ -57,7 +57,7 @@ NEAR = 7e-3
 @pytest.mark.parametrize("name", sorted(set(KINDS) - {"sweep-rate"}))
 def test_averages_start_the_integration_near_its_end(name, few):
     """An independent method: the first-harmonic balance against the motion that was integrated, at a moderate size."""
-    effect = effect_on(name, few, MODERATE.get(name, 0.3 * min(KINDS[name].most(few), 2.0)))
+    effect = effect_on(name, few, MODERATE.get(name, 0.3 * min(KINDS[name].largest(few), 2.0)))
     structure, rows = applied((effect,), few)
     (amplitude, phase), (near, lag) = true_record(structure, rows), predicted(structure, rows)
     apart = np.abs(near * np.exp(-1j * lag) - amplitude * np.exp(-1j * phase)) / amplitude

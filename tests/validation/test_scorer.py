@@ -13,8 +13,18 @@ import pandas as pd
 import pytest
 
 from damping.errors import InputError
+from damping_validation.blind import read_sealed, read_verdicts
 from damping_validation.doubt import regress
-from damping_validation.scorer import Figure, Goal, calibration_error, is_settled, score
+from damping_validation.scorer import (
+    Figure,
+    Goal,
+    Verdict,
+    calibration_error,
+    is_settled,
+    judge,
+    overlap_footprint,
+    score,
+)
 from damping_validation.scorer_output import (
     SCORES,
     describe_goal_text,
@@ -24,7 +34,6 @@ from damping_validation.scorer_output import (
     tabulate_kinds,
     to_markdown,
 )
-from damping_validation.verdicts import Verdict, judge, overlap_footprint, read_sealed, read_verdicts
 
 RIG = frozenset({"phase-lag", "amplitude-scale"})
 FREQUENCIES = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2]
@@ -241,7 +250,7 @@ def test_labels_changed_after_the_sealing_are_refused(tmp_path):
     labels = tmp_path / "labels.sealed.json"
     labels.write_bytes(content)
     sealed = hashlib.sha256(content).hexdigest()
-    assert read_sealed(labels, tmp_path, sealed)[0].said is None  # no answer is a failed one
+    assert read_sealed(labels, tmp_path, sealed)[0].leading is None  # no answer is a failed one
     labels.write_bytes(content.replace(b"slip", b"iwan"))
     with pytest.raises(InputError, match="sealed"):
         read_sealed(labels, tmp_path, sealed)

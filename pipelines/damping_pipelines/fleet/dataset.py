@@ -22,6 +22,7 @@ from damping import __version__
 from damping.arrays import plain
 from damping.errors import InputError, escape_control
 from damping.plots import identifier
+from damping.records.text import read_bytes
 from damping_pipelines.manifest import digest_code
 from damping_pipelines.store import write_bytes
 
@@ -174,16 +175,9 @@ def seed_of(seed: int, key: str) -> int:
 def _content(path: Path, max_size: int) -> tuple[bytes | None, str]:
     """The bytes of a file, or None with the reason."""
     try:
-        if path.exists() and not path.is_file():  # a pipe would be waited for
-            return None, f"{describe_shown(path.name)}: is no regular file"
-        with path.open("rb") as stream:
-            content = stream.read(max_size + 1)
-    except OSError as error:
-        reason = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        return None, f"{describe_shown(path.name)}: {reason}"
-    if len(content) > max_size:
-        return None, f"{describe_shown(path.name)}: larger than {max_size} bytes"
-    return content, ""
+        return read_bytes(path, max_size), ""
+    except InputError as error:
+        return None, f"{describe_shown(path.name)}: {error.message}"
 
 
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.

@@ -1,20 +1,22 @@
-"""A fleet of records: which laws lead, and by how much linear damping overpredicts, record by record.
-
-The page of a fleet: which laws lead, by how much linear damping overpredicts, outliers, failures, all records.
-"""
+"""The page of a fleet: which laws lead, by how much linear damping overpredicts, outliers, failures, all records."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from damping.arrays import FloatArray
 from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
-from damping.report.page import Block, Facts, FigureBlock, Fold, Footer, Link, Section, Table, Text, render_page
+from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page
+from damping.report.text import write_sections
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
@@ -93,15 +95,38 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
     Args:
         table: ``COLUMNS``, a row a record. method: how posteriors were had. asked: the force that loads are for.
     """
-    sections = [
-        Section("answer", "The answer first", _answer(table, method, asked)),
-        Section("laws", "Which laws lead", _build_laws(table)),
-        Section("loads", "What linear damping would have said", _build_loads(table, asked)),
-        Section("outliers", "Outliers", _build_outliers(table)),
-        Section("failures", "Failures", _build_failures(table)),
-        Section("gaps", "Gaps to the simulations", _build_gaps(table)),
-        Section("records", "All records", _build_records(table)),
-    ]
+    good = table[table["status"] != "failed"]
+    over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
+    over = over.set_axis(["percent", "low", "high"], axis=1).loc[np.isfinite(over.to_numpy()).all(axis=1)]
+    predicted = good[_OVER].to_numpy(float)
+    predicted = predicted[np.isfinite(predicted)]
+    records = _tabulate_records(table)
+    parts = {"facts": _collect_facts(table, good, predicted), "records": records}
+    parts |= _build_laws(table.dropna(subset=["law"])) | _build_lists(table)
+    quartiles = ""
+    if len(over):
+        levels = np.quantile(over["percent"], [0.25, 0.5, 0.75])
+        quartiles = f"Quartiles {format_joined(format_signed(q) for q in levels)}."
+        title = "Sorted overprediction of linear damping"
+        svg = to_svg(sorted_overprediction(over), "overprediction", title, quartiles)
+        parts["overprediction"] = FigureBlock(svg, "")
+    values = {
+        "asked": asked,
+        "method": method,
+        "refused": len(good) - len(predicted),
+        "quartiles": quartiles,
+        "outlying": OUTLYING,
+        "parts": defaultdict(bool, dict.fromkeys(parts, True)),
+        "sizes": {name: len(part.frame) for name, part in parts.items() if isinstance(part, Table)},
+        "more": lambda size: f"; the first {MOST_ROWS} here, all in the data set" if size > MOST_ROWS else "",
+        "listed": len(records.frame),
+        "all": len(table),
+    }
+    shown = {
+        name: replace(part, frame=part.frame.head(MOST_ROWS)) if isinstance(part, Table) and name != "records" else part
+        for name, part in parts.items()
+    }
+    sections = write_sections(Path(__file__).with_suffix(".txt"), values, shown)
     return render_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
 
 
@@ -137,10 +162,7 @@ def _list_links(table: pd.DataFrame) -> list[Link]:
     return [Link(name, report) for name, report in zip(table["name"], table["report"], strict=True)]
 
 
-def _answer(table: pd.DataFrame, method: str, asked: str) -> list[Block]:
-    good = table[table["status"] != "failed"]
-    over = good[_OVER].to_numpy(float)
-    over = over[np.isfinite(over)]
+def _collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> Facts:
     facts = [(str(len(good)), f"of {len(table)} records analysed")]
     leading = good["law"].value_counts()
     if len(leading):
@@ -149,107 +171,52 @@ def _answer(table: pd.DataFrame, method: str, asked: str) -> list[Block]:
         low, high = np.quantile(over, [0.05, 0.95])
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
         facts.append((f"{format_signed(low)} to {format_signed(high)}", "in nine records of ten"))
-    refused = len(good) - len(over)
-    sentences = [f"Design loads are for {asked}. Posteriors by {method}, in every row."]
-    if refused:
-        sentences.append(f"No prediction at that force in {count(refused, 'record')}: their pages say why.")
-    return [Facts(facts), Text(" ".join(sentences))]
+    return Facts(facts)
 
 
-def _build_laws(table: pd.DataFrame) -> list[Block]:
-    led = table.dropna(subset=["law"])
+def _count(values: pd.Series) -> pd.Series:
+    """Rows by value, the most first, in order of the alphabet where they are as many."""
+    return values.value_counts().sort_index().sort_values(ascending=False, kind="stable")
+
+
+def _build_laws(led: pd.DataFrame) -> dict[str, Block]:
+    """Figure and table of the leading laws; none where no record could be ranked."""
     if led.empty:
-        return [Text("No record could be ranked.")]
-    counts = led["law"].value_counts().sort_index().sort_values(ascending=False, kind="stable")
-    weights = led.groupby("law")["weight"].mean()
+        return {}
+    counts = _count(led["law"])
     leaders = format_joined(f"{law} {value}" for law, value in counts.head(3).items())
-    drawn = to_svg(leading_laws(counts), "leading-laws", "Records by leading law", f"Bars; most often: {leaders}.")
+    svg = to_svg(leading_laws(counts), "leading-laws", "Records by leading law", f"Bars; most often: {leaders}.")
     frame = pd.DataFrame(
         {
             "law": counts.index,
             "records": counts.to_numpy(),
             "share": counts.to_numpy() / len(led),
-            "mean weight there": weights.loc[counts.index].to_numpy(),
+            "mean weight there": led.groupby("law")["weight"].mean().loc[counts.index].to_numpy(),
         }
     )
-    caption = "Records by the law of largest weight in their ranking"
-    return [
-        FigureBlock(drawn, f"{caption}."),
-        Table(frame, caption, {"share": format_share, "mean weight there": format_share}),
-    ]
+    formats = {"share": format_share, "mean weight there": format_share}
+    return {"leading": FigureBlock(svg, ""), "laws": Table(frame, "", formats)}
 
 
-def _build_loads(table: pd.DataFrame, asked: str) -> list[Block]:
-    frame = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
-    frame.columns = pd.Index(["percent", "low", "high"])
-    frame = frame.loc[np.isfinite(frame.to_numpy()).all(axis=1)]
-    if frame.empty:
-        return [Text("No record has a prediction at its largest design force.")]
-    quartiles = np.quantile(frame["percent"], [0.25, 0.5, 0.75])
-    quartile_text = f"Quartiles {format_joined(format_signed(q) for q in quartiles)}."
-    drawn = to_svg(
-        sorted_overprediction(frame), "overprediction", "Sorted overprediction of linear damping", quartile_text
-    )
-    caption = (
-        f"Linear prediction over the median at {asked}, per cent, sorted, with the predictive interval of each record. "
-        f"{quartile_text}"
-    )
-    return [FigureBlock(drawn, caption)]
-
-
-def _build_outliers(table: pd.DataFrame) -> list[Block]:
-    outliers = tabulate_outliers(table)
-    if outliers.empty:
-        return [Text("No record stands apart from the others.")]
-    frame = pd.DataFrame({"record": _list_links(outliers), "law": outliers["law"], "why": outliers["why"]})
-    what = f"{count(len(outliers), 'record')} apart from the fleet by {OUTLYING:g} robust standard deviations"
-    return [_build_table(frame, what)]
-
-
-def _build_failures(table: pd.DataFrame) -> list[Block]:
-    failures = table[table["status"] != "done"]
-    if failures.empty:
-        return [Text("None.")]
-    frame = pd.DataFrame({"record": _list_links(failures), "status": failures["status"], "reason": failures["reason"]})
-    return [_build_table(frame, f"{count(len(failures), 'record')} of which all or a part could not be done")]
-
-
-def _build_gaps(table: pd.DataFrame) -> list[Block]:
+def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
+    """Outliers, failures, explanations of gaps and what they leave, where there are any."""
+    outliers, failures = tabulate_outliers(table), table[table["status"] != "done"]
     diagnosed = table[table["effects"].notna()]
-    if diagnosed.empty:
-        return [Text("No record has a simulation beside it.")]
     named = diagnosed["effects"].map(lambda effects: " + ".join(effects) or "no effect")
-    counts = named.value_counts().sort_index().sort_values(ascending=False, kind="stable")
-    frame = pd.DataFrame({"explanation": counts.index, "records": counts.to_numpy()})
-    blocks: list[Block] = [Table(frame, "Leading explanation of the gap, by number of records")]
-    left = diagnosed[diagnosed["unexplained"].astype(bool)]
-    if len(left):
-        listed = pd.DataFrame({"record": _list_links(left), "explanation": named.loc[left.index]})
-        blocks.append(_build_table(listed, f"{count(len(left), 'record')} with more than noise left"))
-    return blocks
+    counts, left = _count(named), diagnosed[diagnosed["unexplained"].astype(bool)]
+    frames = {
+        "outliers": {"record": _list_links(outliers), "law": outliers["law"], "why": outliers["why"]},
+        "failures": {"record": _list_links(failures), "status": failures["status"], "reason": failures["reason"]},
+        "gaps": {"explanation": counts.index, "records": counts.to_numpy()},
+        "left": {"record": _list_links(left), "explanation": named.loc[left.index]},
+    }
+    tables = {name: pd.DataFrame(columns) for name, columns in frames.items()}
+    return {name: Table(frame, "") for name, frame in tables.items() if len(frame)}
 
 
-def _build_records(table: pd.DataFrame) -> list[Block]:
+def _tabulate_records(table: pd.DataFrame) -> Table:
     ordered = table.sort_values(_OVER, ascending=False, kind="stable", na_position="last").head(MOST_LISTED)
-    frame = pd.DataFrame(
-        {
-            "record": _list_links(ordered),
-            "status": ordered["status"],
-            "law": ordered["law"],
-            "weight": ordered["weight"].astype(float),
-            "median": ordered["median"].astype(float),
-            "low": ordered["low"].astype(float),
-            "high": ordered["high"].astype(float),
-            "linear over": ordered[_OVER].astype(float),
-        }
-    )
-    what = f"{len(ordered)} of {len(table)} records, largest overprediction first"
-    if len(ordered) < len(table):
-        what += "; the column report of the data set names the page of every record"
-    return [Fold(what, [Table(frame, what, {"weight": format_share, "linear over": format_signed})])]
-
-
-def _build_table(frame: pd.DataFrame, caption: str) -> Block:
-    if len(frame) > MOST_ROWS:
-        caption += f"; the first {MOST_ROWS} here, all in the data set"
-    return Table(frame.head(MOST_ROWS), caption)
+    numbers = {name: ordered[name].astype(float) for name in ("weight", "median", "low", "high")}
+    columns = {"record": _list_links(ordered), "status": ordered["status"], "law": ordered["law"], **numbers}
+    frame = pd.DataFrame(columns | {"linear over": ordered[_OVER].astype(float)})
+    return Table(frame, "", {"weight": format_share, "linear over": format_signed})

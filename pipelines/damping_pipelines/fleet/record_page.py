@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -20,8 +21,8 @@ from damping.records.audit import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import (
-    count,
     format_between,
+    format_decimals,
     format_force_text,
     format_percent,
     format_quantity,
@@ -30,13 +31,7 @@ from damping.report import (
     forms,
     number,
 )
-from damping.report.gap_page import (
-    describe_doubts,
-    describe_following,
-    describe_place,
-    describe_reach,
-    describe_verdict,
-)
+from damping.report.gap_page import describe_diagnosis
 from damping.report.page import (
     Block,
     Callout,
@@ -45,12 +40,13 @@ from damping.report.page import (
     Footer,
     Link,
     Links,
-    List,
     Section,
     Table,
     Text,
     render_page,
 )
+from damping.report.tables import tabulate_by_model
+from damping.report.text import write_sections
 from damping_pipelines.fleet.dataset import FleetTask
 
 #: The way back.
@@ -84,19 +80,22 @@ class FleetRecord:
 
 def record_page(record: FleetRecord) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    sections = [Section("answer", "The answer first", _answer(record))]
+    loads, diagnosis = record.loads, record.diagnosis
+    values = {"record": record, "told": describe_diagnosis(diagnosis) if diagnosis else None}
+    parts: dict[str, Block] = {"summary": SUMMARY}
+    if record.ranking or loads:
+        parts["facts"] = _collect_facts(record)
     if record.ranking:
-        sections.append(Section("law", "Which law", _build_law(record.ranking)))
-    if record.loads:
-        sections.append(Section("loads", "Design loads", _build_loads(record, record.loads)))
-    if record.diagnosis:
+        parts["laws"] = _tabulate_laws(record.ranking)
+    if loads:
+        parts |= _build_loads(record, loads)
+    if diagnosis:
+        rows = [(" + ".join(e.effects) or "no effect", e.probability) for e in diagnosis.explanations]
+        explanations = pd.DataFrame(rows, columns=["explanation", "p"])
+        parts["explanations"] = Table(explanations, "", {"p": format_share}, {"p": "probability"})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
-        sections.append(Section("gap", "The gap to the simulation", _build_gap(record.diagnosis, address)))
-    sections.append(Section("basis", "What this rests on", _build_basis(record)))
-    if record.audit.findings:
-        lines = [str(finding) for finding in record.audit.findings]
-        sections.insert(0, Section("audit", "Is the record what it seems?", [List(lines)]))
-    return _describe_page(record.task, sections)
+        parts["diagnosis"] = Links([Link("The whole diagnosis", address)])
+    return _describe_page(record.task, write_sections(Path(__file__).with_suffix(".txt"), values, parts))
 
 
 def describe_failed_page(task: FleetTask, reason: str) -> str:
@@ -110,7 +109,7 @@ def _describe_page(task: FleetTask, sections: Sequence[Section]) -> str:
     return render_page(task.name, sections, Footer(task.seed, task.settings.versions, task.inputs))
 
 
-def _answer(record: FleetRecord) -> list[Block]:
+def _collect_facts(record: FleetRecord) -> Facts:
     facts = []
     if record.ranking:
         best = max(record.ranking.candidates, key=lambda candidate: candidate.weight)
@@ -122,14 +121,10 @@ def _answer(record: FleetRecord) -> list[Block]:
         where = f"resonant amplitude at {format_force_text(design.force[i], units.force)}, {band}"
         facts.append((format_quantity(average.median[i], units.length), where))
         facts.append((format_signed(design.overprediction[i]), "linear damping over that"))
-    return [
-        *([Facts(facts)] if facts else []),
-        *([Text(describe_verdict(record.diagnosis), lead=True)] if record.diagnosis else []),
-        *([Callout("What could not be done", record.reasons)] if record.reasons else []),
-    ]
+    return Facts(facts)
 
 
-def _build_law(ranking: Ranking) -> list[Block]:
+def _tabulate_laws(ranking: Ranking) -> Table:
     rows = [
         {
             "rank": c.rank,
@@ -149,24 +144,15 @@ def _build_law(ranking: Ranking) -> list[Block]:
         "average_absolute_percent": "mean |%|",
     }
     percents = dict.fromkeys(("held_out_error", "average_absolute_percent"), format_percent)
-    formats = {"weight": format_share, "score": _describe_one_decimal, **percents}
+    formats = {"weight": format_share, "score": lambda value: format_decimals(value, 1), **percents}
     frame = pd.DataFrame(rows).astype({"rank": "Int64"})
     if frame["held_out_error"].isna().all():  # not asked for, or one level
         frame = frame.drop(columns="held_out_error")
-    caption = f"Every candidate, sorted by {ranking.criterion}. Coefficients are least squares, free to be negative."
-    return [Table(frame, caption, formats, headings)]
+    return Table(frame, "", formats, headings)
 
 
-def _describe_one_decimal(value: float) -> str:
-    return f"{value:.1f}".replace("-", "−") if np.isfinite(value) else "–"
-
-
-def _build_loads(record: FleetRecord, loads: FleetLoads) -> list[Block]:
+def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, Block]:
     design, units = loads.design, record.mode.units
-    own = Text("No design force was asked for: these are multiples of the largest tested force of this record.")
-    blocks: list[Block] = [] if record.task.settings.forces else [own]
-    if loads.bands is not None and np.isfinite(design.average.median).any():
-        blocks.append(_draw_loads(record, design, loads.bands))
     average = design.average
     frame = pd.DataFrame(
         {
@@ -180,19 +166,16 @@ def _build_loads(record: FleetRecord, loads: FleetLoads) -> list[Block]:
         }
     )
     headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
-    caption = f"Resonant amplitude at the design forces, averaged over models by weight; {units}."
-    blocks.append(Table(frame, caption, {"force": lambda force: f"{force:.6g}", "over": format_signed}, headings))
-    laws = pd.DataFrame(
-        {"law": [b.name for b in design.by_model], "weight": [b.weight for b in design.by_model]}
-        | {
-            f"at {format_force_text(force, units.force)}": [
-                f"{number(b.median[i])} ({format_between(b.low[i], b.high[i])})" for b in design.by_model
-            ]
-            for i, force in enumerate(design.force)
-        }
-    )
-    caption = "Laws that take part, each with its own median and interval"
-    return [*blocks, Table(laws, caption, {"weight": format_share})]
+    formats = {"force": lambda force: f"{force:.6g}", "over": format_signed}
+    laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
+    laws.insert(1, "weight", [band.weight for band in design.by_model])
+    tables = {
+        "loads by force": Table(frame, "", formats, headings),
+        "loads by law": Table(laws, "", {"weight": format_share}),
+    }
+    if loads.bands is None or not np.isfinite(average.median).any():
+        return {**tables}
+    return {**tables, "loads": _draw_loads(record, design, loads.bands)}
 
 
 def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:
@@ -202,31 +185,3 @@ def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> FigureBlock
     drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
     caption = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
     return FigureBlock(to_svg(drawn, identifier(name), f"{name}: design loads", caption), caption)
-
-
-def _build_gap(diagnosis: Diagnosis, address: str) -> list[Block]:
-    lines = [
-        describe_place(diagnosis),
-        *describe_doubts(diagnosis),
-        describe_reach(diagnosis),
-        describe_following(diagnosis),
-    ]
-    rows = [{"explanation": " + ".join(e.effects) or "no effect", "p": e.probability} for e in diagnosis.explanations]
-    return [
-        List(lines),
-        Table(pd.DataFrame(rows), "Explanations, most probable first", {"p": format_share}, {"p": "probability"}),
-        *([Callout("Cautions", diagnosis.cautions)] if diagnosis.cautions else []),
-        Links([Link("The whole diagnosis", address)]),
-    ]
-
-
-def _build_basis(record: FleetRecord) -> list[Block]:
-    force, sweeps = record.data.tested_force, record.data.sweeps
-    brief = record.loads is None or record.loads.bands is None
-    method = record.task.settings.method
-    lines = [
-        f"{count(len(record.record), 'row')} in {count(len(sweeps), 'sweep')}; {record.mode.units}.",
-        f"Tested from {number(force.min())} to {number(force.max())}.",
-        f"Posteriors by {method}" + (", without errors of levels held out." if brief else "."),
-    ]
-    return [List(lines), SUMMARY]

@@ -78,38 +78,27 @@ def corrected_coefficient(slip: Slip, A: Floats, omega: Floats) -> Floats:
     return 3.0 * exact_energy(slip, A) / (8.0 * A**3 * omega**2)
 
 
-@dataclass(frozen=True)
-class EquivalenceError:
-    """How far a velocity-squared force stands for slip, against ``amplitude`` (> A1); arrays of one shape.
+def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float, points: int = 2880) -> pd.DataFrame:
+    """How far a velocity-squared force fixed at ``reference`` stands for slip, at each ``amplitude``, all above A1.
 
     ``coefficient_percent``: Eq 2.4.4 as printed against corrected, at each amplitude.
     ``printed_percent``, ``corrected_percent``: energy of the force with C3 fixed at the reference amplitude, printed
     or corrected, against the exact energy of the joint: what a model identified at one level does at the others.
     ``shape_percent``: with equal energy, root mean square over the cycle of the difference between the joint's force
-    about its mean slope (K less what slip lost, S/A) and C3 q'^2 sgn q', over that of the former.
-    """
-
-    amplitude: FloatArray
-    coefficient_percent: FloatArray
-    printed_percent: FloatArray
-    corrected_percent: FloatArray
-    shape_percent: FloatArray
-
-
-def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float, points: int = 2880) -> EquivalenceError:
-    """Error of the velocity-squared equivalence fixed at ``reference``, at each ``amplitude``, all above A1.
-
-    The frequency cancels: C3 omega^2 is what the equivalence fixes (section 2.4).
+    about its mean slope (K less what slip lost, S/A) and C3 q'^2 sgn q', over that of the former. The frequency
+    cancels: C3 omega^2 is what the equivalence fixes (section 2.4).
     """
     A = np.asarray(amplitude, dtype=float)
     exact = np.asarray(exact_energy(slip, A))
     growth = (8.0 / 3.0) * A**3 / exact
-    return EquivalenceError(
-        amplitude=A,
-        coefficient_percent=np.asarray(100.0 * (printed_energy(slip, A) / exact - 1.0)),
-        printed_percent=np.asarray(100.0 * (printed_coefficient(slip, reference, 1.0) * growth - 1.0)),
-        corrected_percent=np.asarray(100.0 * (corrected_coefficient(slip, reference, 1.0) * growth - 1.0)),
-        shape_percent=_shape_percent(slip, A, points),
+    return pd.DataFrame(
+        {
+            "amplitude": A,
+            "coefficient_percent": 100.0 * (printed_energy(slip, A) / exact - 1.0),
+            "printed_percent": 100.0 * (printed_coefficient(slip, reference, 1.0) * growth - 1.0),
+            "corrected_percent": 100.0 * (corrected_coefficient(slip, reference, 1.0) * growth - 1.0),
+            "shape_percent": _shape_percent(slip, A, points),
+        }
     )
 
 
@@ -159,7 +148,7 @@ class SlipEquivalent:
     slip: Loop
     printed: Loop
     corrected: Loop
-    error: EquivalenceError
+    error: pd.DataFrame
     energies: pd.DataFrame
 
 
@@ -174,13 +163,9 @@ def hysteresis_loops() -> HysteresisLoops:
     return HysteresisLoops(loops, table.assign(relative_difference=areas / closed - 1.0))
 
 
-def slip_equivalent(stiffness: float = SLIP_STIFFNESS, reference: float = REFERENCE) -> SlipEquivalent:
-    """The slip joint that loses ``stiffness`` (of K = 1) beyond A1 = 1 against the velocity-squared force.
-
-    Args:
-        reference: amplitude over A1, > 1, at which C3 is fixed.
-    """
-    slip, A = Slip(stiffness, 1.0), np.geomspace(1.02, FARTHEST, 300)
+def slip_equivalent() -> SlipEquivalent:
+    """The slip joint that loses ``SLIP_STIFFNESS`` (of K = 1) beyond A1 = 1 against the velocity-squared force."""
+    slip, A, reference = Slip(SLIP_STIFFNESS, 1.0), np.geomspace(1.02, FARTHEST, 300), REFERENCE
     coefficients = (float(f(slip, reference, 1.0)) for f in (printed_coefficient, corrected_coefficient))
     printed, corrected = (VelocitySquared(c) for c in coefficients)
     mean_slope = 1.0 + float(slip.in_phase(reference, 1.0)) / reference

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,14 +13,8 @@ from scipy.linalg import eigh
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping.plots import INK, LINEAR, MUTED, WIDTH, law_style, styled
-from damping_reed1970.chapter_2 import (
-    REFERENCE,
-    EquivalenceError,
-    Loop,
-    SlipEquivalent,
-    equal_amplitudes,
-)
+from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
+from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
@@ -69,7 +62,7 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 
 
 @styled
-def draw_slip_equivalent(equivalent: SlipEquivalent, reference: float) -> Figure:
+def draw_slip_equivalent(equivalent: SlipEquivalent) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
     figure = Figure(figsize=(WIDTH, 5.8))
     left, right = figure.subplots(2, 1)
@@ -80,25 +73,23 @@ def draw_slip_equivalent(equivalent: SlipEquivalent, reference: float) -> Figure
     left.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
     left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
     left.set(xlabel="displacement / A₁", ylabel="force / K A₁", ylim=(-2.9, 2.1))
-    left.set_title(f"Loops at A = {reference:g} A₁")
+    left.set_title(f"Loops at A = {REFERENCE:g} A₁")
     left.legend(loc="lower right", fontsize=7)
-    _draw_errors(right, equivalent.error, reference)
+    _draw_errors(right, equivalent.error)
     return figure
 
 
-def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
-    square = law_style("velocity-squared").colour
-    lines = (
-        (error.coefficient_percent, LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
-        (error.corrected_percent, square, "-", f"energy, C₃ fixed at {reference:g} A₁"),
-        (error.shape_percent, MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
-    )
-    for values, colour, line, label in lines:
-        axes.plot(error.amplitude, values, color=colour, linestyle=line, label=label)
+def _draw_errors(axes: Axes, error: pd.DataFrame) -> None:
+    for name, colour, line, label in (
+        ("coefficient", LINEAR, (0, (4, 2)), "printed energy (2.4.3) against exact"),
+        ("corrected", law_style("velocity-squared").colour, "-", f"energy, C₃ fixed at {REFERENCE:g} A₁"),
+        ("shape", MUTED, (0, (1, 1.2)), "shape of the loop, equal energy (rms)"),
+    ):
+        axes.plot(error["amplitude"], error[f"{name}_percent"], color=colour, linestyle=line, label=label)
     axes.axhline(0.0, color=INK, linewidth=0.7)
     axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
     axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
-    axes.set(xlim=(1.0, float(error.amplitude[-1])), ylim=(-170.0, 250.0))
+    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0))
     axes.set(xlabel="amplitude A / A₁", ylabel="error (per cent)")
     axes.set_title("Error of the equivalence")
     axes.legend(loc="lower right", fontsize=7)
@@ -106,13 +97,8 @@ def _draw_errors(axes: Axes, error: EquivalenceError, reference: float) -> None:
 
 @styled
 def draw_slip_energy(energies: pd.DataFrame) -> Figure:
-    """Draw energy per cycle against amplitude: slip exact and printed, and what a fixed C3 makes of it.
-
-    Args:
-        energies: ``amplitude, exact, printed, printed_equivalent, corrected_equivalent`` in units of A1 and K A1^2.
-    """
-    figure = Figure(figsize=(WIDTH, 3.0))
-    axes = figure.add_subplot()
+    """Draw the energies of :class:`SlipEquivalent` against amplitude: slip exact and printed, and a fixed C3."""
+    figure, axes = build_panel(3.0, "amplitude A / A₁", "energy per cycle / K A₁²")
     lines = {
         "exact": (law_style("slip").colour, "-", "slip joint, exact: grows like A"),
         "printed": (LINEAR, (0, (4, 2)), "(2.4.3) as printed: like A²"),
@@ -122,7 +108,6 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
         axes.plot(energies["amplitude"], energies[name], color=colour, linestyle=line, label=label)
     top = float(np.max(energies["printed"]))
     axes.set(xlim=(1.0, float(energies["amplitude"].iloc[-1])), ylim=(0.0, top))
-    axes.set(xlabel="amplitude A / A₁", ylabel="energy per cycle / K A₁²")
     axes.legend(loc="upper left")
     return figure
 
@@ -178,22 +163,11 @@ def modal_force(modes: NormalModes, node: int, force: float) -> FloatArray:
 
 def subsystem_damping(modes: NormalModes, dampers: Sequence[Damper]) -> dict[str, FloatArray]:
     """What each sub-system adds to the modal coefficients C_j, (modes,) each; they add to diag(phi^T c phi)."""
-    shares: dict[str, FloatArray] = {}
+    shares = {damper.subsystem: np.zeros(modes.omega.size) for damper in dampers}
     for damper in dampers:
-        stroke = _direction(damper, modes.shapes.shape[0]) @ modes.shapes
-        shares[damper.subsystem] = shares.get(damper.subsystem, np.zeros(modes.omega.size)) + (
-            damper.coefficient * stroke**2
-        )
+        stroke = modes.shapes[damper.node] - (0.0 if damper.other is None else modes.shapes[damper.other])
+        shares[damper.subsystem] += damper.coefficient * stroke**2
     return shares
-
-
-def _direction(damper: Damper, nodes: int) -> FloatArray:
-    """Relative motion that the damper sees: +1 at its node, -1 at the other."""
-    direction = np.zeros(nodes)
-    direction[damper.node] = 1.0
-    if damper.other is not None:
-        direction[damper.other] -= 1.0
-    return direction
 
 
 MASSES = 4
@@ -263,17 +237,15 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    title, text = "Chapter II: hysteresis and slip", Path(__file__).with_suffix(".txt")
-    return write_chapter(
-        2, title, text, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=tables
-    )
+    figures = collect_figures(studies)
+    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     return {
         "hysteresis-loops": lambda: draw_hysteresis_loops(studies.loops.loops),
-        "slip-equivalent": lambda: draw_slip_equivalent(studies.slip, REFERENCE),
+        "slip-equivalent": lambda: draw_slip_equivalent(studies.slip),
         "slip-energy": lambda: draw_slip_energy(studies.slip.energies),
     }
 

@@ -17,8 +17,10 @@ from damping.signals import (
     DampingRoots,
     NodeMode,
     PrincipalPlanes,
+    branch,
     damping_roots,
     displacement,
+    energy_loss,
     identify_r2_over_i,
     input_energy,
     mean_coefficient,
@@ -37,7 +39,8 @@ ComplexArray = npt.NDArray[np.complex128]
 class PlanarOscillator(NamedTuple):
     """Mass M, viscous coefficient C (equal in all directions), principal frequencies in rad/s, angle theta in rad.
 
-    Fields may be arrays that broadcast with the frequency.
+    As a sensor sees it: ``R``, motion in phase with the force that is not this mode's, per unit of modal force, and
+    ``lag`` of all readings, rad. Fields may be arrays that broadcast with the frequency.
     """
 
     M: Floats
@@ -45,22 +48,24 @@ class PlanarOscillator(NamedTuple):
     omega_p: Floats
     omega_y: Floats
     theta: Floats
+    R: Floats = 0.0
+    lag: Floats = 0.0
 
 
 def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
-    """Phasor of the pitch motion under F_p in pitch: the sum over both principal planes.
+    """Phasor of the pitch motion under F_p in pitch: the sum over both principal planes, e^(-i lag) of it, and R F_p.
 
     F_p/M [cos^2 theta/(omega_p^2 - omega^2 + i omega C/M) + sin^2 theta/(omega_y^2 - omega^2 + i omega C/M)],
     identical with Eqs. 3.1.30-3.1.35.
     """
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta, R, lag = oscillator
     pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
-    return F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw)
+    return np.asarray(F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw) * np.exp(-1j * lag) + R * F_p)
 
 
 def yaw_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
     """Phasor of the yaw motion under F_p in pitch (from Eqs. 3.1.27, 3.1.28): zero for theta = 0."""
-    M, C, omega_p, omega_y, theta = oscillator
+    M, C, omega_p, omega_y, theta = oscillator[:5]
     pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
     return F_p * np.sin(theta) * np.cos(theta) * (pitch - yaw)
 
@@ -71,6 +76,8 @@ def _receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> Complex
 
 #: Second mode of Configuration I (Eq. 3.2.16): phi_t2, M_2, omega_2p, omega_2y, theta.
 PLANES = PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+#: A damping factor above this is none of a structure (erratum E3IV-1).
+LARGEST_XI = 0.05
 #: Frequency of rigid-body rotation, rad/s (before Eq. 3.1.16).
 OMEGA_R = 1.00
 
@@ -133,15 +140,19 @@ def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def table_3_iv_roots(table: pd.DataFrame) -> list[DampingRoots]:
-    """All solutions xi of Eq. 3.2.15 at the energy of each row: two at most points, none at 10 and 13 (E3IV-1)."""
+def find_roots(table: pd.DataFrame, planes: PrincipalPlanes = PLANES) -> list[DampingRoots]:
+    """All solutions xi of Eq. 3.2.15 at the energy of each row of Table 3.IV.
+
+    The energy lost, as a function of xi, rises to a maximum and falls again: an energy below it is lost at two values
+    of xi, one above it, as at points 10 and 13 (E3IV-1), at none. "Trial and error" finds one of them.
+    """
     rows = zip(_forces(table), *columns(table, "omega_rad_s", "energy_input_in_lb"), strict=True)
-    return [damping_roots(PLANES, F, omega, energy) for F, omega, energy in rows]
+    return [damping_roots(planes, F, omega, energy) for F, omega, energy in rows]
 
 
 def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
     """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
-    roots = [nearest_root(p.roots, xi) for p, xi in zip(table_3_iv_roots(table), table["xi"], strict=True)]
+    roots = [nearest_root(p.roots, xi) for p, xi in zip(find_roots(table), table["xi"], strict=True)]
     pairs = zip(table["point"], roots, strict=True)
     return {f"tab3IV.xi[{point}]": root for point, root in pairs if not np.isnan(root)}
 
@@ -182,3 +193,81 @@ def _forces(table_iv: pd.DataFrame) -> FloatArray:
     """Force of each row of Table 3.IV (Table 3.I by point)."""
     points = table_iv[["point_number"]].merge(load_table("3_I"), left_on="point_number", right_on="point", how="left")
     return columns(points, "force_lb")[0]
+
+
+def tabulate_points() -> pd.DataFrame:
+    """Table 3.IV, the 15 rows that are not marked as corrected, with the force of Table 3.I."""
+    table = load_table("3_IV").query("corrected_row == 0").reset_index(drop=True)
+    return table.assign(force_lb=_forces(table))
+
+
+def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+    """By point: both roots, the printed xi, the branch it is on, and the energy in each plane on each branch.
+
+    Columns: ``point, omega, energy`` (put in), ``largest_energy`` (that can be lost, at ``xi_of_largest``), ``roots``
+    (number), ``xi_low, xi_high`` (NaN where none), ``xi_printed, taken`` (``low``, ``high`` or ``none``),
+    ``energy_printed`` (lost at the printed xi), and ``pitch_low, yaw_low, pitch_high, yaw_high``: energies lost in the
+    planes, and ``A_pitch_low, A_pitch_high``: amplitudes.
+    """
+    table = tabulate_points()
+    roots = find_roots(table, planes)
+    F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
+    low, high = branch(roots, 0), branch(roots, -1)
+    nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
+    motion = {name: plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
+    return pd.DataFrame(
+        {
+            "point": table["point"],
+            "omega": omega,
+            "energy": energy,
+            "largest_energy": [point.energy_peak for point in roots],
+            "xi_of_largest": [point.xi_peak for point in roots],
+            "roots": [point.roots.size for point in roots],
+            "xi_low": low,
+            "xi_high": high,
+            "xi_printed": printed,
+            "taken": np.where(np.isnan(low), "none", nearer),
+            "energy_printed": energy_loss(planes, F, omega, printed),
+            **{
+                f"{name}_{key}": value
+                for key, m in motion.items()
+                for name, value in (("pitch", m.E_p), ("yaw", m.E_y))
+            },
+            **{f"A_pitch_{key}": m.A_p for key, m in motion.items()},
+        }
+    )
+
+
+def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+    """What the mean coefficient C_1 (Eq. 3.2.18) and the mean xi become on each branch.
+
+    ``points`` counts the points that have a value; "xi of the largest energy" fills points 10 and 13, which have no
+    root, with the xi at which the most is lost.
+    """
+    table = tabulate_points()
+    roots = find_roots(table, planes)
+    omega, printed = columns(table, "omega_rad_s", "xi")
+    none = np.array([point.roots.size == 0 for point in roots])
+    peak = np.array([point.xi_peak for point in roots])
+    low, high = branch(roots, 0), branch(roots, -1, LARGEST_XI)
+    high_or_low = np.where(np.isnan(high), low, high)
+    near = np.array([nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
+    choices = {
+        "as printed": printed,
+        "as printed, points with a root": np.where(none, np.nan, printed),
+        "the root nearest to each printed xi": near,
+        "every low root": low,
+        "every high root (below .05, else low)": high_or_low,
+        "every low root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, low),
+        "every high root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, high_or_low),
+    }
+    rows = [
+        {
+            "choice": choice,
+            "points": int(np.isfinite(xi).sum()),
+            "mean_xi": float(np.nanmean(xi)),
+            "C_1": mean_coefficient(planes.mass, omega, xi),
+        }
+        for choice, xi in choices.items()
+    ]
+    return pd.DataFrame(rows)

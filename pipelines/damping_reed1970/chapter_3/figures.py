@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,22 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, styled
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, build_panel, styled
 from damping.plots.fits import corner
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.planar_fits import Curve, PlanarBand
+from damping_reed1970.chapter_3 import LARGEST_XI, PLANES
+from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
 
 OMEGA = "frequency ω (rad/s)"
 PITCH = "#0072b2"
 YAW = "#d55e00"
 DASH = (0, (5, 2))
 DOT = (0, (1.2, 1.6))
-
-
-def single(y_label: str) -> tuple[Figure, Axes]:
-    """A figure of one panel over frequency."""
-    figure = Figure(figsize=(WIDTH, 3.3))
-    return figure, figure.add_subplot(xlabel=OMEGA, ylabel=y_label)
 
 
 def draw_band(axes: Axes, omega: FloatArray, curve: Curve, label: str) -> None:
@@ -61,12 +54,12 @@ _STEPS = {"mode factor": (MUTED, DOT), "rigid body": (YAW, DASH), "adjacent mode
 @styled
 def draw_tail_displacement(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
     """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band."""
-    figure, axes = single("tail displacement (in)")
+    figure, axes = build_panel(3.3, OMEGA, "tail displacement (in)")
     median, low, high = (PLANES.phi * amplitude for amplitude in tail.amplitude)
     draw_band(axes, tail.omega, (median, low, high), "planar oscillator fitted to the tail, 90 % band")
-    joined: dict[str, Any] = {"color": MUTED, "linestyle": DASH, "linewidth": 0.9, "label": "printed points joined"}
-    axes.plot(measured["omega"], measured["tail"], **joined)
-    draw_printed(axes, measured["omega"], measured["tail"], "printed (Table 3.III)")
+    omega, points = measured["omega"], measured["tail"]
+    axes.plot(omega, points, color=MUTED, linestyle=DASH, linewidth=0.9, label="printed points joined")
+    draw_printed(axes, omega, points, "printed (Table 3.III)")
     draw_from_zero(axes)
     return figure
 
@@ -74,7 +67,7 @@ def draw_tail_displacement(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
 @styled
 def draw_tail_phase_sine(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
     """Draw the sine of the tail's phase angle against frequency (Fig. 3.3)."""
-    figure, axes = single("sine of tail phase angle")
+    figure, axes = build_panel(3.3, OMEGA, "sine of tail phase angle")
     median, low, high = tail.phase
     # between the ends of the band the sine has a maximum where the phase passes pi/2
     ends = np.sin(low), np.sin(high)
@@ -89,7 +82,7 @@ def draw_tail_phase_sine(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
 @styled
 def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw phase angles of tail and second mode (Fig. 3.5)."""
-    figure, axes = single("phase angle (rad)")
+    figure, axes = build_panel(3.3, OMEGA, "phase angle (rad)")
     draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
     draw_printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
@@ -103,7 +96,7 @@ def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
 @styled
 def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6) with the planar fit."""
-    figure, axes = single("modal amplitude (in)")
+    figure, axes = build_panel(3.3, OMEGA, "modal amplitude (in)")
     draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % band")
     draw_printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
     draw_computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
@@ -114,7 +107,7 @@ def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
 @styled
 def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
     """Draw energy input per cycle against frequency (Fig. 3.9) with what one damping factor for all points loses."""
-    figure, axes = single("energy per cycle (in-lb)")
+    figure, axes = build_panel(3.3, OMEGA, "energy per cycle (in-lb)")
     _draw_one_damping(axes, curves, "energy")
     draw_printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
     draw_computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
@@ -154,11 +147,13 @@ def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Fig
         amplitude.plot(rows["omega"], change, **style)
         phase.plot(rows["omega"], rows["phase"].to_numpy() - first["phase"].to_numpy(), **style)
     _draw_parts(right, removed)
-    for axes, title in zip(
-        (left, right, amplitude, phase),
-        ("Amplitude (in)", "Removed, in phase with the force (in)", "Change of amplitude (%)", "Change of phase (rad)"),
-        strict=True,
-    ):
+    titles = (
+        "Amplitude (in)",
+        "Removed, in phase with the force (in)",
+        "Change of amplitude (%)",
+        "Change of phase (rad)",
+    )
+    for axes, title in zip((left, right, amplitude, phase), titles, strict=True):
         axes.set_title(title, fontsize=8.5)
     phase.set_xlabel(OMEGA)
     left.set_ylim(bottom=0.0)
@@ -229,15 +224,15 @@ def draw_planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, F
 
 
 @styled
-def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest: float = 0.05) -> Figure:
+def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float]) -> Figure:
     """Draw all roots of Eq. 3.2.15 against frequency with the printed xi.
 
     Args:
         branches: ``point, omega, xi_low, xi_high, xi_printed, xi_of_largest, roots``.
-        fitted: low end, median and high end of the planar oscillator's one damping factor. largest: top of the axis.
+        fitted: low end, median and high end of the planar oscillator's one damping factor.
     """
-    figure = Figure(figsize=(WIDTH, 3.9))
-    axes = figure.add_subplot()
+    largest = LARGEST_XI
+    figure, axes = build_panel(3.9, OMEGA, "damping factor ξ")
     low, median, high = fitted
     axes.axhspan(low, high, color=CREDIBLE, linewidth=0, label="planar oscillator, one ξ for all points")
     axes.axhline(median, color=AVERAGE, linewidth=1.0)
@@ -248,7 +243,7 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest:
     none = branches[branches["roots"] == 0]
     axes.plot(none["omega"], none["xi_of_largest"], "x", color=ALERT, label="no root: ξ of the largest energy")
     draw_printed(axes, omega, branches["xi_printed"], "printed (Table 3.IV)")
-    axes.set(yscale="log", ylim=(1e-4, largest), xlabel=OMEGA, ylabel="damping factor ξ")
+    axes.set(yscale="log", ylim=(1e-4, largest))
     axes.set_yticks([1e-4, 1e-3, 0.005, 1e-2, largest], ["0.0001", "0.001", "0.005", "0.01", f"{largest:g}"])
     axes.minorticks_off()
     figure.legend(loc="outside lower center", ncols=2)
@@ -258,7 +253,7 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float], largest:
 @styled
 def draw_yaw_amplitude(yaw: pd.DataFrame) -> Figure:
     """Draw the yaw amplitude that fits to the pitch motion predict beside the measured one, which no fit has seen."""
-    figure, axes = single("yaw amplitude (in)")
+    figure, axes = build_panel(3.3, OMEGA, "yaw amplitude (in)")
     styles = ((AVERAGE, "-"), (LINEAR, DASH), (PITCH, DOT))
     for (colour, line), name in zip(styles, yaw.columns.drop(["point", "omega", "measured"]), strict=False):
         axes.plot(yaw["omega"], yaw[name], color=colour, linestyle=line, label=f"predicted: {name}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.signal import find_peaks
 from damping.arrays import FloatArray
 from damping.report import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES, figures
-from damping_reed1970.chapter_3.planar_fits import LEVEL, SAMPLED, PlanarBand
+from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
@@ -102,18 +101,14 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
         **_collect_conditioning_values(computed),
         **_collect_figure_values(computed),
         **_collect_plane_values(computed),
-        **_collect_root_values(computed),
+        "branches": branches,
+        "fitted": tables["branches_fitted"],
+        "means": tables["branch_means"].set_index("choice"),
     }
+    headings = {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
+    figures = collect_figures(computed)
     return write_chapter(
-        3,
-        "Chapter III: one mode in two planes",
-        Path(__file__).with_suffix(".txt"),
-        results.tables,
-        values=values,
-        figures=collect_figures(computed),
-        shown=shown,
-        tables=tables,
-        headings={"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"},
+        3, results.tables, values=values, figures=figures, shown=shown, tables=tables, headings=headings
     )
 
 
@@ -188,21 +183,6 @@ def _collect_plane_values(computed: Chapter3) -> dict[str, Any]:
         "held_factor": factors[HELD],
         "phase": row(posteriors, data="A2", fit="free + in phase", parameter="R"),
         "angles": [f"θ {format_between(angle['low'], angle['high'])}" for angle in angles],
-    }
-
-
-def _collect_root_values(computed: Chapter3) -> dict[str, Any]:
-    """How many roots there are, which were taken, what other planes give, and what the mean coefficient is worth."""
-    branches, fitted, means = (computed.tables[name] for name in ("branches", "branches_fitted", "branch_means"))
-    return {
-        "branches": branches,
-        "two": branches[branches["roots"] == 2],
-        "no_root": branches.loc[branches["roots"] == 0, "point"],
-        "no_root_fitted": fitted.loc[fitted["roots"] == 0, "point"],
-        "taken": {name: branches.loc[branches["taken"] == name, "point"] for name in ("low", "high")},
-        "mean_printed": row(means, choice="as printed"),
-        "mean_low": row(means, choice="every low root"),
-        "mean_high": row(means, choice="every high root (below .05, else low)"),
     }
 
 

@@ -16,14 +16,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from functools import cache
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError
-from damping_reed1970.chapter_3 import ComplexArray, PlanarOscillator, pitch_response
+from damping_reed1970 import columns, load_table
+from damping_reed1970.chapter_3 import PLANES, ComplexArray, PlanarOscillator, pitch_response
 
 Noise = Literal["constant", "proportional"]
 
@@ -40,31 +42,6 @@ _GRID_THETA = (0.2, 0.6, 1.0)
 _GRID_XI = (0.002, 0.006, 0.02)
 _REFINED = 5  # starts that are followed down: the best of the grid
 _SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at which errors have a digit
-
-
-class PlanarModel(NamedTuple):
-    """The planar oscillator as a sensor sees it: (response exp(-i lag) + R F). Fields may broadcast with omega.
-
-    M, C, omega_p, omega_y, theta as in ``PlanarOscillator``; ``R``: motion in phase with the force that is not this
-    mode's, per unit of modal force; ``lag``: of all readings, rad.
-    """
-
-    M: Floats
-    C: Floats
-    omega_p: Floats
-    omega_y: Floats
-    theta: Floats
-    R: Floats = 0.0
-    lag: Floats = 0.0
-
-    @property
-    def oscillator(self) -> PlanarOscillator:
-        """The oscillator alone."""
-        return PlanarOscillator(*self[:5])
-
-    def response(self, F: Floats, omega: Floats) -> ComplexArray:
-        """Phasor of the motion along the force."""
-        return np.asarray(pitch_response(self.oscillator, F, omega) * np.exp(-1j * self.lag) + self.R * F)
 
 
 @dataclass(frozen=True)
@@ -85,9 +62,9 @@ class Phasors:
         """Standard deviation of each point over the unknown scale sigma, (n,)."""
         return np.abs(self.q) if self.noise == "proportional" else np.ones(self.omega.size)
 
-    def residuals(self, model: PlanarModel) -> ComplexArray:
+    def residuals(self, model: PlanarOscillator) -> ComplexArray:
         """(model - measured)/shape (..., n); fields of the model may have shape (..., 1)."""
-        return (model.response(self.F, self.omega) - self.q) / self.shape
+        return (pitch_response(model, self.F, self.omega) - self.q) / self.shape
 
 
 @dataclass(frozen=True)
@@ -100,7 +77,7 @@ class PlanarFit:
         residuals: complex, (model - measured)/shape, (n,). SSE: sum of their squares, 2 n numbers.
     """
 
-    model: PlanarModel
+    model: PlanarOscillator
     fitted: tuple[str, ...]
     standard_errors: Mapping[str, float]
     residuals: ComplexArray
@@ -109,7 +86,7 @@ class PlanarFit:
     @property
     def xi(self) -> float:
         """Damping factor of the pitch plane, C/(2 M omega_p) (Eq. 3.1.10)."""
-        return float(_xi(self.model))
+        return float(self.model.C / (2.0 * self.model.M * self.model.omega_p))
 
     @property
     def sigma(self) -> float:
@@ -146,7 +123,13 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
     starts = _choose_starts(data, fixed)
     _lengths(_real(_jacobian(data, starts[0], free)), free)
-    model = _best(data, fixed, free, starts)
+    # planes outside the swept frequencies are no planes of this mode
+    low, high, fitted = data.omega.min(), data.omega.max(), {"omega_p", "omega_y"} & set(free)
+    fits = [_minimise(data, fixed, free, start) for start in starts]
+    inside = [fit for fit in fits if all(low <= getattr(fit[1], name) <= high for name in fitted)]
+    if not inside:
+        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
+    model = min(inside, key=lambda fit: fit[0])[1]
     model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
     residuals = data.residuals(model)
     SSE = float(np.sum(np.abs(residuals) ** 2))
@@ -155,7 +138,7 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     return PlanarFit(model, free, errors, residuals, SSE)
 
 
-def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarModel]:
+def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarOscillator]:
     """The best points of a grid: planes across the swept band, angles, damping; the mass that fits the largest peak."""
     band = np.linspace(data.omega.min(), data.omega.max(), _GRID_STEPS)
     rates = 2.0 * np.array(_GRID_XI) * band.mean()  # C/M
@@ -166,35 +149,20 @@ def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarMode
     M = np.abs(response).max(axis=1, keepdims=True) / np.abs(data.q).max()
     M = np.full_like(M, fixed["M"]) if "M" in fixed else M
     C = np.full_like(M, fixed["C"]) if "C" in fixed else rate * M
-    misfit = np.sum(np.abs(data.residuals(PlanarModel(M, C, omega_p, omega_y, theta))) ** 2, axis=1)
+    misfit = np.sum(np.abs(data.residuals(PlanarOscillator(M, C, omega_p, omega_y, theta))) ** 2, axis=1)
     # two equal planes are one, of any angle: no start
     misfit = np.where((omega_p == omega_y)[:, 0], np.inf, misfit)
     best = np.argsort(misfit, kind="stable")[:_REFINED]
-    return [PlanarModel(*row) for row in np.hstack([M, C, omega_p, omega_y, theta])[best].tolist()]
-
-
-def _best(data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], starts: list[PlanarModel]) -> PlanarModel:
-    """The lowest minimum with the planes inside the swept frequencies."""
-    fits = [_minimise(data, fixed, free, start) for start in starts]
-    inside = [fit for fit in fits if _swept(fit[1], data, free)]
-    if not inside:
-        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
-    return min(inside, key=lambda fit: fit[0])[1]
-
-
-def _swept(model: PlanarModel, data: Phasors, free: tuple[str, ...]) -> bool:
-    """Whether the planes that were fitted lie inside the swept frequencies."""
-    low, high = data.omega.min(), data.omega.max()
-    return all(low <= getattr(model, name) <= high for name in ("omega_p", "omega_y") if name in free)
+    return [PlanarOscillator(*row) for row in np.hstack([M, C, omega_p, omega_y, theta])[best].tolist()]
 
 
 def _minimise(
-    data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], start: PlanarModel
-) -> tuple[float, PlanarModel]:
+    data: Phasors, fixed: Mapping[str, float], free: tuple[str, ...], start: PlanarOscillator
+) -> tuple[float, PlanarOscillator]:
     """Half the sum of squares and the model at the minimum below ``start``."""
     logarithmic = np.array([name in _LOGARITHMIC for name in free])
 
-    def model(x: FloatArray) -> PlanarModel:
+    def model(x: FloatArray) -> PlanarOscillator:
         values = np.where(logarithmic, np.exp(np.where(logarithmic, x, 0.0)), x)
         return start._replace(**fixed, **dict(zip(free, values.tolist(), strict=True)))
 
@@ -213,7 +181,7 @@ def _minimise(
     return float(result.cost), model(result.x)
 
 
-def _jacobian(data: Phasors, model: PlanarModel, free: tuple[str, ...]) -> ComplexArray:
+def _jacobian(data: Phasors, model: PlanarOscillator, free: tuple[str, ...]) -> ComplexArray:
     """Derivatives of the residuals by the parameters ``free``, (n, k)."""
     M, C, omega_p, omega_y, theta, _, lag = model
     omega, along, across, turn = data.omega, np.cos(theta) ** 2, np.sin(theta) ** 2, np.exp(-1j * lag)
@@ -253,22 +221,43 @@ def _lengths(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
     return length
 
 
-def _xi(model: PlanarModel) -> Floats:
-    return model.C / (2.0 * model.M * model.omega_p)
-
-
-def _standard_errors(model: PlanarModel, free: tuple[str, ...], covariance: FloatArray) -> dict[str, float]:
+def _standard_errors(model: PlanarOscillator, free: tuple[str, ...], covariance: FloatArray) -> dict[str, float]:
     """Of every parameter and, by its first derivatives, of xi."""
     of_free = dict(zip(free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    powers = {"C": 1.0, "M": -1.0, "omega_p": -1.0}  # xi is a product of powers
-    gradient = np.array([powers[name] * _xi(model) / getattr(model, name) if name in powers else 0.0 for name in free])
+    xi, powers = model.C / (2.0 * model.M * model.omega_p), {"C": 1.0, "M": -1.0, "omega_p": -1.0}
+    gradient = np.array([powers[name] * xi / getattr(model, name) if name in powers else 0.0 for name in free])
     of_all = {name: of_free.get(name, 0.0) for name in (*PARAMETERS, *EXTRAS)}
     return {**of_all, "xi": float(np.sqrt(gradient @ covariance @ gradient))}
 
 
-def _canonical(model: PlanarModel, may_rename: bool) -> PlanarModel:
+def _canonical(model: PlanarOscillator, may_rename: bool) -> PlanarOscillator:
     """The model of the same response with 0 <= theta <= pi/2 and, where the planes may be renamed, omega_p first."""
     theta = abs(float(np.arcsin(np.sin(model.theta))))
     if may_rename and model.omega_p > model.omega_y:
         return model._replace(omega_p=model.omega_y, omega_y=model.omega_p, theta=0.5 * np.pi - theta)
     return model._replace(theta=theta)
+
+
+#: What is held, and what is added to the planes, in each fit; in the order of the tables.
+VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
+    "free": ({}, ()),
+    "theta = 28": ({"theta": PLANES.theta}, ()),
+    "theta = 28, M = 21": ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
+    "one plane": ({"theta": 0.0, "omega_y": PLANES.omega_y}, ()),
+    "free + in phase": ({}, ("R",)),
+    "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
+    "free + in phase + lag": ({}, ("R", "lag")),
+}
+
+
+@cache
+def phasors(name: str, noise: Noise = "constant") -> Phasors:
+    """Measured phasors ``A2`` (Table 3.III, modal) or ``tail`` (over the mode factor); phase as E3III-1 corrects it."""
+    table, motion = load_table("3_III", "corrected"), load_table("3_I", "corrected")
+    omega, F = columns(motion, "omega_rad_s", "force_lb")
+    if name == "A2":
+        amplitude, phase = columns(table, "modal_amplitude_A2_in", "modal_phase_rad")
+    else:
+        amplitude, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
+        amplitude = amplitude / PLANES.phi
+    return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)

@@ -18,10 +18,11 @@ The likelihood is that of circular normal noise, independent from point to point
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import ndtr
 
@@ -29,7 +30,8 @@ from damping.arrays import FloatArray
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
-from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, PlanarModel
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3.planar_fit import EXTRAS, VARIANTS, Phasors, phasors
 
 #: Log standard deviation of M: a factor of 2.3 either way in 90 %.
 MASS_LOG_SD = 0.5
@@ -61,6 +63,7 @@ class PlanarPrior:
 
     Attributes:
         low, high: the swept band, rad/s. mass: median of M. sigma: median of the noise scale. R: standard deviation.
+        force: mean modal force.
         fixed: theta (rad) and M where they are held at a value. extras: of ``EXTRAS``, that are free.
     """
 
@@ -69,6 +72,7 @@ class PlanarPrior:
     mass: float
     sigma: float
     R: float
+    force: float
     fixed: Mapping[str, float] = field(default_factory=dict)
     extras: tuple[str, ...] = ()
 
@@ -77,13 +81,14 @@ class PlanarPrior:
         cls, data: Phasors, mass: float, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()
     ) -> PlanarPrior:
         """Scales from the data; ``mass`` is the modal mass assumed."""
-        largest = float(np.max(np.abs(data.q)))
+        largest, force = float(np.max(np.abs(data.q))), float(np.mean(data.F))
         return cls(
             low=float(data.omega.min()),
             high=float(data.omega.max()),
             mass=mass,
             sigma=SIGMA_SHARE * float(np.max(np.abs(data.q) / data.shape)),
-            R=R_SHARE * largest / float(np.mean(data.F)),
+            R=R_SHARE * largest / force,
+            force=force,
             fixed=dict(fixed or {}),
             extras=tuple(name for name in EXTRAS if name in extras),
         )
@@ -103,9 +108,10 @@ class PlanarPrior:
         free = {*self.names, "C"}
         return {name: value for name, value in self.values(x).items() if name in free}
 
-    def model(self, x: FloatArray) -> PlanarModel:
+    def model(self, x: FloatArray) -> PlanarOscillator:
         """Models whose fields have shape (..., 1), to broadcast with frequencies."""
-        return _model(self.values(x))
+        values = self.values(x)
+        return PlanarOscillator(*(values[name][..., None] for name in PlanarOscillator._fields))
 
     def values(self, x: FloatArray) -> dict[str, FloatArray]:
         """Every parameter, free or held, and C and xi."""
@@ -124,29 +130,32 @@ class PlanarPrior:
         return {"omega_p": omega_p, "omega_y": omega_y, **values, "C": C, "xi": xi, "sigma": sigma}
 
 
-def _model(values: Mapping[str, FloatArray]) -> PlanarModel:
-    return PlanarModel(*(values[name][..., None] for name in PlanarModel._fields))
-
-
 @dataclass(frozen=True)
 class PlanarPosterior:
-    """Chains of a planar oscillator, the prior that gives ``x`` its meaning, and the evidence they started from."""
+    """What is known of a planar oscillator.
+
+    Attributes:
+        prior: the meaning of ``x``. draws: of the variables (n, dimension). evidence: of the model.
+        chains: None where it is known by importance sampling.
+    """
 
     prior: PlanarPrior
-    chains: Chains
+    draws: FloatArray
     evidence: Evidence
+    chains: Chains | None = None
 
     @property
-    def draws(self) -> FloatArray:
-        """All kept draws of the variables, (ensembles * kept, dimension)."""
-        return self.chains.x.reshape(-1, self.chains.x.shape[-1])
+    def parameters(self) -> dict[str, FloatArray]:
+        """Draws of every parameter that is free, and of C; theta in degrees, R as motion in phase at the mean force."""
+        values = self.prior.parameters(self.draws)
+        factors = {"theta": 180.0 / np.pi, "R": self.prior.force}
+        return {name: factors[name] * draws if name in factors else draws for name, draws in values.items()}
 
 
 def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
     """Circular normal log likelihood at points (points, dimension): -ln(2 pi s^2) - |q - model|^2/(2 s^2) a phasor."""
-    values = prior.values(x)
-    sigma = values["sigma"]
-    square = np.sum(np.abs(data.residuals(_model(values))) ** 2, axis=-1)
+    sigma = prior.values(x)["sigma"]
+    square = np.sum(np.abs(data.residuals(prior.model(x))) ** 2, axis=-1)
     norm = data.omega.size * np.log(2.0 * np.pi * sigma**2) + 2.0 * np.sum(np.log(data.shape))
     return np.asarray(-0.5 * square / sigma**2 - norm)
 
@@ -186,4 +195,104 @@ def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Set
     evidence = planar_evidence(prior, data, seed)
     target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
     chains = run(target, evidence, lambda x: {}, seed, settings)
-    return PlanarPosterior(prior, chains, evidence)
+    return PlanarPosterior(prior, chains.x.reshape(-1, chains.x.shape[-1]), evidence, chains)
+
+
+#: Data and variant of the posteriors that are sampled, and of those known by importance sampling.
+SAMPLED = (("A2", "free"), ("tail", "free + in phase"))
+WEIGHTED = tuple(("A2", fit) for fit in ("theta = 28", "theta = 28, M = 21", "one plane", "free + in phase"))
+#: Content of every interval and band.
+LEVEL = 0.9
+TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
+#: Frequencies of a band: 16 between two measured ones.
+_GRID = 177
+#: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
+_BAND_DRAWS = 400
+#: Draws of a prior, for its density.
+_PRIOR_DRAWS = 8000
+
+#: Median, low and high end of a curve over frequency.
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+#: Posteriors by data and variant.
+Posteriors = Mapping[tuple[str, str], PlanarPosterior]
+
+
+@dataclass(frozen=True)
+class PlanarBand:
+    """Over ``omega`` (n,): amplitude (in) and phase (rad) of the fitted motion."""
+
+    omega: FloatArray
+    amplitude: Curve
+    phase: Curve
+
+
+def planar_posteriors(seed: int) -> dict[tuple[str, str], PlanarPosterior]:
+    """All posteriors, constant noise."""
+    posteriors = {}
+    for name, variant in (*SAMPLED, *WEIGHTED):
+        data, (fixed, extras) = phasors(name), VARIANTS[variant]
+        held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
+        prior = PlanarPrior.of(data, PLANES.mass, held, extras)
+        if (name, variant) in SAMPLED:
+            posteriors[name, variant] = planar_posterior(prior, data, seed)
+        else:
+            evidence = planar_evidence(prior, data, seed)
+            posteriors[name, variant] = PlanarPosterior(prior, evidence.draws, evidence)
+    return posteriors
+
+
+def tabulate_posterior(posteriors: Posteriors) -> pd.DataFrame:
+    """Median and interval of every parameter (theta in degrees, R F in in), and how well it is known.
+
+    ``method`` is ``emcee`` (with R-hat and effective size of the chains) or ``importance`` (effective draws).
+    """
+    rows = []
+    for (data, variant), posterior in posteriors.items():
+        chains = posterior.chains
+        diagnoses = {d.name: d for d in chains.diagnoses} if chains else {}
+        for name, values in posterior.parameters.items():
+            low, median, high = np.quantile(values, TAILS)
+            rows.append(
+                {
+                    "data": data,
+                    "fit": variant,
+                    "parameter": name,
+                    "median": median,
+                    "low": low,
+                    "high": high,
+                    "method": "emcee" if chains else "importance",
+                    "r_hat": diagnoses[name].r_hat if chains else np.nan,
+                    "effective_size": diagnoses[name].effective_size if chains else posterior.evidence.effective_draws,
+                    "converged": chains.converged if chains else None,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def tabulate_evidence(posteriors: Posteriors) -> pd.DataFrame:
+    """Log marginal likelihood of each variant on the modal motion A2, and its Bayes factor over ``free``."""
+    evidences = {variant: p.evidence for (data, variant), p in posteriors.items() if data == "A2"}
+    rows = [(variant, evidence.log_z, evidence.standard_error) for variant, evidence in evidences.items()]
+    table = pd.DataFrame(rows, columns=["fit", "log_z", "log_z_error"])
+    return table.assign(bayes_factor_over_free=np.exp(table["log_z"] - evidences["free"].log_z))
+
+
+def fit_band(data: Phasors, posterior: PlanarPosterior) -> PlanarBand:
+    """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
+
+    What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
+    """
+    omega = np.linspace(data.omega[0], data.omega[-1], _GRID)
+    every = max(1, len(posterior.draws) // _BAND_DRAWS)
+    F = np.interp(omega, data.omega, data.F)
+    response = pitch_response(posterior.prior.model(posterior.draws[::every]), F, omega)
+    phase = np.mod(-np.angle(response) + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
+    low, median, high = np.quantile(np.abs(response), TAILS, axis=0)
+    phase_low, phase_median, phase_high = np.quantile(phase, TAILS, axis=0)
+    return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
+
+
+def prior_draws(posterior: PlanarPosterior) -> dict[str, FloatArray]:
+    """Draws of the prior of the parameters that are free, and of C; theta in degrees."""
+    x = np.random.default_rng(0).standard_normal((_PRIOR_DRAWS, posterior.prior.dimension))
+    return replace(posterior, draws=x).parameters

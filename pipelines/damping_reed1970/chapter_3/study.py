@@ -11,34 +11,36 @@ import pandas as pd
 from damping.arrays import FloatArray, Floats
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
-from damping.signals import input_energy, nearest_root, plane_motion
+from damping.signals import PrincipalPlanes, input_energy, nearest_root, plane_motion
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping_reed1970 import columns, data_folder, load_table
-from damping_reed1970.chapter_3 import PLANES
-from damping_reed1970.chapter_3.implications import (
-    fitted_planes,
-    roots_at,
+from damping_reed1970.chapter_3 import (
+    PLANES,
+    find_roots,
+    pitch_response,
     tabulate_branch,
-    tabulate_implications,
     tabulate_mean,
     tabulate_points,
 )
-from damping_reed1970.chapter_3.planar_fits import (
-    SAMPLED,
+from damping_reed1970.chapter_3.implications import (
     Fits,
-    KnownPosterior,
-    PlanarBand,
-    band,
     fit_table,
-    phasors,
     planar_fits,
+    tabulate_energy_split,
+    tabulate_implications,
+    tabulate_yaw,
+)
+from damping_reed1970.chapter_3.planar_fit import PlanarFit, phasors
+from damping_reed1970.chapter_3.planar_posterior import (
+    SAMPLED,
+    PlanarBand,
+    Posteriors,
+    fit_band,
     planar_posteriors,
     prior_draws,
-    tabulate_energy_split,
     tabulate_evidence,
     tabulate_posterior,
-    tabulate_yaw,
 )
 
 SEED = 1970
@@ -71,7 +73,7 @@ class Chapter3:
     effect: pd.DataFrame
     curves: pd.DataFrame
     fits: Fits
-    posteriors: Mapping[tuple[str, str], KnownPosterior]
+    posteriors: Posteriors
     bands: Mapping[str, PlanarBand]
     draws: Mapping[str, FloatArray]
     prior: Mapping[str, FloatArray]
@@ -96,7 +98,7 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
         "branch_means": tabulate_mean(),
         "implications": tabulate_implications(fits, posteriors),
     }
-    bands = {name: band(posteriors[name, variant]) for name, variant in SAMPLED}
+    bands = {name: fit_band(phasors(name), posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
@@ -167,7 +169,7 @@ def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), tabulate_points()
     X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
     F, omega = columns(motion, "force_lb", "omega_rad_s")
-    roots = roots_at(PLANES, rows)
+    roots = find_roots(rows)
     xi = np.array([nearest_root(point.roots, near) for point, near in zip(roots, rows["xi"], strict=True)])
     planes = plane_motion(PLANES, F, omega, xi)
     record = steps[-1].after
@@ -220,6 +222,12 @@ def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
         motion = plane_motion(planes, F / PLANES.phi, omega, xi)
         curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
     for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
-        response = fits["A2", "constant", variant].model.response(F, omega)
+        response = pitch_response(fits["A2", "constant", variant].model, F, omega)
         curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
     return pd.DataFrame(curves)
+
+
+def fitted_planes(fit: PlanarFit) -> PrincipalPlanes:
+    """The principal planes of a planar fit, for Eq. 3.2.15."""
+    M, _, omega_p, omega_y, theta = (float(value) for value in fit.model[:5])
+    return PrincipalPlanes(PLANES.phi, M, omega_p, omega_y, theta)

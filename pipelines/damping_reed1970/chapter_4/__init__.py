@@ -85,19 +85,19 @@ def equations_4_1_8_to_4_1_15() -> dict[str, float]:
     return result
 
 
-def unit_force(case: str, alpha: float = 1.0) -> Force:
-    """The damping force of a case of Table 2.I with coefficient 1 (case V: 1 + alpha Q^2)."""
-    return case_five(1.0, alpha) if case == "V" else make(CASES[case], coefficient=1.0)
+def build_case(case: str, coefficient: float = 1.0, alpha: float = 1.0) -> Force:
+    """The damping force of a case of Table 2.I (case V: coefficient (1 + alpha Q^2))."""
+    return case_five(coefficient, alpha) if case == "V" else make(CASES[case], coefficient=coefficient)
 
 
 def equation_4_2_7(case: str, M: Floats, F_e: Floats, omega_n: Floats, A_m: Floats) -> Floats:
     """xi_i = C_i/(2 M omega_n) of a case with the resonant amplitude A_m under F_e (case V: xi_1, erratum E427)."""
-    return F_e / unit_force(case).quadrature(A_m, omega_n) / (2.0 * M * omega_n)
+    return F_e / build_case(case).quadrature(A_m, omega_n) / (2.0 * M * omega_n)
 
 
 def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n: float) -> float:
     """Resonant amplitude A_m under F_e of a case with the coefficient xi_i."""
-    force = unit_force(case)
+    force = build_case(case)
     target = F_e / (2.0 * M * omega_n * xi)
     return float(brentq(lambda A: float(force.quadrature(A, omega_n)) - target, 1e-6, 1e3, xtol=1e-14, rtol=1e-14))
 

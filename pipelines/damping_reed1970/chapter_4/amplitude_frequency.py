@@ -10,21 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
-from typing import Literal
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray, Floats
-from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import damping_term
+from damping.plots import ALERT, INK, MEASURED, MUTED, WIDTH, build_panel, law_style, styled
 from damping.predict.steady import phase_lag
 from damping_reed1970.chapter_2 import CASES
-from damping_reed1970.chapter_4 import SWEEP_C
-
-Side = Literal[-1, 1]
+from damping_reed1970.chapter_4 import SWEEP_C, build_case
 
 
 def undamped_distance(A: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -32,7 +32,7 @@ def undamped_distance(A: Floats, F: Floats, M: Floats, omega_n: Floats) -> Float
     return np.asarray(F / (M * omega_n**2 * A))
 
 
-def damped_distance(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: Side = -1) -> FloatArray:
+def damped_distance(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: int = -1) -> FloatArray:
     """|1 - eta^2| of the damped curve at the amplitude A: sqrt(u^2 - G(A, omega)^2), omega that of the curve itself.
 
     The report takes G at omega_n; the two differ by the relative width of the resonance. NaN above the resonance.
@@ -48,30 +48,26 @@ def damped_distance(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floa
     return np.asarray(distance)
 
 
-def horizontal_difference(
-    force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: Side = -1
-) -> FloatArray:
-    """Delta = u - |1 - eta^2| of the damped curve at the amplitude A (Figs 4.3, 4.7)."""
-    return undamped_distance(A, F, M, omega_n) - damped_distance(force, A, F, M, omega_n, side)
+def horizontal_difference(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
+    """Delta = u - |1 - eta^2| of the damped curve below resonance at the amplitude A (Figs 4.3, 4.7)."""
+    return undamped_distance(A, F, M, omega_n) - damped_distance(force, A, F, M, omega_n)
 
 
-def vertical_difference(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: Side = -1) -> FloatArray:
+def vertical_difference(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """Epsilon: undamped amplitude less A at the frequency where the damped curve has the amplitude A (Figs 4.3, 4.8).
 
     It grows without bound towards the resonance, where the undamped amplitude is infinite.
     """
     with np.errstate(divide="ignore"):
-        return F / (M * omega_n**2 * damped_distance(force, A, F, M, omega_n, side)) - A
+        return F / (M * omega_n**2 * damped_distance(force, A, F, M, omega_n)) - A
 
 
-def percent_error_undamped(
-    force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats, side: Side = -1
-) -> FloatArray:
+def percent_error_undamped(force: Force, A: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """100 delta/u, the error of Eq 4.2.9, which neglects damping, at the amplitude A (Fig 4.9).
 
     For case I, 100 (1 - sqrt(1 - (A/A_m)^2)) but for the frequency in G: 13.4 % at half the resonant amplitude.
     """
-    return 100.0 * horizontal_difference(force, A, F, M, omega_n, side) / undamped_distance(A, F, M, omega_n)
+    return 100.0 * horizontal_difference(force, A, F, M, omega_n) / undamped_distance(A, F, M, omega_n)
 
 
 #: Amplitudes of a curve, in units of the resonant one: dense towards resonance, where the curve turns.
@@ -102,7 +98,7 @@ class CaseCurve:
 
 @dataclass(frozen=True)
 class AmplitudeFrequency:
-    """All cases with one resonant amplitude ``A_m`` under the modal force ``F``.
+    """All cases, case I first, with one resonant amplitude ``A_m`` under the modal force ``F``.
 
     ``undamped``: eta^2 (2, points) of the undamped curve over ``amplitude``. ``widths``: case, width in eta^2 at shares
     of the resonant amplitude, error of neglecting damping there.
@@ -117,17 +113,6 @@ class AmplitudeFrequency:
     undamped: FloatArray
     widths: pd.DataFrame
 
-    def curve(self, name: str) -> CaseCurve:
-        """The curve of a case."""
-        return next(curve for curve in self.curves if curve.name == name)
-
-
-def case_force(case: str, M: float, omega_n: float, F: float, A_m: float, alpha: float = 0.0) -> Force:
-    """The force of a case of Table 2.I with the resonant amplitude A_m under F (Eq. 4.2.7); V with ``alpha``."""
-    unit = case_five(1.0, alpha) if case == "V" else make(CASES[case], coefficient=1.0)
-    coefficient = F / float(unit.quadrature(A_m, omega_n))
-    return case_five(coefficient, alpha) if case == "V" else make(CASES[case], coefficient=coefficient)
-
 
 def amplitude_frequency(
     M: float = SWEEP_C["M"],
@@ -136,26 +121,18 @@ def amplitude_frequency(
     A_m: float = SWEEP_C["A_m"],
     alphas: Sequence[float] = (1.0, 100.0),
 ) -> AmplitudeFrequency:
-    """Curves of the cases I to IV and of V with each alpha; by default of the first mode of Configuration II, sweep C.
-
-    Args:
-        M: mass. omega_n: rad/s. F: modal force. A_m: resonant amplitude. alphas: of case V, 1/length^2.
-    """
-    forces = {f"case {case}": case_force(case, M, omega_n, F, A_m) for case in ("I", "II", "III", "IV")}
-    forces |= {f"case V, α = {alpha:g}": case_force("V", M, omega_n, F, A_m, alpha) for alpha in alphas}
+    """Curves of the cases I to IV and of V with each alpha, 1/in^2; by default of Configuration II, mode 1, sweep C."""
+    cases = [(f"case {case}", case, 0.0) for case in ("I", "II", "III", "IV")]
+    cases += [(f"case V, α = {alpha:g}", "V", alpha) for alpha in alphas]
+    forces = {}
+    for name, case, alpha in cases:  # with the resonant amplitude A_m under F (Eq. 4.2.7)
+        coefficient = F / float(build_case(case, 1.0, alpha).quadrature(A_m, omega_n))
+        forces[name] = build_case(case, coefficient, alpha)
     A = A_m * RATIOS
     curves = tuple(_curve(name, force, A, M, omega_n, F) for name, force in forces.items())
-    distance = F / (M * omega_n**2 * A)
-    return AmplitudeFrequency(
-        M=M,
-        omega_n=omega_n,
-        F=F,
-        A_m=A_m,
-        curves=curves,
-        amplitude=A,
-        undamped=np.stack([1.0 - distance, 1.0 + distance]),
-        widths=_tabulate_widths(forces, M, omega_n, F, A_m),
-    )
+    distance = undamped_distance(A, F, M, omega_n)
+    undamped = np.stack([1.0 - distance, 1.0 + distance])
+    return AmplitudeFrequency(M, omega_n, F, A_m, curves, A, undamped, _tabulate_widths(forces, M, omega_n, F, A_m))
 
 
 def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: float) -> CaseCurve:
@@ -163,8 +140,6 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
     sides = (damped_distance(force, A, F, M, omega_n, side) for side in (-1, 1))
     below, above = (np.where(at_peak & np.isnan(distance), 0.0, distance) for distance in sides)
     eta_squared = np.stack([np.where(below < 1.0, 1.0 - below, np.nan), 1.0 + above])
-    with np.errstate(divide="ignore"):
-        epsilon = vertical_difference(force, A, F, M, omega_n)
     return CaseCurve(
         name=name,
         force=force,
@@ -172,57 +147,154 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
         eta_squared=eta_squared,
         phase=phase_lag(force, A, omega_n * np.sqrt(eta_squared), M, omega_n),
         delta=F / (M * omega_n**2 * A) - below,
-        epsilon=epsilon,
+        epsilon=vertical_difference(force, A, F, M, omega_n),
         percent=100.0 * (1.0 - below * M * omega_n**2 * A / F),
     )
 
 
 def _tabulate_widths(forces: dict[str, Force], M: float, omega_n: float, F: float, A_m: float) -> pd.DataFrame:
     rows = []
-    for name, force in forces.items():
-        for share in (0.5, 0.9):
-            A = share * A_m
-            width = sum(float(damped_distance(force, A, F, M, omega_n, side)) for side in (-1, 1))
-            error = float(percent_error_undamped(force, A, F, M, omega_n))
-            rows.append(
-                {
-                    "case": name,
-                    "amplitude_over_resonant": share,
-                    "width_eta_squared": width,
-                    "percent_error_undamped": error,
-                }
-            )
-    return pd.DataFrame(rows)
+    for (name, force), share in product(forces.items(), (0.5, 0.9)):
+        A = share * A_m
+        width = sum(float(damped_distance(force, A, F, M, omega_n, side)) for side in (-1, 1))
+        rows.append((name, share, width, float(percent_error_undamped(force, A, F, M, omega_n))))
+    names = ["case", "amplitude_over_resonant", "width_eta_squared", "percent_error_undamped"]
+    return pd.DataFrame(rows, columns=names)
 
 
 def section_4_2_points(result: AmplitudeFrequency) -> pd.DataFrame:
-    """What section 4.2 prints of its curves (case I) beside ours, with G at the curve's own frequency and at omega_n.
-
-    Args:
-        result: of the sweep that the section is about, the default of `amplitude_frequency`.
-    """
-    M, omega_n, F, A_m, viscous = result.M, result.omega_n, result.F, result.A_m, result.curve("case I").force
-    A, edge = PRINTED["A"], F / (M * omega_n**2 * (1.0 - PRINTED["eta_squared"]))
-    delta, half, at_edge = (float(horizontal_difference(viscous, a, F, M, omega_n)) for a in (A, 0.5 * A_m, edge))
-    G = float(damping_term(viscous, A, omega_n, M, omega_n))
-    u, u_half, u_edge = (F / (M * omega_n**2 * a) for a in (A, 0.5 * A_m, edge))
-    names = (
-        "delta at A = 1.01 in",
-        "distance of the undamped curve at A = 1.01 in",
-        "per cent error at half the resonant amplitude",
-        "per cent error at eta^2 = 0.992",
-    )
-    return pd.DataFrame(
-        {
-            "quantity": names,
-            "printed": [PRINTED["delta"], PRINTED["distance"], PRINTED["percent_at_half"], np.nan],
-            "computed": [delta, u, 100.0 * half / u_half, 100.0 * at_edge / u_edge],
-            "computed_with_G_at_omega_n": [_delta(u, G), u, *(100.0 * _delta(v, G) / v for v in (u_half, u_edge))],
-            "erratum": ["E4-8", "E4-8", "", ""],
-        }
-    )
+    """What section 4.2 prints of case I of sweep C beside ours, with G at the curve's own frequency and at omega_n."""
+    M, omega_n, F, A_m, viscous = result.M, result.omega_n, result.F, result.A_m, result.curves[0].force
+    A = np.array([PRINTED["A"], 0.5 * A_m, F / (M * omega_n**2 * (1.0 - PRINTED["eta_squared"]))])
+    u, delta = undamped_distance(A, F, M, omega_n), horizontal_difference(viscous, A, F, M, omega_n)
+    at_omega_n = u - np.sqrt(u**2 - float(damping_term(viscous, PRINTED["A"], omega_n, M, omega_n)) ** 2)
+    percent = 100.0 * np.array([delta, at_omega_n]) / u
+    rows = [
+        ("delta at A = 1.01 in", PRINTED["delta"], delta[0], at_omega_n[0], "E4-8"),
+        ("distance of the undamped curve at A = 1.01 in", PRINTED["distance"], u[0], u[0], "E4-8"),
+        ("per cent error at half the resonant amplitude", PRINTED["percent_at_half"], *percent[:, 1], ""),
+        ("per cent error at eta^2 = 0.992", np.nan, *percent[:, 2], ""),
+    ]
+    names = ["quantity", "printed", "computed", "computed_with_G_at_omega_n", "erratum"]
+    return pd.DataFrame(rows, columns=names)
 
 
-def _delta(u: float, G: float) -> float:
-    """Delta = u - sqrt(u^2 - G^2) (Eqs. 4.2.4, 4.2.8)."""
-    return u - sqrt(u**2 - G**2)
+#: Cases I and II, and III and IV, nearly coincide: the first of each pair is drawn broad and pale below the second.
+_CASE_LINES = {"case II": (0, (4, 2)), "case IV": (0, (3, 1.5))}
+_BROAD = ("case I", "case III")
+#: Half the width in eta^2 that the curves are drawn over.
+_HALF_WIDTH = 0.008
+#: Amplitude over the resonant one at which delta and epsilon are marked.
+_MARKED = 0.55
+
+
+@styled
+def draw_response_explained(result: AmplitudeFrequency) -> Figure:
+    """Draw the first case damped and undamped with the backbone, delta and epsilon (Fig. 4.3)."""
+    figure, axes = build_panel(3.3, "frequency ratio squared η²", "amplitude")
+    curve, top = result.curves[0], 1.6 * result.A_m
+    _draw_undamped(axes, result)
+    axes.plot(*_join_sides(curve, curve.amplitude, curve.amplitude), color=INK, label="damped")
+    axes.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.annotate("backbone", (1.0, 0.97 * top), (4, 0), textcoords="offset points", fontsize=8, va="top")
+    A = _MARKED * result.A_m
+    across = (curve.eta_squared[0], result.undamped[0], curve.epsilon)
+    damped, undamped, epsilon = (float(np.interp(A, curve.amplitude, values)) for values in across)
+    arrow = {"arrowstyle": "<->", "color": ALERT, "shrinkA": 0, "shrinkB": 0, "linewidth": 1.1}
+    axes.annotate("", (undamped, A), (damped, A), arrowprops=arrow)
+    axes.annotate("δ", (0.5 * (undamped + damped), A), (0, -12), textcoords="offset points", color=ALERT, ha="center")
+    axes.annotate("", (damped, A), (damped, A + epsilon), arrowprops=arrow)
+    axes.annotate("ε", (damped, A + 0.5 * epsilon), (5, 0), textcoords="offset points", color=ALERT)
+    axes.set(xlim=(2.0 * result.undamped[0, -1] - 1.0, 3.0 - 2.0 * result.undamped[0, -1]), ylim=(0.0, top))
+    axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def draw_response_curves(result: AmplitudeFrequency) -> Figure:
+    """Draw amplitude against frequency ratio squared, cases I to IV and case V (Figs. 4.4, 4.5)."""
+    figure = Figure(figsize=(WIDTH, 6.0))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    resonance: dict[str, Any] = {"color": MEASURED, "markeredgecolor": "white", "label": "measured resonance"}
+    for axes, fifth, title in zip(panels, (False, True), ("Cases I to IV", "Case V"), strict=True):
+        _draw_undamped(axes, result)
+        for curve in result.curves:
+            if curve.name.startswith("case V,") == fifth:
+                _draw_line(axes, curve.name, *_join_sides(curve, curve.amplitude, curve.amplitude))
+        axes.plot([1.0], [result.A_m], "o", markersize=6, **resonance)
+        axes.set(ylim=(0.0, 1.12 * result.A_m), title=title, ylabel="modal amplitude (in)")
+        axes.legend(loc="lower center", fontsize=7)
+        _limit_frequency(axes)
+    panels[1].set_xlabel("frequency ratio squared η²")
+    return figure
+
+
+@styled
+def draw_phase_curves(result: AmplitudeFrequency) -> Figure:
+    """Draw phase against frequency ratio squared, all cases together (Fig. 4.6)."""
+    figure, axes = build_panel(3.3, "frequency ratio squared η²", "phase lag (degrees)")
+    for curve in result.curves:
+        _draw_line(axes, curve.name, *_join_sides(curve, *np.degrees(curve.phase)))
+    axes.set(ylim=(0.0, 180.0), yticks=[0, 45, 90, 135, 180])
+    _limit_frequency(axes)
+    axes.legend(loc="upper left")
+    return figure
+
+
+@styled
+def draw_differences(result: AmplitudeFrequency) -> Figure:
+    """Draw delta and epsilon against amplitude, with the printed delta of case I (Figs. 4.7, 4.8)."""
+    figure = Figure(figsize=(WIDTH, 5.4))
+    left, right = figure.subplots(2, 1, sharex=True)
+    for curve in result.curves:
+        _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
+        _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
+    left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
+    _draw_printed(left, PRINTED["A"], 1e3 * PRINTED["delta"], "printed, case I")
+    left.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
+    left.legend(loc="upper left", fontsize=7)
+    right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0), title="Vertical difference")
+    right.set(ylabel="ε (in)", xlabel="modal amplitude (in)")
+    return figure
+
+
+@styled
+def draw_undamped_error(result: AmplitudeFrequency) -> Figure:
+    """Draw the error of the undamped curve against amplitude over the resonant one (Fig. 4.9)."""
+    figure, axes = build_panel(3.2, "amplitude / resonant amplitude", "error of neglecting damping (per cent)")
+    for curve in result.curves:
+        _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
+    _draw_printed(axes, 0.5, PRINTED["percent_at_half"], "printed, case I: 14 per cent at ½")
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
+    axes.legend(loc="upper left")
+    return figure
+
+
+def _limit_frequency(axes: Axes) -> None:
+    axes.set_xlim(1.0 - _HALF_WIDTH, 1.0 + _HALF_WIDTH)
+    axes.set_xticks([1.0 - 0.75 * _HALF_WIDTH, 1.0, 1.0 + 0.75 * _HALF_WIDTH])
+
+
+def _draw_printed(axes: Axes, x: float, y: float, label: str) -> None:
+    axes.plot(x, y, "s", color=ALERT, markersize=5, label=label, zorder=4)
+
+
+def _draw_line(axes: Axes, name: str, x: FloatArray, y: FloatArray) -> None:
+    """Draw a case in its colour and line: case V has those of the sum that it is, larger alphas dashed."""
+    case, fifth = name.removeprefix("case "), name.startswith("case V,")
+    law = "viscous + quadratic-displacement" if fifth else CASES[case]
+    line: Any = (0, (6, 1.5, 1, 1.5)) if fifth and not name.endswith("= 1") else _CASE_LINES.get(name, "-")
+    width, alpha = (3.2, 0.45) if name in _BROAD else (1.4, 1)
+    axes.plot(x, y, color=law_style(law).colour, linestyle=line, label=name, linewidth=width, alpha=alpha)
+
+
+def _draw_undamped(axes: Axes, result: AmplitudeFrequency) -> None:
+    A = np.geomspace(result.amplitude[0], 3.0 * result.A_m, 200)
+    for side, label in zip(result.undamped, ("undamped", None), strict=True):
+        distance = (side[0] - 1.0) * result.amplitude[0]
+        axes.plot(1.0 + distance / A, A, color=MUTED, linewidth=0.9, linestyle=(0, (2, 1.5)), label=label)
+
+
+def _join_sides(curve: CaseCurve, below: FloatArray, above: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """eta^2 and a quantity along the curve, from below resonance through it to above."""
+    return np.concatenate([curve.eta_squared[0], curve.eta_squared[1, ::-1]]), np.concatenate([below, above[::-1]])

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr, ndtri
 
@@ -22,6 +23,7 @@ from damping.errors import AnalysisError
 from damping.forces import make
 from damping.forces.contract import Sum
 from damping.infer.observations import Observations
+from damping.plots import INK, MUTED, build_panel, draw_plain_rows, plain_log, styled
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -106,12 +108,14 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
         raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")
     scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
     cases = _build_cases(data, scale, alphas)
+    held = [(case, held_values(case, data, scale)) for case in cases]
+    coefficients = [{"case": c.name, "alpha": c.alpha, "sweep": data.sweeps, "held": values} for c, values in held]
     variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
     spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
     return LevelMethods(
         held="coefficient" if mass is None else "xi",
         cases=cases,
-        coefficients=pd.concat([_tabulate_coefficients(case, data, scale) for case in cases], ignore_index=True),
+        coefficients=pd.concat(map(pd.DataFrame, coefficients), ignore_index=True),
         variations=variations,
         predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
         picked=str(spread.idxmin()),
@@ -131,10 +135,8 @@ def spread(case: LevelCase, data: Observations, scale: FloatArray) -> float:
     return float(np.sqrt(np.sum((logarithm - logarithm.mean()) ** 2) / freedom)) if freedom > 0 else np.nan
 
 
-def masses(record: Record, data: Observations, otherwise: float) -> FloatArray:
-    """Generalized mass of each sweep: of its row at resonance where the record has masses, else ``otherwise``."""
-    if "mass" not in record.table:
-        return np.full(len(data.sweeps), otherwise)
+def masses(record: Record, data: Observations) -> FloatArray:
+    """Generalized mass of each sweep, in its row at resonance."""
     rows = tabulate_resonances(record).set_index("sweep").loc[list(data.sweeps), "row"]
     return np.asarray(record.table["mass"].to_numpy(dtype=float)[rows.to_numpy()])
 
@@ -143,14 +145,9 @@ def _build_cases(data: Observations, scale: FloatArray, alphas: Sequence[float])
     """All cases, those with a free alpha last."""
     single = [LevelCase(name, (force,)) for name, force in ONE_TERM.items()]
     fixed = [LevelCase(f"V, alpha = {alpha:g}", (ONE_TERM["I"], QUADRATIC), float(alpha)) for alpha in alphas]
-    free = [
-        fit_alpha(
-            LevelCase("V" if force == QUADRATIC else f"I + {name}", (ONE_TERM["I"], force), 1.0, free=True), data, scale
-        )
-        for name, force in ONE_TERM.items()
-        if name != "I"
-    ]
-    return (*single, *fixed, *(replace(case, name=f"{case.name}, alpha free") for case in free))
+    names = {"I + II": "II", "I + III": "III", "I + IV": "IV", "V": "V, second term"}
+    free = [LevelCase(f"{name}, alpha free", (ONE_TERM["I"], ONE_TERM[own]), 1.0, True) for name, own in names.items()]
+    return (*single, *fixed, *(fit_alpha(case, data, scale) for case in free))
 
 
 def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCase:
@@ -170,15 +167,9 @@ def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCa
     best = int(np.argmin([variance(u) for u in grid]))
     if best in (0, len(grid) - 1):
         return replace(case, alpha=0.0 if best == 0 else np.inf)
-    minimum = minimize_scalar(
-        variance, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-10}
-    )
+    ends = (grid[best - 1], grid[best + 1])
+    minimum = minimize_scalar(variance, bounds=ends, method="bounded", options={"xatol": 1e-10})
     return replace(case, alpha=float(np.exp(minimum.x)))
-
-
-def _tabulate_coefficients(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    held = held_values(case, data, scale)
-    return pd.DataFrame({"case": case.name, "alpha": case.alpha, "sweep": data.sweeps, "held": held})
 
 
 def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
@@ -191,20 +182,21 @@ def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray)
 
 
 def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """One row per base and sweep other than the base; then each sweep from all others."""
+    """One row per base and sweep other than the base; then, of three sweeps or more, each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
-    predicted = _amplitude(case, held[base] * scale[sweep], data, sweep)
-    rows = _tabulate_prediction_rows(case, [data.sweeps[b] for b in base], predicted, data, sweep)
-    if n < 3:
-        return rows
-    others = np.array([_from_others(case, data, scale, s) for s in range(n)])
-    return pd.concat(
-        [rows, _tabulate_prediction_rows(case, ["others"] * n, others, data, np.arange(n))], ignore_index=True
-    )
+    names = [data.sweeps[b] for b in base]
+    predicted = _predict(case, held[base] * scale[sweep], data, sweep)
+    if n > 2:
+        names += ["others"] * n
+        predicted = np.append(predicted, [_predict_from_others(case, data, scale, s) for s in range(n)])
+        sweep = np.append(sweep, np.arange(n))
+    amplitude, error = data.tested_amplitude[sweep], 100.0 * (predicted / data.tested_amplitude[sweep] - 1.0)
+    head = {"case": case.name, "alpha": case.alpha, "base": names, "sweep": [data.sweeps[s] for s in sweep]}
+    return pd.DataFrame({**head, "predicted": predicted, "amplitude": amplitude, "percent_error": error})
 
 
-def _from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: int) -> float:
+def _predict_from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: int) -> float:
     """Amplitude of one sweep from the geometric mean of the others' values (and their alpha)."""
     keep = np.arange(len(data.sweeps)) != sweep
     rest = data.keep_sweeps(keep)
@@ -213,28 +205,11 @@ def _from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: 
             return np.nan
         case = fit_alpha(case, rest, scale[keep])
     held = np.exp(np.mean(np.log(held_values(case, rest, scale[keep]))))
-    return float(_amplitude(case, np.array([held * scale[sweep]]), data, np.array([sweep]))[0])
+    return float(_predict(case, np.array([held * scale[sweep]]), data, np.array([sweep]))[0])
 
 
-def _amplitude(case: LevelCase, coefficient: FloatArray, data: Observations, sweep: np.ndarray) -> FloatArray:
+def _predict(case: LevelCase, coefficient: FloatArray, data: Observations, sweep: np.ndarray) -> FloatArray:
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
-
-
-def _tabulate_prediction_rows(
-    case: LevelCase, base: list[str], predicted: FloatArray, data: Observations, sweep: np.ndarray
-) -> pd.DataFrame:
-    amplitude = data.tested_amplitude[sweep]
-    return pd.DataFrame(
-        {
-            "case": case.name,
-            "alpha": case.alpha,
-            "base": base,
-            "sweep": [data.sweeps[s] for s in sweep],
-            "predicted": predicted,
-            "amplitude": amplitude,
-            "percent_error": 100.0 * (predicted / amplitude - 1.0),
-        }
-    )
 
 
 def _collect_cautions(data: Observations) -> tuple[str, ...]:
@@ -258,3 +233,38 @@ def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10
         chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
         rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
     return pd.DataFrame(rows)
+
+
+#: What is kept from level to level, in words.
+HELD = {"xi": "damping factor", "coefficient": "coefficient"}
+
+
+@styled
+def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
+    """Draw by how much each case's coefficient varies from level to level, with every choice of base (Table 4.V).
+
+    ``variations`` as in :class:`LevelMethods`; ``held``: what is kept from level to level.
+    """
+    order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
+    figure, axes = build_panel(1.5 + 0.24 * len(order))
+    draw_plain_rows(axes, [_describe_alpha_label(case, alpha, free) for case, alpha, free in
+                      order[["case", "alpha", "free"]].itertuples(index=False)])  # fmt: skip
+    markers = "osD^vPX"
+    for number, (base, rows) in enumerate(variations.groupby("base", sort=False)):
+        largest = rows.set_index("case")["largest_percent"].abs()
+        axes.plot(largest[order["case"]], range(len(order)), markers[number % len(markers)], markersize=4.5,
+                  color=MUTED, alpha=0.9, linestyle="none", label=f"largest, base {base}")  # fmt: skip
+    axes.plot(order["spread_percent"], range(len(order)), "|", color=INK, markersize=13, markeredgewidth=2.2,
+              label="standard deviation")  # fmt: skip
+    axes.set_xscale("log")
+    plain_log(axes.xaxis)
+    axes.set_xlabel(f"variation of the {HELD[held]}\nfrom level to level (per cent)")
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
+    return figure
+
+
+def _describe_alpha_label(case: str, alpha: float, free: bool) -> str:
+    if not free:
+        return case.replace("alpha", "α")
+    value = "∞" if np.isinf(alpha) else f"{alpha:.3g}"
+    return f"{case.replace('alpha free', 'α')} = {value} (free)"

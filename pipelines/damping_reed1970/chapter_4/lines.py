@@ -7,6 +7,7 @@ with 3 pi C_11/4 (Eqs. 4.1.11, 4.1.13); one that grows as C_01 + C_11 A^2 is cas
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -43,9 +44,9 @@ VERSIONS: tuple[Version, ...] = ("printed", "corrected")
 LEVEL = 0.90
 
 
-def fit_mode(mode: int, form: Form, version: Version, level: float = LEVEL) -> PowerLaw:
+def fit_mode(mode: int, form: Form, version: Version) -> PowerLaw:
     """The power law of a mode from the resonances of its three sweeps."""
-    return fit_power_law(*resonances(mode, version), form, level)
+    return fit_power_law(*resonances(mode, version), form, LEVEL)
 
 
 def tabulate_power_laws() -> pd.DataFrame:
@@ -55,32 +56,31 @@ def tabulate_power_laws() -> pd.DataFrame:
     ``alpha_at_printed_p`` their mean with the printed p. alpha in lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
     """
     rows = []
-    for (form, mode), (p, alpha, equation, erratum) in PRINTED_EXPONENTS.items():
-        for version in VERSIONS:
-            law, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
-            rows.append(
-                {
-                    "mode": mode,
-                    "form": form,
-                    "equation": equation,
-                    "inputs": version,
-                    "p_printed": p,
-                    "p": law.p,
-                    "p_std_error": law.std_error,
-                    "degrees_of_freedom": law.degrees_of_freedom,
-                    "level": law.level,
-                    "p_low": law.p_low,
-                    "p_high": law.p_high,
-                    "factor": law.factor,
-                    "alpha_printed": alpha,
-                    "alpha_at_printed_p": float(np.mean(alphas(form, p, F, A, float(omega.mean())))),
-                    "alpha": law.alpha,
-                    "alpha_std_error": law.std_error_alpha,
-                    **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", law.alphas, strict=True)},
-                    "r_squared_centred": law.r_squared_centred,
-                    "erratum": erratum,
-                }
-            )
+    for ((form, mode), (p, alpha, equation, erratum)), version in product(PRINTED_EXPONENTS.items(), VERSIONS):
+        law, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
+        rows.append(
+            {
+                "mode": mode,
+                "form": form,
+                "equation": equation,
+                "inputs": version,
+                "p_printed": p,
+                "p": law.p,
+                "p_std_error": law.std_error,
+                "degrees_of_freedom": law.degrees_of_freedom,
+                "level": law.level,
+                "p_low": law.p_low,
+                "p_high": law.p_high,
+                "factor": law.factor,
+                "alpha_printed": alpha,
+                "alpha_at_printed_p": float(np.mean(alphas(form, p, F, A, float(omega.mean())))),
+                "alpha": law.alpha,
+                "alpha_std_error": law.std_error_alpha,
+                **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", law.alphas, strict=True)},
+                "r_squared_centred": law.r_squared_centred,
+                "erratum": erratum,
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -89,9 +89,7 @@ def alphas(form: Form, p: float, F: np.ndarray, A: np.ndarray, omega: float) -> 
     return np.asarray((equation_4_3_9 if form == "velocity-power" else equation_4_3_19)(F, A, omega, p))
 
 
-def section_4_3_example(
-    ranking: Ranking, level: float = 0.90, seed: int = 0, predicted: Loads | None = None
-) -> pd.DataFrame:
+def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.DataFrame:
     """The extrapolation of the first mode to 90 lb: printed, recomputed, and from all laws by weight.
 
     Linear amplitudes are proportional to the force; ``error`` is by how many per cent linear from sweep C overpredicts.
@@ -103,11 +101,11 @@ def section_4_3_example(
     """
     F, A, _ = resonances(1, "corrected")
     linear = A * F_EXAMPLE / F
-    line = fit_mode(1, "velocity-power", "corrected", level)
+    line = fit_mode(1, "velocity-power", "corrected")
     power = float(line.amplitude(F_EXAMPLE))
     low, high = line.amplitude_interval(F_EXAMPLE)
     from_c = float(A[2] * (F_EXAMPLE / F[2]) ** (1.0 / P_1))
-    average = predicted if predicted and F_EXAMPLE in predicted.force else averaged(ranking, level, seed)
+    average = predicted if predicted and F_EXAMPLE in predicted.force else average_laws(ranking)
     at, band = int(np.flatnonzero(average.force == F_EXAMPLE)[0]), average.average
     excess = [100.0 * (linear[2] / value - 1.0) for value in (from_c, power, high, low)]
     nan, over = np.nan, (average.overprediction, average.overprediction_low, average.overprediction_high)
@@ -127,14 +125,14 @@ def section_4_3_example(
     return pd.DataFrame(rows, columns=names)
 
 
-def averaged(ranking: Ranking, level: float, seed: int) -> Loads:
+def average_laws(ranking: Ranking) -> Loads:
     """Prediction at 90 lb from the weighted importance draws of every law that has a weight."""
     members = [
         Member(c.name, c.weight, c.coordinates, c.evidence.draws)
         for c in ranking.weighted()
         if c.coordinates is not None and c.evidence is not None
     ]
-    return predict(members, np.array([F_EXAMPLE]), ranking.data, level, seed)
+    return predict(members, np.array([F_EXAMPLE]), ranking.data, LEVEL, seed=0)
 
 
 def _at(index: int, *values: np.ndarray) -> tuple[float, ...]:
@@ -202,12 +200,7 @@ def tabulate_linear_coefficients() -> pd.DataFrame:
     ``inputs``: ``printed`` takes C_1 of Table 4.II, ``corrected`` F_e/(omega A_m) of the corrected Table 4.I.
     ``report_method``: mean slope of the two segments, line through the middle sweep. ``low``, ``high``: t interval.
     """
-    parts = [
-        _tabulate_coefficients(mode, version, model, *coefficients_against_amplitude(mode, version))
-        for mode in (1, 2)
-        for model in MODELS
-        for version in VERSIONS
-    ]
+    parts = [_tabulate_coefficients(*choice) for choice in product((1, 2), MODELS, VERSIONS)]
     return pd.concat(parts, ignore_index=True)
 
 
@@ -232,9 +225,8 @@ def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fl
     return np.array([C_1[middle] - slope * x[middle], slope])
 
 
-def _tabulate_coefficients(
-    mode: int, inputs: str, model: CoefficientModel, A: FloatArray, C_1: FloatArray
-) -> pd.DataFrame:
+def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) -> pd.DataFrame:
+    A, C_1 = coefficients_against_amplitude(mode, inputs)
     line, key = fit_model(model, A, C_1), (model.name, mode)
     half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, line.n - line.k)) * line.std_errors
     factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)
@@ -281,9 +273,9 @@ class CoefficientLines:
     lines: pd.DataFrame
 
 
-def coefficient_lines(mode: int, version: Version = "corrected") -> CoefficientLines:
+def coefficient_lines(mode: int) -> CoefficientLines:
     """Linear coefficient of a mode against resonant amplitude, from rest to half as far again as tested."""
-    A, C_1 = coefficients_against_amplitude(mode, version)
+    A, C_1 = coefficients_against_amplitude(mode, "corrected")
     grid = np.linspace(0.0, 1.5 * A.max(), 100)
     C_01, C_11 = PRINTED_LINES[IV.name, mode]
     parts = []

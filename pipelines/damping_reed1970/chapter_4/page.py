@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.report import format_between, format_joined, number
+from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
 from damping.report.page import Table
-from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE, figures
-from damping_reed1970.chapter_4.amplitude_frequency import PRINTED, AmplitudeFrequency, amplitude_frequency
-from damping_reed1970.chapter_4.lines import IV, CoefficientModel, V
+from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
+from damping_reed1970.chapter_4.amplitude_frequency import (
+    PRINTED,
+    AmplitudeFrequency,
+    amplitude_frequency,
+    draw_differences,
+    draw_phase_curves,
+    draw_response_curves,
+    draw_response_explained,
+    draw_undamped_error,
+)
+from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
+from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 Tables = Mapping[str, pd.DataFrame]
 #: What is kept from level to level, in words.
-HELD = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
-#: Studies of the chapter that are written whole.
-_TABLES = (
-    *("response_points", "response_widths", "level_coefficients", "level_variations", "level_predictions"),
-    "chance_of_exponent",
-)
+KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
-    studies, every, named = results.studies, results.studies.tables(), results.tables
+    studies, every, named = results.studies, results.studies.tables(4), results.tables
     lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
@@ -41,23 +47,15 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _tabulate_errors(every["level_predictions"])),
     }
     values = {
-        "lines": [_describe_line(lines, IV, mode) for mode in (1, 2)],
-        "line_squared": _describe_line(lines, V, 1),
+        "lines": [_find_line(lines, IV, mode) for mode in (1, 2)],
+        "line_squared": _find_line(lines, V, 1),
         **_collect_response_values(every, studies.curves),
         **_collect_level_values(studies, variations),
         **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
         **_collect_example_values(named["section_4_3_example"]),
     }
-    return write_chapter(
-        4,
-        "Chapter IV: force from level to level",
-        Path(__file__).with_suffix(".txt"),
-        named,
-        values=values,
-        figures=collect_figures(studies),
-        shown=shown,
-        tables={name: every[name] for name in _TABLES},
-    )
+    figures = collect_figures(studies)
+    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
 
 
 def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
@@ -67,29 +65,24 @@ def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _describe_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> str:
-    """The second coefficient of a model for a mode, with the force it stands for."""
-    chosen = lines[(lines["model"] == model.name) & (lines["inputs"] == "corrected") & (lines["mode"] == mode)]
-    constant, slope = chosen.iloc[0], chosen.iloc[1]
-    power = "A" if model.power == 1 else "A²"
-    text = (
-        f"C₁ = {number(constant['coefficient'])} + {number(slope['coefficient'])} {power} for mode {mode} (slope "
-        f"{format_between(slope['low'], slope['high'])}, 90 per cent)"
-    )
-    if pd.isna(slope["printed"]):
-        return text
-    return f"{text} against {number(constant['printed'])} + {number(slope['printed'])} {power} printed"
+def _find_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> list[pd.Series[Any]]:
+    """Rows of the constant and of the second coefficient of a model, from the corrected tables."""
+    return [row(lines, model=model.name, inputs="corrected", mode=mode, parameter=name) for name in ("C_01", "C_11")]
 
 
 def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any]:
     """What section 4.2 says of the curves."""
     points, widths = every["response_points"], every["response_widths"]
-    wide = widths[widths["amplitude_over_resonant"] == 0.5]["width_eta_squared"]
+    half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
+    wide = half["width_eta_squared"]
     hertz = curves.omega_n / (2.0 * np.pi)
     return {
         **dict(zip(("delta", "distance", "half", "edge"), (points.iloc[i] for i in range(4)), strict=True)),
         "printed": PRINTED,
-        "by_width": _describe_by_width(widths),
+        "by_width": [
+            f"{case.removeprefix('case ')} ({width / wide.iloc[0]:.2f})"
+            for case, width in zip(half["case"], wide, strict=True)
+        ],
         "heavy": widths[widths["amplitude_over_resonant"] == 0.9]["percent_error_undamped"],
         "wide": wide,
         "hertz": hertz,
@@ -98,10 +91,17 @@ def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[
 
 
 def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
-    """What the levels say, and what a reader should know of it."""
+    """What varies least among the report's cases and among all, and what a reader should know of it."""
     cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
+    least = []
+    for mode, held in product((1, 2), KEPT):
+        rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
+        rows = _tabulate_named(rows.sort_values("spread_percent", kind="stable"))
+        of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
+        least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
     return {
-        "least": _describe_least(variations),
+        "least": least,
+        "held": HELD,
         "kept": list(studies.levels),
         "cautions": "; ".join(cautions).capitalize(),
     }
@@ -109,18 +109,10 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
 
 def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
     """Exponents of both modes, and how likely linear damping is to give them."""
-    modes = {mode: row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)}
     return {
-        "powers": [
-            f"p = {number(law['p'], 4)} for mode {mode} ({format_between(law['p_low'], law['p_high'])}, 90 per cent, "
-            f"1 degree of freedom; printed {law['p_printed']:g})"
-            for mode, law in modes.items()
-        ],
+        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
         "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
-        "needed": [
-            f"{number(percent, 2)} per cent (mode {mode})"
-            for mode, percent in chance[["mode", "needed_percent"]].itertuples(index=False)
-        ],
+        "needed": chance["needed_percent"],
     }
 
 
@@ -144,30 +136,8 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
     modes, kept = (wide.columns.get_level_values(level) for level in ("mode", "kept"))
-    wide.columns = pd.Index([f"mode {mode}, {HELD[held]}" for mode, held in zip(modes, kept, strict=True)])
+    wide.columns = pd.Index([f"mode {mode}, {KEPT[held]}" for mode, held in zip(modes, kept, strict=True)])
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
-
-
-def _describe_least(variations: pd.DataFrame) -> list[str]:
-    """Which case varies least, among those of the report and among all."""
-    lines = []
-    for mode in (1, 2):
-        for held, words in HELD.items():
-            rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
-            plain = rows[~rows["free"] & (rows["case"] != "V, second term")]
-            of_report, of_all = (min(r.to_dict("records"), key=_spread) for r in (plain, rows))
-            lines.append(
-                f"Mode {mode}, {words}: of the report's cases {_describe_case(of_report['case'])} "
-                f"({number(of_report['spread_percent'], 2)} per cent), of all {_describe_case(of_all['case'])} "
-                f"({number(of_all['spread_percent'], 2)} per cent)."
-            )
-    return lines
-
-
-def _spread(row: dict[Hashable, Any]) -> float:
-    """Spread of a row, the largest where there is none."""
-    spread = float(row["spread_percent"])
-    return spread if np.isfinite(spread) else np.inf
 
 
 def _tabulate_by_base(variations: pd.DataFrame) -> pd.DataFrame:
@@ -185,35 +155,84 @@ def _tabulate_errors(predictions: pd.DataFrame) -> pd.DataFrame:
 
 
 def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.assign(case=[_describe_case(case) for case in frame["case"]])
-
-
-def _describe_case(case: str) -> str:
-    return str(case).replace("alpha", "α").replace("I + ", "I and ")
+    return frame.assign(case=frame["case"].str.replace("alpha", "α").str.replace("I + ", "I and "))
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     curves = studies.curves
-    explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())
-    example = (F_EXAMPLE, A_LINEAR_PRINTED, A_POWER_PRINTED)
+    explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())  # heavy damping shows most
     return {
-        "linear-coefficient": lambda: figures.draw_linear_coefficients(studies.lines),
-        "response-explained": lambda: figures.draw_response_explained(explained),
-        "response-curves": lambda: figures.draw_response_curves(curves),
-        "phase-curves": lambda: figures.draw_phase_curves(curves),
-        "response-differences": lambda: figures.draw_differences(curves, (PRINTED["A"], PRINTED["delta"])),
-        "undamped-error": lambda: figures.draw_undamped_error(curves, (0.5, PRINTED["percent_at_half"])),
-        "force-amplitude": lambda: figures.draw_force_amplitude(studies.force_lines, example),
+        "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
+        "response-explained": lambda: draw_response_explained(explained),
+        "response-curves": lambda: draw_response_curves(curves),
+        "phase-curves": lambda: draw_phase_curves(curves),
+        "response-differences": lambda: draw_differences(curves),
+        "undamped-error": lambda: draw_undamped_error(curves),
+        "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
         **{
-            f"level-variation-mode-{mode}-{held}": partial(figures.draw_level_variation, level.variations, held)
+            f"level-variation-mode-{mode}-{held}": partial(draw_level_variation, level.variations, held)
             for (mode, held), level in studies.levels.items()
         },
     }
 
 
-def _describe_by_width(widths: pd.DataFrame) -> str:
-    """Cases by the width of their curves at half the resonant amplitude, with that width over the first one's."""
-    half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
-    over = half["width_eta_squared"] / half["width_eta_squared"].iloc[0]
-    return format_joined(f"{case.removeprefix('case ')} ({x:.2f})" for case, x in zip(half["case"], over, strict=True))
+_MODES = {1: "First mode", 2: "Second mode"}
+#: Law in whose colour a line is drawn, and its label.
+_COEFFICIENT_LINES = {
+    "I + IV": ("viscous + displacement-velocity", "C₀₁ + C₁₁ A (cases I + IV)"),
+    "I + V": ("viscous + quadratic-displacement", "C₀₁ + C₁₁ A² (cases I + V)"),
+}
+
+
+@styled
+def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
+    """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
+    figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
+    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+        for cases, (law, label) in _COEFFICIENT_LINES.items():
+            line, colour = data.lines[data.lines["cases"] == cases], law_style(law).colour
+            axes.fill_between(line["amplitude_in"], line["low"], line["high"], color=colour, alpha=0.13, linewidth=0)
+            axes.plot(line["amplitude_in"], line["C_1_lb_s_per_in"], color=colour, label=label)
+        printed, x, y = data.lines[data.lines["cases"] == "printed"], "amplitude_in", "C_1_lb_s_per_in"
+        axes.plot(printed[x], printed[y], color=LINEAR, linestyle=(0, (4, 3)), linewidth=1.1, label="printed (4.1.10)")
+        _draw_sweeps(axes, data.points, x, y)
+        top = float(data.points["C_1_lb_s_per_in"].max())
+        axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top), title=_MODES[data.mode])
+        axes.set(xlabel="resonant amplitude (in)", ylabel="linear coefficient C₁ (lb s/in)")
+        axes.legend(loc="upper left", fontsize=7)
+    return figure
+
+
+def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
+    axes.plot(points[x], points[y], "o", color=MEASURED, markersize=6, markeredgecolor="white", zorder=4)
+    for sweep, a, b in points[["sweep", x, y]].itertuples(index=False):
+        axes.annotate(str(sweep), (a, b), (5, -10), textcoords="offset points", fontsize=8)
+
+
+@styled
+def draw_force_amplitude(modes: Sequence[ForceAmplitudeLines]) -> Figure:
+    """Draw resonant force against amplitude on logarithmic axes (Fig. 4.10), with the extrapolation of section 4.3."""
+    figure = Figure(figsize=(WIDTH, 3.1 * len(modes)))
+    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+        lines, force = data.lines, data.lines["force_lb"]
+        axes.set(xscale="log", yscale="log")
+        band = "90 % t interval of the line"
+        axes.fill_betweenx(force, lines["low"], lines["high"], color=PREDICTIVE, linewidth=0, label=band)
+        for name, colour, line, label in (
+            ("refitted", AVERAGE, "-", f"least squares, p = {data.law.p:.3f}"),
+            ("printed_slope", ALERT, (0, (4, 2)), f"printed p = {data.p_printed:.3f}"),
+            ("linear", LINEAR, (0, (1, 1.2)), "linear, p = 1"),
+        ):
+            axes.plot(lines[name], force, color=colour, linestyle=line, label=label)
+        _draw_sweeps(axes, data.points, "amplitude_in", "force_lb")
+        axes.set_xlim(0.85 * data.points["amplitude_in"].min(), 1.1 * lines["linear"].max())
+        axes.set_ylim(force.iloc[0], force.iloc[-1])
+        plain_log(axes.xaxis)
+        plain_log(axes.yaxis)
+        axes.set(title=_MODES[data.mode], xlabel="resonant amplitude (in)", ylabel="modal force (lb)")
+        if data.mode == 1:
+            example = [A_LINEAR_PRINTED, A_POWER_PRINTED], [F_EXAMPLE, F_EXAMPLE]
+            axes.plot(*example, "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
+        axes.legend(loc="lower right", fontsize=7)
+    return figure

@@ -1,8 +1,12 @@
-"""Chapter V: energy polynomials by regression (Tables 5.II, 5.III, 5.IV; Eqs. 5.3.3 to 5.3.17)."""
+"""Chapter V: energy polynomials by regression (Tables 5.II, 5.III, 5.IV; Eqs. 5.3.1 to 5.3.17).
+
+Every fit of the report is an ``EnergyFit``, made again from printed, corrected and recovered inputs, side by side.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
@@ -13,7 +17,8 @@ from damping.forces import force_class
 from damping.forces.powers import coefficient_from_energy
 from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
-from damping.regression.fit import fit
+from damping.regression.fit import Fit, fit
+from damping.regression.program import deviations_of
 from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
@@ -25,155 +30,181 @@ TERMS = {
     "A2": parse_term("A^2"),
     "A4w": parse_term("A^4*omega"),
 }
-EQUATION_5_3_3 = {"A2w": 1.455, "A3w": 0.827, "A3w2": 0.1179, "A2": 0.222, "A4w": 0.0223}
+#: Case of Table 5.I of each energy term.
+TERM_CASES = {"A2w": "I", "A2": "II", "A3w2": "III", "A3w": "IV", "A4w": "V"}
+#: What the inputs of a fit may be, by the name in the tables.
+INPUT_VERSIONS: dict[str, Version] = {"printed": "printed", "corrected": "corrected", "recovered": "used"}
+#: The law that made the check-out data, as printed.
 GENERATOR = {"A2w": 1.571, "A3w": 1.067}
-EQUATION_5_3_9_E1 = {"A2w": 5.221, "A3w": 5.538}
-EQUATION_5_3_9_E2 = {"A2w": 9.942}
-EQUATION_5_3_14 = {"A2w": 1.17, "A3w2": 0.604}
-EQUATION_5_3_15 = {"A3w2": 0.707}
-#: Points that E_4 was fitted to (Eq. 5.3.13).
-E4_POINTS = slice(3, 12)
 
 #: Coefficient by term.
 Polynomial = dict[str, float]
+#: A, omega, E.
+Points = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def polynomial(coefficients: Polynomial, A: FloatArray, omega: FloatArray) -> FloatArray:
     """E(A, omega) = sum_k a_k phi_k(A, omega) (Eq. 5.2.5)."""
     column = {"A": A, "omega": omega}.__getitem__
-    result: FloatArray = np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0)
-    return result
+    return np.asarray(np.sum([a * TERMS[name].values(column, len(A))[0] for name, a in coefficients.items()], axis=0))
 
 
 def energy_design(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:
-    """The design of an energy polynomial (Eq. 5.2.5); ``terms`` are names of ``TERMS``."""
+    """The design of an energy polynomial without a constant (Eqs. 5.2.4, 5.2.5); ``terms`` as ``A^2*omega``."""
     data = Columns({"A": A, "omega": omega, "E": E}, np.arange(len(E)), ())
-    return design_of(data, "E", [TERMS[name] for name in terms])
+    return design_of(data, "E", [parse_term(term) for term in terms])
 
 
-def regression(terms: Iterable[str], A: FloatArray, omega: FloatArray, E: FloatArray) -> Polynomial:
-    """Coefficients a_k of least squared deviation, no constant (Eq. 5.2.4)."""
-    names = tuple(terms)
-    fitted = fit(energy_design(names, A, omega, E))
-    return dict(zip(names, fitted.coefficients.tolist(), strict=True))
+def load_points(table: str, version: Version, run: Run = "E4") -> Points:
+    """A, omega, E of a table of chapter V."""
+    amplitude = {"5_II": "A_in", "5_III": "A2bar_in", "5_IV": "A2p_in"}[table]
+    A, omega, E = columns(load_table(table, version, run), amplitude, "omega_rad_s", "E_in_lb")
+    return A, omega, E
 
 
-def percent_deviation(E: FloatArray, fitted: FloatArray) -> FloatArray:
-    """100 (E - fitted)/E."""
-    return 100.0 * (E - fitted) / E
+@dataclass(frozen=True)
+class EnergyFit:
+    """One fit of an energy polynomial as the report made it.
+
+    ``printed`` coefficients by term, in the report's order; ``forces`` the printed force coefficients (Table 5.I);
+    ``run`` which inputs of Table 5.IV were used; ``rows`` the points fitted; ``fitted`` and ``percent`` the printed
+    columns of fitted energy and per cent deviation, where there are any.
+    """
+
+    name: str
+    equation: str
+    table: str
+    printed: Polynomial
+    erratum: str
+    forces: Polynomial = field(default_factory=dict)
+    run: Run = "E4"
+    rows: slice = field(default_factory=lambda: slice(None))
+    fitted: str = ""
+    percent: str = ""
+
+    def data(self, version: Version) -> Points:
+        """A, omega, E of the points fitted."""
+        A, omega, E = load_points(self.table, version, self.run)
+        return A[self.rows], omega[self.rows], E[self.rows]
+
+    def inputs(self) -> dict[str, Points]:
+        """Inputs by name; of the check-out data there are none recovered but the generator that made them."""
+        inputs = {name: self.data(version) for name, version in INPUT_VERSIONS.items()}
+        if self.table == "5_II":
+            del inputs["recovered"]
+            inputs["generator"] = generate_check_out()
+        return inputs
+
+    def fit(self, A: FloatArray, omega: FloatArray, E: FloatArray) -> Fit:
+        """Least squares with this fit's terms."""
+        return fit(energy_design([TERMS[name].name for name in self.printed], A, omega, E))
+
+    def coefficients(self, version: Version) -> Polynomial:
+        """Fitted coefficients by term."""
+        return dict(zip(self.printed, self.fit(*self.data(version)).coefficients.tolist(), strict=True))
 
 
-def table_5_ii(table: pd.DataFrame) -> dict[str, float]:
+CHECK_OUT_TWO = EnergyFit("check-out, two terms", "5.3.1", "5_II", {"A2w": 1.571, "A3w": 1.066}, "E5II-5")
+CHECK_OUT_FIVE = EnergyFit(
+    "check-out, five terms", "5.3.3", "5_II",
+    {"A2w": 1.455, "A3w": 0.827, "A3w2": 0.1179, "A2": 0.222, "A4w": 0.0223}, "E5II-3",
+    fitted="E_eq533_in_lb", percent="percent_deviation",
+)  # fmt: skip
+E_1 = EnergyFit(
+    "E1", "5.3.9", "5_III", {"A2w": 5.221, "A3w": 5.538}, "E5III-1, E5III-2", {"A2w": 1.66, "A3w": 4.15},
+    fitted="E1_in_lb",
+)  # fmt: skip
+E_2 = EnergyFit(
+    "E2", "5.3.9", "5_III", {"A2w": 9.942}, "E5III-1, E5III-2", {"A2w": 3.165},
+    fitted="E2_in_lb", percent="percent_deviation_E2",
+)  # fmt: skip
+E_3 = EnergyFit(
+    "E3", "5.3.14", "5_IV", {"A2w": 1.17, "A3w2": 0.604}, "E5IV-1", {"A2w": 0.373, "A3w2": 0.230}, "E3",
+    fitted="E3_in_lb",
+)  # fmt: skip
+#: Fitted to points 4 to 12 (Eq. 5.3.13).
+E_4 = EnergyFit(
+    "E4", "5.3.15", "5_IV", {"A3w2": 0.707}, "E5IV-1, E5IV-2", {"A3w2": 0.265}, "E4", slice(3, 12),
+    fitted="E4_in_lb", percent="percent_deviation_E4",
+)  # fmt: skip
+VISCOUS = EnergyFit("viscous 2.39", "end of 5.3", "5_IV", {"A2w": np.nan}, "E5IV-1", {"A2w": 2.39})
+FITS = (CHECK_OUT_TWO, CHECK_OUT_FIVE, E_1, E_2, E_3, E_4, VISCOUS)
+
+
+def generate_check_out() -> Points:
+    """A and omega of the corrected Table 5.II with the energy pi/2 A^2 omega + 16/15 A^3 omega to three decimals.
+
+    The printed generator 1.571, 1.067 rounds pi/2 and 16/15; fitted, this gives the printed 1.571 and 1.066.
+    """
+    A, omega, _ = CHECK_OUT_TWO.data("corrected")
+    return A, omega, np.round(polynomial({"A2w": pi / 2.0, "A3w": 16.0 / 15.0}, A, omega), 3)
+
+
+def table_5_ii(version: Version) -> dict[str, float]:
     """Printed polynomial 5.3.3, generator of the check-out data, per cent deviation of the printed columns."""
-    A, omega, E = _columns(table, "A_in")
+    A, omega, E = load_points("5_II", version)
+    fitted = load_table("5_II", version)["E_eq533_in_lb"].to_numpy()
     return {
-        **by_point("tab5II.E_eq533", polynomial(EQUATION_5_3_3, A, omega)),
+        **by_point("tab5II.E_eq533", polynomial(CHECK_OUT_FIVE.printed, A, omega)),
         **by_point("tab5II.E_generator", polynomial(GENERATOR, A, omega)),
-        **by_point("tab5II.dev", percent_deviation(E, table["E_eq533_in_lb"].to_numpy())),
+        **by_point("tab5II.dev", 100.0 * (E - fitted) / E),
     }
-
-
-def equations_5_3_1_and_5_3_3() -> dict[str, float]:
-    """The check-out fits: two terms on data of the generator pi/2, 16/15 to three decimals, five on Table 5.II."""
-    A, omega, E = _columns(load_table("5_II", "corrected"), "A_in")
-    exact = np.round(polynomial({"A2w": pi / 2, "A3w": 16 / 15}, A, omega), 3)
-    return {
-        **_named("eq531.a", regression(("A2w", "A3w"), A, omega, exact)),
-        **_named("eq533.a", regression(EQUATION_5_3_3, A, omega, E)),
-    }
-
-
-def equation_5_3_9() -> dict[str, float]:
-    """E_1 and E_2 on the rough data, printed and recovered inputs."""
-    result: dict[str, float] = {}
-    versions: dict[str, Version] = {"printed_data": "printed", "recovered": "used"}
-    for name, version in versions.items():
-        A, omega, E = _columns(load_table("5_III", version), "A2bar_in")
-        result |= _named(f"eq539.E1_{name}", regression(EQUATION_5_3_9_E1, A, omega, E))
-        result |= _named(f"eq539.E2_{name}", regression(EQUATION_5_3_9_E2, A, omega, E))
-    return result
 
 
 def table_5_iii() -> dict[str, float]:
     """A = X_t/.041 (Eq. 5.3.4), the printed polynomials 5.3.9 and the per cent deviation of the printed columns."""
-    table, energies = load_table("5_III"), load_table("3_IV").query("corrected_row == 0")
-    A, omega, E = _columns(table, "A2bar_in")
+    energies = load_table("3_IV").query("corrected_row == 0")
+    A, omega, E = load_points("5_III", "printed")
+    fitted = load_table("5_III")["E2_in_lb"].to_numpy()
     return {
         **by_point("tab5III.A", load_table("3_I")["tail_pitch_disp_in_e2"] / 100.0 / 0.041),
-        **by_point("tab5III.E1", polynomial(EQUATION_5_3_9_E1, A, omega)),
-        **by_point("tab5III.E2", polynomial(EQUATION_5_3_9_E2, A, omega)),
-        **by_point("tab5III.dev", percent_deviation(E, table["E2_in_lb"].to_numpy())),
+        **by_point("tab5III.E1", polynomial(E_1.printed, A, omega)),
+        **by_point("tab5III.E2", polynomial(E_2.printed, A, omega)),
+        **by_point("tab5III.dev", 100.0 * (E - fitted) / E),
         **{f"tab5III.E_vs_3IV[{k}]": float(energies["energy_input_in_lb"].iloc[k - 1]) for k in (4, 9)},
     }
 
 
 def table_5_iii_recovered() -> dict[str, float]:
     """The fitted columns and deviations that the recovered inputs give."""
-    A, omega, E = _columns(load_table("5_III", "used"), "A2bar_in")
-    E_1 = polynomial(regression(EQUATION_5_3_9_E1, A, omega, E), A, omega)
-    E_2 = polynomial(regression(EQUATION_5_3_9_E2, A, omega, E), A, omega)
-    deviation = percent_deviation(E, E_2)
-    return {**by_point("tab5III.E1", E_1), **by_point("tab5III.E2", E_2), **by_point("tab5III.dev", deviation)}
+    A, omega, E = load_points("5_III", "used")
+    E1, E2 = (polynomial(energy_fit.coefficients("used"), A, omega) for energy_fit in (E_1, E_2))
+    tables = by_point("tab5III.E1", E1) | by_point("tab5III.E2", E2)
+    return tables | by_point("tab5III.dev", 100.0 * (E - E2) / E)
 
 
-def fit_e3(version: Version) -> Polynomial:
-    """E_3 (Eq. 5.3.12) on all 15 points."""
-    return regression(EQUATION_5_3_14, *_table_5_iv(version, "E3"))
+def table_5_iv(version: Version) -> dict[str, float]:
+    """The printed polynomials 5.3.14 and 5.3.15, or those of fits to recovered inputs; deviation of the printed E_4."""
+    E3, E4 = (f.printed if version == "printed" else f.coefficients(version) for f in (E_3, E_4))
+    A, omega, E = E_4.data(version)
+    deviation = 100.0 * (E - load_table("5_IV")["E4_in_lb"].to_numpy()[E_4.rows]) / E
+    columns_4 = {"E4": polynomial(E4, A, omega), "dev": deviation}
+    points_4 = {f"tab5IV.{n}[{k}]": float(x) for n, values in columns_4.items() for k, x in enumerate(values, start=4)}
+    return by_point("tab5IV.E3", polynomial(E3, *E_3.data(version)[:2])) | points_4
 
 
-def fit_e4(version: Version) -> Polynomial:
-    """E_4 (Eq. 5.3.13) on points 4 to 12."""
-    A, omega, E = _table_5_iv(version, "E4")
-    return regression(EQUATION_5_3_15, A[E4_POINTS], omega[E4_POINTS], E[E4_POINTS])
+def fitted_coefficients() -> dict[str, float]:
+    """Coefficients of every fit: of the check-out data, of the rough data and of the principal pitch data."""
+    exact = dict(zip(CHECK_OUT_TWO.printed, CHECK_OUT_TWO.fit(*generate_check_out()).coefficients, strict=True))
+    results = {"eq531.a": exact, "eq533.a": CHECK_OUT_FIVE.coefficients("corrected")}
+    single = {}
+    versions: dict[str, Version] = {"printed_data": "printed", "recovered": "used"}
+    for name, version in versions.items():
+        results |= {f"eq539.{own.name}_{name}": own.coefficients(version) for own in (E_1, E_2)}
+        results[f"eq5314.E3_{name}"] = E_3.coefficients(version)
+        single[f"eq5315.E4_{name}"] = E_4.coefficients(version)["A3w2"]
+        single[f"sec53.viscous_2.39_{name}"] = VISCOUS.coefficients(version)["A2w"] / pi
+    return single | {f"{name}[{term}]": float(a) for name, terms in results.items() for term, a in terms.items()}
 
 
-def fit_viscous(version: Version) -> float:
-    """Viscous coefficient a/pi of A^2 omega on all 15 points (end of section 5.3)."""
-    return regression(("A2w",), *_table_5_iv(version, "E4"))["A2w"] / pi
-
-
-def equations_5_3_14_and_5_3_15() -> dict[str, float]:
-    """Coefficients from the printed and the recovered inputs."""
-    return {
-        **_named("eq5314.E3_printed_data", fit_e3("printed")),
-        **_named("eq5314.E3_recovered", fit_e3("used")),
-        "eq5315.E4_printed_data": fit_e4("printed")["A3w2"],
-        "eq5315.E4_recovered": fit_e4("used")["A3w2"],
-        "sec53.viscous_2.39_printed_data": fit_viscous("printed"),
-        "sec53.viscous_2.39_recovered": fit_viscous("used"),
-    }
-
-
-def table_5_iv() -> dict[str, float]:
-    """The printed polynomials 5.3.14 and 5.3.15 on the printed data, deviation of the printed columns."""
-    A, omega, _ = _table_5_iv("printed", "E4")
-    return _table_5_iv_results(polynomial(EQUATION_5_3_14, A, omega), polynomial(EQUATION_5_3_15, A, omega), "printed")
-
-
-def table_5_iv_recovered() -> dict[str, float]:
-    """The same from fits to the recovered inputs; deviation of the printed E_4 from the recovered energies."""
-    A_3, omega, _ = _table_5_iv("used", "E3")
-    A_4 = _table_5_iv("used", "E4")[0]
-    return _table_5_iv_results(polynomial(fit_e3("used"), A_3, omega), polynomial(fit_e4("used"), A_4, omega), "used")
-
-
-def _table_5_iv_results(E_3: FloatArray, E_4: FloatArray, version: Version) -> dict[str, float]:
-    deviation = percent_deviation(_table_5_iv(version, "E4")[2], load_table("5_IV")["E4_in_lb"].to_numpy())
-    fitted = {f"tab5IV.E4[{k}]": float(E_4[k - 1]) for k in range(4, 13)}
-    deviations = {f"tab5IV.dev[{k}]": float(deviation[k - 1]) for k in range(4, 13)}
-    return {**by_point("tab5IV.E3", E_3), **fitted, **deviations}
-
-
-def equations_5_3_10_to_5_3_17(E_1: Polynomial, E_2: Polynomial, E_3: Polynomial, E_4: Polynomial) -> dict[str, float]:
-    """Damping coefficients of the fitted polynomials by the conversion factors of Table 5.I."""
-    return {
-        "eq5310.C1": table_5_i("I", E_1["A2w"]),
-        "eq5310.C4": table_5_i("IV", E_1["A3w"]),
-        "eq5311.C1": table_5_i("I", E_2["A2w"]),
-        "eq5316.C1": table_5_i("I", E_3["A2w"]),
-        "eq5316.C3": table_5_i("III", E_3["A3w2"]),
-        "eq5317.C3": table_5_i("III", E_4["A3w2"]),
-    }
+def equations_5_3_10_to_5_3_17(version: Version) -> dict[str, float]:
+    """Damping coefficients of the printed or fitted polynomials by the conversion factors of Table 5.I."""
+    results, numbers = {}, {"I": 1, "III": 3, "IV": 4}
+    for equation, energy_fit in {"eq5310": E_1, "eq5311": E_2, "eq5316": E_3, "eq5317": E_4}.items():
+        terms = energy_fit.printed if version == "printed" else energy_fit.coefficients(version)
+        for case, a in ((TERM_CASES[term], a) for term, a in terms.items()):
+            results[f"{equation}.C{numbers[case]}"] = table_5_i(case, a)
+    return results
 
 
 def table_5_i(case: str, a: float) -> float:
@@ -183,39 +214,79 @@ def table_5_i(case: str, a: float) -> float:
 
 def computed() -> dict[str, float]:
     """Every result of the chapter, from the tables as printed where the recipe does not say otherwise."""
-    return {
-        **table_5_ii(load_table("5_II")),
-        **equations_5_3_1_and_5_3_3(),
-        **equation_5_3_9(),
-        **table_5_iii(),
-        **equations_5_3_14_and_5_3_15(),
-        **table_5_iv(),
-        **equations_5_3_10_to_5_3_17(EQUATION_5_3_9_E1, EQUATION_5_3_9_E2, EQUATION_5_3_14, EQUATION_5_3_15),
-    }
+    tables = table_5_ii("printed") | table_5_iii() | table_5_iv("printed")
+    return tables | fitted_coefficients() | equations_5_3_10_to_5_3_17("printed")
 
 
 def after_correction() -> dict[str, float]:
     """Results from the corrected check-out data and from the recovered inputs of Tables 5.III and 5.IV."""
-    A, omega, E = _columns(load_table("5_III", "used"), "A2bar_in")
-    E_1, E_2 = (regression(terms, A, omega, E) for terms in (EQUATION_5_3_9_E1, EQUATION_5_3_9_E2))
-    return {
-        **table_5_ii(load_table("5_II", "corrected")),
-        **table_5_iii_recovered(),
-        **table_5_iv_recovered(),
-        **equations_5_3_10_to_5_3_17(E_1, E_2, fit_e3("used"), fit_e4("used")),
-    }
+    tables = table_5_ii("corrected") | table_5_iii_recovered() | table_5_iv("used")
+    return tables | equations_5_3_10_to_5_3_17("used")
 
 
-def _table_5_iv(version: Version, run: Run) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return _columns(load_table("5_IV", version, run), "A2p_in")
+def tabulate_regressions() -> pd.DataFrame:
+    """One row per fit, inputs and term.
+
+    Coefficients belong to energy in in-lb with A in inches and omega in rad/s; ``force_coefficient`` is that of the
+    damping force of the term (Table 5.I; lb, in, s). ``cells_changed``: input cells that differ from the print.
+    ``printed``, ``printed_force``: as printed, NaN where the report prints none.
+    """
+    parts = []
+    for energy_fit in FITS:
+        printed = np.concatenate(energy_fit.data("printed"))
+        for inputs, data in energy_fit.inputs().items():
+            changed = int(np.sum(np.concatenate(data) != printed))
+            parts.append(_tabulate_fit(energy_fit, inputs, changed, energy_fit.fit(*data)))
+    return pd.concat(parts, ignore_index=True)
 
 
-def _columns(table: pd.DataFrame, amplitude: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A, omega, E of a table of chapter V."""
-    A, omega, E = columns(table, amplitude, "omega_rad_s", "E_in_lb")
-    return A, omega, E
+def _tabulate_fit(energy_fit: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
+    deviations, terms = deviations_of(fitted), list(energy_fit.printed)
+    cases = [TERM_CASES[term] for term in terms]
+    return pd.DataFrame(
+        {
+            "fit": energy_fit.name,
+            "equation": energy_fit.equation,
+            "inputs": inputs,
+            "cells_changed": changed,
+            "points": fitted.n,
+            "term": [TERMS[term].name for term in terms],
+            "coefficient": fitted.coefficients,
+            "std_error": fitted.std_errors,
+            "t_ratio": fitted.t_ratios,
+            "printed": list(energy_fit.printed.values()),
+            "force": [CASES[case] for case in cases],
+            "force_coefficient": [table_5_i(case, a) for case, a in zip(cases, fitted.coefficients, strict=True)],
+            "printed_force": [energy_fit.forces.get(term, np.nan) for term in terms],
+            "r_squared_without_constant": fitted.r_squared,
+            "rms_error_in_lb": fitted.rms_error,
+            "average_absolute_percent": deviations.average_absolute_percent,
+            "largest_absolute_percent": deviations.largest_absolute_percent,
+            "condition_number": fitted.condition_number,
+            "erratum": energy_fit.erratum,
+        }
+    )
 
 
-def _named(prefix: str, coefficients: Polynomial) -> dict[str, float]:
-    """``eq533.a[A2w]`` and so on, one result a term."""
-    return {f"{prefix}[{name}]": value for name, value in coefficients.items()}
+def tabulate_regression_deviations() -> pd.DataFrame:
+    """Per cent deviations 100 (E - fitted)/E of Tables 5.II, 5.III and 5.IV beside ours, one row per fit and point.
+
+    ``*_printed`` are the table's own columns (NaN where it has none), ``*_from_X_inputs`` those of our fit to the
+    inputs X, of the fit's own points.
+    """
+    parts = []
+    for energy_fit in (own for own in FITS if own.fitted):
+        table = load_table(energy_fit.table)[energy_fit.rows]
+        A, omega, E = energy_fit.data("printed")
+        part = pd.DataFrame({"fit": energy_fit.name, "table": energy_fit.table.replace("_", ".")}, index=table.index)
+        part["point"] = table["row" if "row" in table else "point"]
+        part = part.assign(omega_rad_s=omega, A_printed_in=A, E_printed_in_lb=E)
+        part["fitted_printed_in_lb"] = table[energy_fit.fitted]
+        part["percent_printed"] = table[energy_fit.percent] if energy_fit.percent else np.nan
+        for inputs, data in energy_fit.inputs().items():
+            if inputs != "generator":
+                deviations = deviations_of(energy_fit.fit(*data))
+                part[f"fitted_from_{inputs}_inputs_in_lb"] = deviations.fitted
+                part[f"percent_from_{inputs}_inputs"] = deviations.percent
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)

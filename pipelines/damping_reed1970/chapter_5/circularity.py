@@ -26,15 +26,13 @@ from damping.plots import WIDTH, draw_plain_rows, law_style, styled
 from damping.predict.steady import steady_state
 from damping.signals import PrincipalPlanes, damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
 
 #: Force of each energy term that selection may choose (Table 5.I).
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
 #: Points at which the report took the low root of Eq. 3.2.15 (erratum E3IV-1); at the others the high one.
 LOW_ROOT = np.isin(np.arange(1, 16), (1, 2, 3, 4, 5, 6, 14, 15))
-#: Roots above are no damping factor of this structure.
-LARGEST_XI = 0.05
 #: Two planes fitted to amplitude and phase of Table 3.III with all five parameters free (relative residuals).
 FITTED = PlanarOscillator(M=22.8, C=2.49, omega_p=11.399, omega_y=11.491, theta=radians(36.3))
 #: The planes that the report's route assumes (Eq. 3.2.16), with its linear coefficient (3.2.19).
@@ -68,12 +66,11 @@ class Circularity:
 def circularity(noise: Sequence[float] = NOISE, replicates: int = 500, seed: int = 0) -> Circularity:
     """Send simulated tail motions of three known structures through the routes, and the measured data too.
 
-    Args:
-        noise: per cent, of amplitude (relative) and phase (rad). replicates: runs at each noise. seed: of the noise.
+    ``noise``: per cent, of amplitude (relative) and phase (rad); ``replicates`` runs at each.
     """
     laws, claims = [], []
     for name, (A, E) in measured_routes().items():
-        law_rows, claim = _judge(A[None], E[None])
+        law_rows, claim = _judge(A, E)
         laws.append(law_rows.assign(truth="measured", noise_percent=np.nan, route=name))
         claims.append({"truth": "measured", "noise_percent": np.nan, "route": name, **claim})
     for i, (truth, phasor) in enumerate(true_motions().items()):
@@ -129,34 +126,32 @@ def routes(tail: np.ndarray) -> dict[str, tuple[FloatArray, FloatArray, np.ndarr
     The energy put in is pi A phi F sin(phase) (Eq. 3.2.9), at least a thousandth of an in-lb where noise makes it
     negative; section 3.1 adds the corrections C_t2 of rigid-body and adjacent-mode motion back.
     """
-    F, _ = _test()
-    E = np.maximum(-np.pi * PLANES.phi * F * tail.imag, 1e-3)
+    E = np.maximum(-np.pi * PLANES.phi * _test()[0] * tail.imag, 1e-3)
+    return _take_routes(E, np.abs(tail + _corrections()), np.abs(tail))
+
+
+def _take_routes(
+    E: FloatArray, modal: FloatArray, tail: FloatArray
+) -> dict[str, tuple[FloatArray, FloatArray, np.ndarray]]:
+    """A, E and where a root was found by each route, from the energy put in and both amplitudes."""
     xi, solved = xi_as_the_report(E)
-    motion = plane_motion(PLANES, F, _test()[1], xi)
+    motion = plane_motion(PLANES, *_test(), xi)
     everywhere = np.ones(E.shape, dtype=bool)
-    A_p, E_p = np.asarray(motion.A_p), np.asarray(motion.E_p)
     return {
-        ROUTES[0]: (A_p, E_p, solved),
-        ROUTES[1]: (np.abs(tail + _corrections()), E, everywhere),
-        ROUTES[2]: (np.abs(tail), E, everywhere),
+        ROUTES[0]: (np.asarray(motion.A_p), np.asarray(motion.E_p), solved),
+        ROUTES[1]: (modal, E, everywhere),
+        ROUTES[2]: (tail, E, everywhere),
     }
 
 
 def measured_routes() -> dict[str, tuple[FloatArray, FloatArray]]:
-    """A and E of the measured data: Table 5.IV as printed, its route without corrections by hand, the two others."""
-    A_p, E_p = columns(load_table("5_IV"), "A2p_in", "E_in_lb")
-    E = load_table("3_IV").query("corrected_row == 0")["energy_input_in_lb"].to_numpy(dtype=float)
-    motion = plane_motion(PLANES, *_test(), xi_as_the_report(E[None])[0][0])
-    (A_2,), (X,) = (
-        columns(load_table("3_III", "corrected"), "modal_amplitude_A2_in"),
-        columns(load_table("3_III"), "tail_amplitude_in"),
-    )
-    return {
-        "Table 5.IV as printed": (A_p, E_p),
-        ROUTES[0]: (np.asarray(motion.A_p), np.asarray(motion.E_p)),
-        ROUTES[1]: (A_2, E),
-        ROUTES[2]: (X / PLANES.phi, E),
-    }
+    """A and E (1, points) of the measured data: Table 5.IV as printed, and each route without corrections by hand."""
+    printed = columns(load_table("5_IV"), "A2p_in", "E_in_lb")
+    (E,) = columns(load_table("3_IV").query("corrected_row == 0"), "energy_input_in_lb")
+    (A_2,) = columns(load_table("3_III", "corrected"), "modal_amplitude_A2_in")
+    (X,) = columns(load_table("3_III"), "tail_amplitude_in")
+    taken = {"Table 5.IV as printed": printed} | _take_routes(E[None], A_2[None], X[None] / PLANES.phi)
+    return {name: (np.atleast_2d(A), np.atleast_2d(E)) for name, (A, E, *_) in taken.items()}
 
 
 def xi_as_the_report(E: FloatArray) -> tuple[FloatArray, np.ndarray]:
@@ -253,9 +248,7 @@ _CLASSES = {
 def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     """Draw which kind of law comes out of known structures, a panel a route, a bar a truth and noise.
 
-    Args:
-        laws: ``truth, noise_percent, route, law, share``; the measured data are the truth ``measured``.
-        routes: those drawn.
+    ``laws`` are those of :class:`Circularity`.
     """
     kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
     known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,8 @@ from matplotlib.figure import Figure
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.plots import AVERAGE, LINEAR, WIDTH, plain_log, styled
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_5 import GENERATOR
-from damping_reed1970.chapter_5.nine_terms import NINE_TERMS, nine_term_design
+from damping_reed1970.chapter_5 import GENERATOR, energy_design
+from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
 
 #: Responses treated at once, for the sake of memory.
 BLOCK = 500
@@ -108,7 +109,12 @@ TRUE_TERMS = 2
 NOISE = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
 #: Amplitude, over the largest of the data, at which what was selected is extrapolated.
 FARTHER = 2.0
-METHODS = ("backward elimination, |T| >= 2", "best subset, BIC", "best subset, BIC, coefficients > 0")
+#: Ways of selection, and the colour, mark and line of each.
+METHODS: dict[str, tuple[str, str, Any]] = {
+    "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
+    "best subset, BIC": (AVERAGE, "s", (0, (4, 2))),
+    "best subset, BIC, coefficients > 0": ("#009e73", "D", "-"),
+}
 
 
 @dataclass(frozen=True)
@@ -131,29 +137,19 @@ class FalseTerms:
     replicates: int
 
 
-def false_terms(
-    noise: Sequence[float] = NOISE, replicates: int = 1000, seed: int = 0, terms: Sequence[str] = tuple(POSITIONS)
-) -> FalseTerms:
-    """Simulate selection.
-
-    Args:
-        noise: per cent. replicates: runs at each noise. seed: of the noise. terms: keys of ``POSITIONS``.
-    """
+def false_terms(noise: Sequence[float] = NOISE, replicates: int = 1000, seed: int = 0) -> FalseTerms:
+    """Simulate selection, ``replicates`` runs at each ``noise``, per cent."""
     A, omega, true = known_law()
     selection, frequency = [], []
-    for number, (name, percent) in enumerate(product(terms, noise)):
+    for number, (name, percent) in enumerate(product(POSITIONS, noise)):
         rng = np.random.default_rng([seed, number])
         observed = true * (1.0 + 0.01 * percent * rng.standard_normal((replicates, len(true))))
         X, farther = design(A, omega, name), design(FARTHER * A.max(), omega[A.argmax()], name)[0]
         for method, (members, coefficients) in _select(X, observed).items():
             head = {"terms": name, "method": method, "noise_percent": percent}
-            selection.append({**head, **_outcome(members, coefficients, farther)})
-            shares = members.mean(axis=0)
-            labels = [NINE_TERMS[i] for i in POSITIONS[name]]
-            frequency += [
-                {**head, "term": term, "true": k < TRUE_TERMS, "share": float(shares[k])}
-                for k, term in enumerate(labels)
-            ]
+            selection.append({**head, **_measure_selection(members, coefficients, farther)})
+            for k, (place, share) in enumerate(zip(POSITIONS[name], members.mean(axis=0).tolist(), strict=True)):
+                frequency.append({**head, "term": NINE_TERMS[place], "true": k < TRUE_TERMS, "share": share})
     table = pd.DataFrame(selection).assign(monte_carlo_error=0.5 / np.sqrt(replicates))
     return FalseTerms(table, pd.DataFrame(frequency), _tabulate_inflation(A, omega, true), replicates)
 
@@ -167,7 +163,7 @@ def known_law() -> tuple[FloatArray, FloatArray, FloatArray]:
 def design(A: FloatArray | float, omega: FloatArray | float, terms: str) -> FloatArray:
     """Columns (n, k) of the five or nine terms, the true ones first."""
     A, omega = np.atleast_1d(A), np.atleast_1d(omega)
-    return nine_term_design(A, omega, np.ones_like(A)).columns[:, POSITIONS[terms]]
+    return energy_design(NINE_TERMS, A, omega, np.ones_like(A)).columns[:, POSITIONS[terms]]
 
 
 def _select(X: FloatArray, observed: FloatArray) -> dict[str, tuple[np.ndarray, FloatArray]]:
@@ -188,7 +184,7 @@ def _chosen(fits: ManyFits, model: IntArray) -> tuple[np.ndarray, FloatArray]:
     return members, np.where(members, fits.coefficients[model, np.arange(len(model))], 0.0)
 
 
-def _outcome(members: np.ndarray, coefficients: FloatArray, farther: FloatArray) -> dict[str, float]:
+def _measure_selection(members: np.ndarray, coefficients: FloatArray, farther: FloatArray) -> dict[str, float]:
     false, true = members[:, TRUE_TERMS:].any(axis=1), members[:, :TRUE_TERMS].all(axis=1)
     energy = float(farther[:TRUE_TERMS] @ list(GENERATOR.values()))
     errors = coefficients @ farther / energy - 1.0
@@ -216,26 +212,16 @@ def _tabulate_inflation(A: FloatArray, omega: FloatArray, true: FloatArray) -> p
     return table.assign(over_true_terms=table["sd_percent"] / table["sd_percent"].iloc[0])
 
 
-_METHODS = {
-    "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
-    "best subset, BIC": (AVERAGE, "s", (0, (4, 2))),
-    "best subset, BIC, coefficients > 0": ("#009e73", "D", "-"),
-}
-
-
 @styled
 def draw_false_terms(selection: pd.DataFrame) -> Figure:
     """Draw how often a term is selected that is not there, and the energy error at twice the amplitude, against noise.
 
-    Args:
-        selection: ``terms, method, noise_percent, share_false, energy_error_percent``.
+    ``selection`` is that of :class:`FalseTerms`.
     """
-    sets = list(selection["terms"].unique())
     figure = Figure(figsize=(WIDTH, 5.6))
-    panels = figure.subplots(2, len(sets), sharex=True, sharey="row", squeeze=False)
-    for column, terms in enumerate(sets):
-        share, error = panels[0, column], panels[1, column]
-        for method, (colour, marker, line) in _METHODS.items():
+    panels = figure.subplots(2, len(POSITIONS), sharex=True, sharey="row")
+    for (share, error), terms in zip(panels.T, POSITIONS, strict=True):
+        for method, (colour, marker, line) in METHODS.items():
             rows = selection[(selection["terms"] == terms) & (selection["method"] == method)]
             style = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
             share.plot(rows["noise_percent"], rows["share_false"], label=method.replace(">=", "≥"), **style)

@@ -1,22 +1,32 @@
-"""Section 5.3: the nine-term polynomial (5.3.6), free and with coefficients >= 0, and how few terms the data carry."""
+"""Section 5.3: the nine-term polynomial (5.3.6), free and with coefficients >= 0, and how few terms the data carry.
+
+Fig. 5.1 has its counterpart in the energy of Configuration I (its own data are not printed). The report's figure is
+fitted to fifteen points "with zero error"; what a fit that close is worth shows between its points: the nine terms of
+Eq. 5.3.6 go below zero there, where a law of damping cannot.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import LINEAR, MUTED, WIDTH, plain_log, styled
-from damping.regression import parse_term
-from damping.regression.design import Columns, Design, design_of
+from damping.plots import ALERT, LINEAR, MUTED, WIDTH, plain_log, styled
+from damping.regression.design import Design
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.selecting import fit_nonnegative, stepwise
-from damping.regression.subsets import Subsets, all_subsets
-from damping_reed1970 import Run, Version, columns, load_table
+from damping.regression.subsets import Subsets, all_subsets, best_subsets
+from damping_reed1970 import Version
+from damping_reed1970.chapter_5 import E_1, E_3, EnergyFit, Points, energy_design
 
 #: Eq. 5.3.6, in its order.
 NINE_TERMS = (
@@ -27,29 +37,13 @@ BEST = 5
 _T_ALWAYS = 1e300  # T-ratio to stop at that drops terms down to the last one
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """Data of one study of the nine terms."""
-
-    name: str
-    table: str
-    amplitude: str
-    version: Version
-    run: Run = "E4"
-
-    def data(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A, omega, E."""
-        A, omega, E = columns(load_table(self.table, self.version, self.run), self.amplitude, "omega_rad_s", "E_in_lb")
-        return A, omega, E
-
-
 #: The rough data (Table 5.III) and the principal pitch data (5.IV), as printed and as the report's runs used them.
-INPUTS = (
-    Inputs("5.III printed", "5_III", "A2bar_in", "printed"),
-    Inputs("5.III recovered", "5_III", "A2bar_in", "used"),
-    Inputs("5.IV printed", "5_IV", "A2p_in", "printed"),
-    Inputs("5.IV recovered", "5_IV", "A2p_in", "used", "E3"),
-)
+INPUTS: dict[str, tuple[EnergyFit, Version]] = {
+    "5.III printed": (E_1, "printed"),
+    "5.III recovered": (E_1, "used"),
+    "5.IV printed": (E_3, "printed"),
+    "5.IV recovered": (E_3, "used"),
+}
 
 
 @dataclass(frozen=True)
@@ -74,11 +68,11 @@ class NineTerms:
     by_size: pd.DataFrame
 
 
-def nine_terms(inputs: tuple[Inputs, ...] = INPUTS) -> NineTerms:
+def nine_terms(names: Sequence[str] = tuple(INPUTS)) -> NineTerms:
     """The nine-term study on each of the inputs."""
     parts: dict[str, list[pd.DataFrame]] = {"full": [], "summary": [], "elimination": [], "best": [], "by_size": []}
-    for source in inputs:
-        design = nine_term_design(*source.data())
+    for name in names:
+        design = energy_design(NINE_TERMS, *load_inputs(name))
         free, held, subsets = fit(design), fit_nonnegative(design), all_subsets(design)
         positive = subsets.take(((subsets.coefficients > 0.0) == subsets.members).all(axis=1))
         tables = {
@@ -88,16 +82,16 @@ def nine_terms(inputs: tuple[Inputs, ...] = INPUTS) -> NineTerms:
             "best": pd.concat([_tabulate_best(subsets, "free"), _tabulate_best(positive, "> 0")]),
             "by_size": pd.concat([_tabulate_by_size(subsets, "free"), _tabulate_by_size(positive, "> 0")]),
         }
-        for name, table in tables.items():
-            table.insert(0, "inputs", source.name)
-            parts[name].append(table)
-    return NineTerms(**{name: pd.concat(tables, ignore_index=True) for name, tables in parts.items()})
+        for key, table in tables.items():
+            table.insert(0, "inputs", name)
+            parts[key].append(table)
+    return NineTerms(**{key: pd.concat(tables, ignore_index=True) for key, tables in parts.items()})
 
 
-def nine_term_design(A: FloatArray, omega: FloatArray, E: FloatArray) -> Design:
-    """The design of Eq. 5.3.6."""
-    data = Columns({"A": A, "omega": omega, "E": E}, np.arange(len(E)), ())
-    return design_of(data, "E", [parse_term(term) for term in NINE_TERMS])
+def load_inputs(name: str) -> Points:
+    """A, omega, E of one of ``INPUTS``."""
+    energy_fit, version = INPUTS[name]
+    return energy_fit.data(version)
 
 
 def _tabulate_full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
@@ -176,34 +170,120 @@ def _tabulate_by_size(models: Subsets, kind: str) -> pd.DataFrame:
     return pd.DataFrame({"coefficients": kind, "terms": sizes, "models": counts, "rms_error_in_lb": rms})
 
 
-@styled
-def draw_terms_against_error(by_size: pd.DataFrame, elimination: pd.DataFrame, inputs: Sequence[str]) -> Figure:
-    """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination.
+#: Inputs drawn, a panel each.
+DRAWN = ("5.III recovered", "5.IV recovered")
 
-    Args:
-        by_size: ``inputs, coefficients, terms, rms_error_in_lb``. elimination: ``inputs, coefficients, terms_left,
-            negative, rms_error_in_lb``. inputs: those drawn, a panel each.
-    """
-    figure = Figure(figsize=(WIDTH, 2.7 * len(inputs)))
-    panels = np.atleast_1d(figure.subplots(len(inputs), sharex=True, sharey=True))
-    for axes, name in zip(panels, inputs, strict=True):
-        sizes = by_size[by_size["inputs"] == name]
-        steps = elimination[(elimination["inputs"] == name) & (elimination["coefficients"] == "free")]
+
+@styled
+def draw_terms_against_error(study: NineTerms) -> Figure:
+    """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination."""
+    figure = Figure(figsize=(WIDTH, 2.7 * len(DRAWN)))
+    panels = figure.subplots(len(DRAWN), sharex=True, sharey=True)
+    for axes, name in zip(panels, DRAWN, strict=True):
+        sizes = study.by_size[study.by_size["inputs"] == name]
+        steps = study.elimination.query("inputs == @name and coefficients == 'free'")
         axes.set_yscale("log")
         for kind, colour, label in (("free", MUTED, "free"), ("> 0", "#009e73", "all > 0")):
             rows = sizes[sizes["coefficients"] == kind]
             axes.plot(rows["terms"], rows["rms_error_in_lb"], "o-", color=colour, label=f"best of its size, {label}")
-        axes.plot(
-            steps["terms_left"], steps["rms_error_in_lb"], "x", color=LINEAR, markersize=6, label="backward elimination"
-        )
-        for terms, error, negative in steps[["terms_left", "rms_error_in_lb", "negative"]].itertuples(index=False):
-            if negative:
-                axes.annotate(
-                    f"{negative} < 0", (terms, error), (3, 5), textcoords="offset points", fontsize=6.5, color=LINEAR
-                )
+        way = steps[["terms_left", "rms_error_in_lb", "negative"]].to_numpy()
+        axes.plot(way[:, 0], way[:, 1], "x", color=LINEAR, markersize=6, label="backward elimination")
+        text: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "color": LINEAR}
+        for terms, error, negative in way[way[:, 2] > 0]:
+            axes.annotate(f"{negative:.0f} < 0", (terms, error), (3, 5), **text)
         axes.set_title(name)
         axes.set(xticks=range(1, 10), ylabel="rms error of energy (in-lb)")
         plain_log(axes.yaxis)
     panels[-1].set_xlabel("number of terms")
     panels[0].legend(loc="lower left", fontsize=7)
     return figure
+
+
+@dataclass(frozen=True)
+class EnergySurface:
+    """Two surfaces on the grid ``amplitude`` (a,) times ``omega`` (f,), energies (a, f) in in-lb.
+
+    ``physical``: best subset of the nine terms with every coefficient > 0, by BIC, its terms in ``law``; ``nine``: all
+    nine terms, free. ``points``: ``omega_rad_s, amplitude_in, energy_in_lb``. ``rms_errors``: of both at the points.
+    ``negative_share``: share of the grid on which the nine terms give energy to the structure. ``lowest``: the least.
+    """
+
+    amplitude: FloatArray
+    omega: FloatArray
+    physical: FloatArray
+    nine: FloatArray
+    law: tuple[str, ...]
+    points: pd.DataFrame
+    rms_errors: tuple[float, float]
+    negative_share: float
+    lowest: float
+
+
+def energy_surface(cells: int = 80) -> EnergySurface:
+    """The surfaces over the rectangle that the data of Table 5.III span and a little more, from zero amplitude."""
+    A, omega, E = load_inputs("5.III printed")
+    design = energy_design(NINE_TERMS, A, omega, E)
+    members = np.flatnonzero(best_subsets(design, "bic", nonnegative=True).members[0])
+    physical, nine = fit(design.take(members)), fit(design)
+    beyond = 0.03 * np.ptp(omega)
+    grid_A = np.linspace(0.02 * A.max(), 1.05 * A.max(), cells)
+    grid_omega = np.linspace(omega.min() - beyond, omega.max() + beyond, cells)
+    rows = [np.ravel(axis) for axis in np.meshgrid(grid_A, grid_omega, indexing="ij")]
+    terms = energy_design(NINE_TERMS, *rows, np.ones(rows[0].size)).columns
+    energies = terms[:, members] @ physical.coefficients, terms @ nine.coefficients
+    surfaces = [np.asarray(energy).reshape(cells, cells) for energy in energies]
+    return EnergySurface(
+        amplitude=grid_A,
+        omega=grid_omega,
+        physical=surfaces[0],
+        nine=surfaces[1],
+        law=physical.names,
+        points=pd.DataFrame({"omega_rad_s": omega, "amplitude_in": A, "energy_in_lb": E}),
+        rms_errors=(physical.rms_error, nine.rms_error),
+        negative_share=float((surfaces[1] < 0.0).mean()),
+        lowest=float(surfaces[1].min()),
+    )
+
+
+@styled
+def draw_energy_surfaces(result: EnergySurface) -> Figure:
+    """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
+    figure = Figure(figsize=(WIDTH, 5.6))
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    top = float(result.points["energy_in_lb"].max())
+    law = " + ".join(_describe_pretty(term) for term in result.law)
+    titles = (
+        f"{law}\nrms error {result.rms_errors[0]:.1f} in-lb",
+        f"nine terms\nrms error {result.rms_errors[1]:.1f} in-lb",
+    )
+    levels = np.asarray(MaxNLocator(12).tick_values(0.0, 1.2 * top))
+    for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
+        drawn = _draw_surface(axes, result, surface, levels)
+        axes.set_title(title, fontsize=8.5)
+        axes.set_ylabel("amplitude (in)")
+    panels[1].set_xlabel("frequency ω (rad/s)")
+    bar = figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95)
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _draw_surface(axes: Axes, result: EnergySurface, surface: FloatArray, levels: FloatArray) -> QuadContourSet:
+    drawn = axes.contourf(result.omega, result.amplitude, surface, levels, cmap="cividis", extend="max")
+    if (surface < 0.0).any():
+        below = [float(surface.min()) - 1.0, 0.0]
+        axes.contourf(result.omega, result.amplitude, surface, below, colors=["white"])
+        axes.contourf(result.omega, result.amplitude, surface, below, colors="none", hatches=["////"])
+        axes.contour(result.omega, result.amplitude, surface, [0.0], colors=ALERT, linewidths=1.2)
+        below_zero = Patch(facecolor="white", edgecolor=ALERT, hatch="////", label="energy < 0")
+        axes.legend(handles=[below_zero], loc="upper left", frameon=True, fontsize=7.5)
+    axes.scatter(
+        result.points["omega_rad_s"], result.points["amplitude_in"], c=result.points["energy_in_lb"], cmap="cividis",
+        vmin=levels[0], vmax=levels[-1], s=34, edgecolors="white", linewidths=1.1, zorder=4,
+    )  # fmt: skip
+    axes.grid(visible=False)
+    return drawn
+
+
+def _describe_pretty(term: str) -> str:
+    """A term with its powers raised: A²ω."""
+    return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")

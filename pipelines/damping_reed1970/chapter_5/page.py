@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -13,8 +12,7 @@ from damping.report import format_between, number
 from damping.report.page import Table
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, FalseTerms, draw_false_terms
-from damping_reed1970.chapter_5.nine_terms import draw_terms_against_error
-from damping_reed1970.chapter_5.regressions import draw_energy_surfaces
+from damping_reed1970.chapter_5.nine_terms import draw_energy_surfaces, draw_terms_against_error
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
@@ -24,16 +22,11 @@ CLOSE = 0.005
 NOISE = 3.0
 #: Subsets of nine terms.
 SUBSETS = 511
-#: Studies of the chapter that are written whole.
-_TABLES = (
-    *("nine_terms", "nine_terms_summary", "nine_terms_elimination", "nine_terms_best", "nine_terms_by_size"),
-    *("false_terms", "false_terms_frequency", "false_terms_inflation", "circular_laws", "circular_claims"),
-)
 
 
 def write_chapter_5(results: ReportResults) -> ReportPart:
     """The page: energy surface, regressions from three kinds of inputs, and which terms the data carry."""
-    studies, every, regressions = results.studies, results.studies.tables(), results.tables["regressions"]
+    studies, every, regressions = results.studies, results.studies.tables(5), results.tables["regressions"]
     shown = {
         "coefficients": Table(
             tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
@@ -52,24 +45,15 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         **_collect_false_values(studies.false),
         **_collect_circle_values(studies.circular),
     }
-    return write_chapter(
-        5,
-        "Chapter V: energy as a polynomial",
-        Path(__file__).with_suffix(".txt"),
-        results.tables,
-        values=values,
-        figures=collect_figures(studies),
-        shown=shown,
-        tables={name: every[name] for name in _TABLES},
-    )
+    figures = collect_figures(studies)
+    return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
-    nine, inputs = studies.nine, ("5.III recovered", "5.IV recovered")
     return {
         "configuration-1-energy": lambda: draw_energy_surfaces(studies.surface),
-        "nine-terms": lambda: draw_terms_against_error(nine.by_size, nine.elimination, inputs),
+        "nine-terms": lambda: draw_terms_against_error(studies.nine),
         "false-terms": lambda: draw_false_terms(studies.false.selection),
         "circularity": lambda: draw_circularity(studies.circular.laws, ROUTES),
     }
@@ -139,7 +123,7 @@ def _collect_false_values(false: FalseTerms) -> dict[str, Any]:
     methods = dict(zip(("backward", "best", "physical"), METHODS, strict=True))
     return {
         **{name: row(nine, method=method, noise_percent=NOISE) for name, method in methods.items()},
-        "clean": row(nine, method=METHODS[0], noise_percent=min(nine["noise_percent"])),
+        "clean": row(nine, method=methods["backward"], noise_percent=min(nine["noise_percent"])),
         "replicates": false.replicates,
         "farther": FARTHER,
         "inflation": false.inflation["over_true_terms"].iloc[-1],

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -22,16 +21,15 @@ from damping.forces.contract import Sum
 from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
-from damping.plots import AVERAGE, INK, LINEAR, MUTED, WIDTH, draw_plain_rows, styled
+from damping.plots import AVERAGE, INK, LINEAR, MUTED, build_panel, draw_plain_rows, styled
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.regression.power_law import Form
-from damping.report import format_between, format_joined, format_percent, number
+from damping.report import format_between, number
 from damping.report.page import Table
 from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
-from damping_reed1970.chapter_5 import table_5_i
-from damping_reed1970.chapter_5.regressions import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit
+from damping_reed1970.chapter_5 import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
 from damping_reed1970.common import ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 
@@ -95,13 +93,13 @@ def printed_laws() -> list[PrintedLaw]:
     return laws
 
 
-def recomputed(law: PrintedLaw) -> PrintedLaw:
+def recompute(law: PrintedLaw) -> PrintedLaw:
     """The law by the report's own method from the corrected tables."""
-    return replace(law, parameters=dict(zip(law.parameters, map(float, _recomputed(law)), strict=True)))
+    return replace(law, parameters=dict(zip(law.parameters, map(float, _recompute_parameters(law)), strict=True)))
 
 
-def ours(law: PrintedLaw, candidate: Candidate) -> Sum:
-    """The force of the same law at the posterior medians that the table shows."""
+def build_median_force(candidate: Candidate) -> Sum:
+    """The force of a ranked law at the posterior medians that the table shows."""
     shapes: dict[str, dict[str, float]] = {}
     for c in candidate.coefficients:
         shapes.setdefault(c.force, {})[c.shape] = c.value
@@ -125,7 +123,8 @@ def section_6_1_errors(rankings: Mapping[str, Ranking]) -> pd.DataFrame:
     parts = []
     for law in printed_laws():
         ranking = rankings[law.record]
-        forces = {"printed": law.force, "recomputed": recomputed(law).force, "ours": ours(law, _find(law, ranking))}
+        ours = build_median_force(_find(law, ranking))
+        forces = {"printed": law.force, "recomputed": recompute(law).force, "ours": ours}
         parts += [_tabulate_errors(law, version, force, ranking.data) for version, force in forces.items()]
     return pd.concat(parts, ignore_index=True)
 
@@ -154,9 +153,9 @@ def _tabulate_errors(law: PrintedLaw, version: str, force: Sum, data: Observatio
 
 def _tabulate_rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.DataFrame) -> pd.DataFrame:
     fitted = {(c.force, c.shape or "coefficient"): c for c in _find(law, rankings[law.record]).coefficients}
-    again = recomputed(law).parameters
-    of_law = (errors["equation"] == law.equation) & (errors["mode"] == law.mode)
-    summary = _summary(law, errors[of_law])
+    again = recompute(law).parameters
+    own_errors = errors[(errors["equation"] == law.equation) & (errors["mode"] == law.mode)]
+    summary = _summarise_errors(law, own_errors)
     rows = [
         {
             **law.head,
@@ -181,7 +180,7 @@ def _tabulate_rows(law: PrintedLaw, rankings: Mapping[str, Ranking], errors: pd.
     return pd.DataFrame(rows)
 
 
-def _summary(law: PrintedLaw, errors: pd.DataFrame) -> dict[str, float | bool]:
+def _summarise_errors(law: PrintedLaw, errors: pd.DataFrame) -> dict[str, float | bool]:
     """Columns that say how each version does in the test."""
     summary: dict[str, float | bool] = {f"{v}_percent_{sweep}": np.nan for v, sweep in product(VERSIONS, "ABC")}
     for version in VERSIONS:
@@ -204,7 +203,7 @@ def _find(law: PrintedLaw, ranking: Ranking) -> Candidate:
     return rank_laws(ranking.data, laws=[Law(law.forces)], hold_out=False).candidates[0]
 
 
-def _recomputed(law: PrintedLaw) -> FloatArray:
+def _recompute_parameters(law: PrintedLaw) -> FloatArray:
     """Parameters by the report's method, in the order of ``law.parameters``."""
     fits: dict[str, EnergyFit] = {"5.3.10": E_1, "5.3.11": E_2, "5.3.16": E_3, "5.3.17": E_4}
     match law.equation:
@@ -221,32 +220,29 @@ def _recomputed(law: PrintedLaw) -> FloatArray:
         case "4.3.14" | "4.3.16" | "4.3.23" | "4.3.24":
             line = fit_mode(law.mode, cast(Form, law.forces[0]), "corrected")
             return np.array([line.alpha, line.p])
-    fit = fits[law.equation]
-    refitted = fit.fit(*fit.data("corrected"))
-    return np.array([table_5_i(TERM_CASES[t], a) for t, a in zip(fit.printed, refitted.coefficients, strict=True)])
+    refitted = fits[law.equation].coefficients("corrected")
+    return np.array([table_5_i(TERM_CASES[term], a) for term, a in refitted.items()])
 
 
 def write_chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
     shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
-    title, text = "Chapter VI: the forces of section 6.1", Path(__file__).with_name("page.txt")
     figures = {"section-6-1": lambda: draw_force_laws(errors)}
-    return write_chapter(6, title, text, results.tables, values=_count_laws(laws), figures=figures, shown=shown)
+    return write_chapter(6, results.tables, values=_count_laws(laws), figures=figures, shown=shown, tables={})
 
 
 def tabulate_law_rows(laws: pd.DataFrame) -> pd.DataFrame:
     """What the page shows of section 6.1: one row per law and parameter."""
-    ours = [
-        f"{number(value)} ({format_between(low, high)})"
-        for value, low, high in laws[["ours", "low", "high"]].to_numpy(float)
-    ]
-    where = [f"{c}, mode {mode}" for c, mode in zip(laws["configuration"], laws["mode"], strict=True)]
-    unit = ["exponent" if name == "exponent" else unit for name, unit in laws[["parameter", "unit"]].to_numpy()]
     reproduces = laws[[f"{version}_reproduces" for version in VERSIONS]].to_numpy(bool)
-    texts = [" / ".join("yes" if holds else "no" for holds in versions) for versions in reproduces]
     columns = ["configuration", "equation", "force", "unit", "printed", "recomputed", "ours", "reproduces", "erratum"]
-    return laws.assign(configuration=where, unit=unit, ours=ours, reproduces=texts)[columns]
+    ours = laws[["ours", "low", "high"]].to_numpy()
+    return laws.assign(
+        configuration=laws["configuration"] + ", mode " + laws["mode"].astype(str),
+        unit=laws["unit"].mask(laws["parameter"] == "exponent", "exponent"),
+        ours=[f"{number(v)} ({format_between(low, high)})" for v, low, high in ours],
+        reproduces=[" / ".join(np.where(versions, "yes", "no")) for versions in reproduces],
+    )[columns]
 
 
 def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
@@ -261,12 +257,7 @@ def _count_laws(laws: pd.DataFrame) -> dict[str, Any]:
         "limit": f"{REPRODUCES:g}",
         "inside": int(laws["printed_in_interval"].sum()),
         "numbers": len(laws),
-        "worst": format_joined(
-            f"{row['equation']} (configuration {row['configuration']}, mode {row['mode']}: "
-            f"{format_percent(row['printed_percent_resonance'])} per cent"
-            f"{', erratum ' * bool(row['erratum'])}{row['erratum']})"
-            for row in worst.to_dict("records")
-        ),
+        "worst": worst.to_dict("records"),
         "viscous": len(viscous),
         "viscous_failing": int((~viscous["printed_reproduces"]).sum()),
         "viscous_levels": len(levels),
@@ -283,8 +274,7 @@ def draw_force_laws(errors: pd.DataFrame) -> Figure:
     """
     amplitude = errors[errors["quantity"] == "resonant amplitude"]
     laws = list(amplitude[["configuration", "mode", "equation"]].drop_duplicates().itertuples(index=False, name=None))
-    figure = Figure(figsize=(WIDTH, 0.9 + 0.25 * len(laws)))
-    axes = figure.add_subplot()
+    figure, axes = build_panel(0.9 + 0.25 * len(laws), "error of resonant amplitude\nat the tested forces (per cent)")
     draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
     styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
     axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
@@ -295,6 +285,5 @@ def draw_force_laws(errors: pd.DataFrame) -> Figure:
             errors_of = amplitude.loc[(row == place) & (amplitude["version"] == version), "percent_error"]
             at, label = [place + shift] * len(errors_of), version if place == 0 else None
             axes.plot(errors_of, at, marker, color=colour, markersize=4.5, label=label)
-    axes.set_xlabel("error of resonant amplitude\nat the tested forces (per cent)")
     figure.legend(loc="outside upper right", ncols=3)
     return figure

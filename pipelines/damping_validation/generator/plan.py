@@ -146,7 +146,8 @@ def move_frequency(bench: Bench, share: float) -> Bench:
     rate = (1.0 if rows.up else -1.0) * share * (bench.xi * bench.nominal.omega) ** 2
     steps = np.abs(np.diff(rows.omega, prepend=rows.omega[:1])) / abs(rate)
     moving = replace(rows, rate=np.full(rows.omega.size, rate), time=np.cumsum(steps))
-    return replace(bench, rows=moving, columns=("rate", "time"))
+    added = tuple(name for name in bench.columns if name == "added")  # or its sweep would be a resonance that jumps
+    return replace(bench, rows=moving, columns=(*added, "rate", "time"))
 
 
 def without_base(bench: Bench) -> Bench:
@@ -202,8 +203,7 @@ class Noise:
 
 def draw_noise(rng: Generator, field: bool, rows: int, needs_phase: bool) -> Noise:
     """Clean: one share and one phase deviation, both given. Field: uneven over rows, wild points, columns missing."""
-    share = np.full(rows, log_uniform(rng, 0.007, 0.035))
-    phase = np.full(rows, log_uniform(rng, 0.007, 0.03))
+    share, phase = (np.full(rows, log_uniform(rng, 0.007, most)) for most in (0.035, 0.03))
     if not field:
         return Noise(share, phase, True, True, 0.0)
     share, phase = (sd * np.exp(rng.normal(0.0, _UNEVEN, rows)) for sd in (share, phase))

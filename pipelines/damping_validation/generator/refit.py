@@ -16,8 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from damping_validation.generator.balance import predicted
-from damping_validation.generator.forces import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
-from damping_validation.generator.foreign import FOREIGN_KINDS, FOREIGN_RIG
+from damping_validation.generator.effects import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
 from damping_validation.generator.laws import Array
 from damping_validation.generator.plan import (
     Bench,
@@ -29,7 +28,7 @@ from damping_validation.generator.plan import (
     move_frequency,
     without_base,
 )
-from damping_validation.generator.rig import DRIFT_KINDS, RIG_KINDS
+from damping_validation.generator.rig import DRIFT_KINDS, FOREIGN_KINDS, FOREIGN_RIG, RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors
 from damping_validation.generator.structure import Complex, Structure, TrueRows, recorded
 
@@ -66,7 +65,7 @@ def applied(effects: tuple[TrueEffect, ...], bench: Bench) -> Truth:
 
 def draw_effect(name: str, rng: Generator, bench: Bench) -> TrueEffect:
     """The effect with a drawn shape and its largest size."""
-    return TrueEffect(name, KINDS[name].most(bench), KINDS[name].shape(rng, bench))
+    return TrueEffect(name, KINDS[name].largest(bench), KINDS[name].draw(rng, bench))
 
 
 WIDEST = 3.0  # tolerances
@@ -97,7 +96,7 @@ def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), 
     ``reshape`` frees the continuous entries of the effects' shapes too.
     """
     sweeps = int(bench.rows.sweep.max()) + 1 if bench.scatter[0] > 0.0 else 0
-    most = [_LARGER * KINDS[effect.name].most(bench) / effect.size for effect in effects]
+    most = [_LARGER * KINDS[effect.name].largest(bench) / effect.size for effect in effects]
     moves = sum(len(KINDS[effect.name].free) for effect in effects) if reshape else 0
     start = np.concatenate([bench.deviation, np.zeros(2 * sweeps), np.ones(len(effects) + moves)])
     penalised = 3 + 2 * sweeps

@@ -161,12 +161,12 @@ def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
     channels = []
     for channel in run.channels:
-        of = stated.of(channel.name)
-        if of.role == "out":
+        correction = stated.of(channel.name)
+        if correction.role == "out":
             continue
-        text = of.unit or channel.unit
-        quantity = describe_quantity(text, channel.name) if of.unit else channel.quantity
-        channels.append(replace(channel.scaled(of.scale), unit=text, quantity=quantity))
+        text = correction.unit or channel.unit
+        quantity = describe_quantity(text, channel.name) if correction.unit else channel.quantity
+        channels.append(replace(channel.scaled(correction.scale), unit=text, quantity=quantity))
     return replace(run, level=stated.levels.get(run.label, run.level), channels=tuple(channels))
 
 
@@ -214,10 +214,6 @@ class Source:
     stated: Corrections
     summary: Summary
 
-    def error(self, message: str, expected: str) -> InputError:
-        """What is wrong with the file."""
-        return InputError(message, file=self.file, expected=expected)
-
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
         """The run with its level: as the label says where the control agrees, else the median of the control.
 
@@ -227,7 +223,7 @@ class Source:
         assert run.drive is not None
         stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
         if not measured > 0.0:
-            raise self.error(f"the drive of {run.label!r} is zero", "a control above 0")
+            raise InputError(f"the drive of {run.label!r} is zero", expected="a control above 0")
         if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
             return replace(run, level=measured)
         level, control = (

@@ -32,12 +32,12 @@ from damping.campaign.tracked import (
     track_group,
     track_table,
 )
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
 from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, read_bytes
+from damping.records.text import describe_shortened, read_bytes, read_start
 
 _FREQUENCIES = ("frequency", "freq", "f")
 
@@ -52,7 +52,10 @@ def read_runs(
             what is not there.
     """
     summary, stated = Summary(), corrections or Corrections()
-    runs = [run for file in files for run in _read(Source(Path(file), max_size, stated, summary))]
+    runs: list[CampaignRun] = []
+    for file in files:
+        with naming(file):
+            runs += _read(Source(Path(file), max_size, stated, summary))
     drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
     sensors = [channel.name for run in runs for channel in run.channels]
     stated.require_known([run.label for run in runs], [*drives, *sensors])
@@ -75,7 +78,7 @@ def _join_controls(values: Sequence[Samples], control: str) -> Samples:
 
 
 def _read(source: Source) -> list[CampaignRun]:
-    start = _read_start(source)
+    start = read_start(source.file, LOOKED_AT)
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
     channels = find_channels(source, kind) if kind else None
     if channels is not None:
@@ -83,22 +86,11 @@ def _read(source: Source) -> list[CampaignRun]:
     if kind:
         return _list_hdf(source)
     if start.lstrip()[:2] == b"-1":
-        functions = read_functions(read_bytes(source.file, source.most), source.file, source.summary)
+        functions = read_functions(read_bytes(source.file, source.most), source.summary)
         return _list_functions(functions, source)
     table = find_table(start)
     drive = next((h.name for h in table[1] if is_drive(h.name, source.stated)), None) if table else None
     return [track_table(source, *table, drive) if table and drive else _read_decay(source)]
-
-
-def _read_start(source: Source) -> bytes:
-    """The first bytes of a file."""
-    if source.file.exists() and not source.file.is_file() and not source.file.is_dir():  # a pipe would be waited for
-        raise source.error("is no regular file", "a file")
-    try:
-        with source.file.open("rb") as stream:
-            return stream.read(LOOKED_AT)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=source.file) from None
 
 
 def _list_functions(functions: Sequence[Function], source: Source) -> list[CampaignRun]:
@@ -119,14 +111,14 @@ def _function_run(label: str, group: Sequence[Function], source: Source) -> Camp
     ratio = bool(sensors) and bool(sensors[0].per)
     if not sensors or (not drives and not ratio):
         what = "no response" if not sensors else "neither a control channel nor a ratio to the drive"
-        raise source.error(f"{label}: {what}", "a channel named control, drive, base or force")
+        raise InputError(f"{label}: {what}", expected="a channel named control, drive, base or force")
     x = sensors[0].x
     if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for f in group):
-        raise source.error(f"{label}: channels at different frequencies", "one list of frequencies")
+        raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
     level, channels = find_level(label), tuple(_channel(sensor) for sensor in sensors)
     if ratio:
         if level is None or not level[0] > 0.0:
-            raise source.error("functions without a level", "the level in the ID line, such as 0.5 g or 2 N")
+            raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
         drive_unit = sensors[0].units[1] or level[1]
         return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), channels)
     drive = _join_controls([f.y * stated.of(name_function(f)).scale for f in drives], stated.control)
@@ -135,10 +127,10 @@ def _function_run(label: str, group: Sequence[Function], source: Source) -> Camp
 
 
 def _channel(function: Function) -> Channel:
-    name, of = name_function(function), function.units[0]
-    quantity = function.quantity or describe_quantity(of, name)
+    name, text = name_function(function), function.units[0]
+    quantity = function.quantity or describe_quantity(text, name)
     at_drive = function.per == "force" and function.response == function.reference
-    return Channel(name, quantity, of, np.asarray(function.y), bool(function.per), at_drive)
+    return Channel(name, quantity, text, np.asarray(function.y), bool(function.per), at_drive)
 
 
 def _list_hdf(source: Source) -> list[CampaignRun]:
@@ -158,8 +150,8 @@ def _list_hdf(source: Source) -> list[CampaignRun]:
         if x and drive and len(leaves) > 2:
             runs.append(_group_run(source, group, x, drive, leaves))
     if not runs:
-        listed = ", ".join(list(known)[:8])
-        raise source.error("no runs", f"groups with frequency, control (or force) and responses; it has {listed}")
+        has = f"it has {', '.join(list(known)[:8])}"
+        raise InputError("no runs", expected=f"groups with frequency, control (or force) and responses; {has}")
     return runs
 
 
@@ -180,9 +172,11 @@ def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[
             what = f"{path[leaf]} is passed over: no complex spectra at {len(f)} frequencies"
             source.summary.note(f"{source.file.name}: {what}")
             continue
-        of = units[leaf] or units[drive] or (level[1] if level else "")
+        text = units[leaf] or units[drive] or (level[1] if level else "")
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
-        channels += [Channel(name, describe_quantity(of, leaf), of, row) for name, row in zip(names, rows, strict=True)]
+        channels += [
+            Channel(name, describe_quantity(text, leaf), text, row) for name, row in zip(names, rows, strict=True)
+        ]
     drive_unit = stated.unit or units[drive] or (level[1] if level else channels[0].unit if channels else "")
     values = contents.arrays[path[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
@@ -200,10 +194,10 @@ def _read_decay(source: Source) -> CampaignRun:
     if time is None or not sensors:
         first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        raise source.error(f"columns {describe_shortened(first, 80)}", expected)
+        raise InputError(f"columns {describe_shortened(first, 80)}", expected=expected)
     roles = [f"sensor {k}" for k in range(len(sensors))]
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
-    numbers = read_columns(data, source.file, mapped, {}).numbers
+    numbers = read_columns(data, mapped, {}).numbers
     names, units = [header.name for header in sensors], [header.unit for header in sensors]
     return make_decay(source.file.stem, numbers["time"], names, units, [numbers[role] for role in roles])
 

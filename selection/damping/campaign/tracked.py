@@ -22,6 +22,7 @@ from damping.campaign.runs import (
     describe_quantity,
     is_drive,
 )
+from damping.errors import InputError
 from damping.formats.arrays import Arrays, read_arrays
 from damping.formats.headers import ABSCISSAS, DELIMITERS, ColumnHeader, Layout, find_layout, parse_header
 from damping.formats.quantity import unit
@@ -61,7 +62,7 @@ def track_table(source: Source, layout: Layout, headers: Sequence[ColumnHeader],
     blocks = _list_blocks(source, layout, [place, *columns])
     first = next(blocks, None)
     if first is None or first.shape[1] < 2:
-        raise source.error("no samples", "rows of time, drive and responses")
+        raise InputError("no samples", expected="rows of time, drive and responses")
     step = float(first[0, -1] - first[0, 0]) / (first.shape[1] - 1) * factor
 
     def samples() -> Iterator[FloatArray]:
@@ -147,7 +148,7 @@ def _list_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iter
         while block := stream.read(BLOCK):
             rest = stream.readline(BLOCK)
             if len(rest) == BLOCK:
-                raise source.error(f"a line of more than {BLOCK} bytes", "rows of time, drive and responses")
+                raise InputError(f"a line of more than {BLOCK} bytes", expected="rows of time, drive and responses")
             block += rest
             text = block.replace(b",", b".") if decimal else block
             try:
@@ -162,7 +163,7 @@ def _list_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iter
                     )
             except ValueError as error:
                 reason = describe_shortened(str(error), 100)
-                raise source.error(reason, f"numbers in every row from line {line + 1} on") from None
+                raise InputError(reason, expected=f"numbers in every row from line {line + 1} on") from None
             line += block.count(b"\n")
             if table.size:
                 yield table.T
@@ -171,7 +172,7 @@ def _list_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iter
 def _require_finite(block: FloatArray, source: Source) -> FloatArray:
     """The samples; InputError for those that are no numbers."""
     if not np.isfinite(block).all():
-        raise source.error("samples that are no numbers", "finite numbers in every channel")
+        raise InputError("samples that are no numbers", expected="finite numbers in every channel")
     return block
 
 
@@ -179,7 +180,7 @@ def _require_even(t: FloatArray, start: float, step: float, source: Source) -> N
     """InputError for times that do not go on evenly from ``start``."""
     even = start + step * np.arange(len(t))
     if not step > 0.0 or not float(np.max(np.abs(t - even))) <= max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
-        raise source.error("the times are not evenly spaced", "one step throughout, rising")
+        raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
 
 
 def name_function(function: Function) -> str:
@@ -193,7 +194,7 @@ def read_histories(label: str, group: Sequence[Function], source: Source) -> Cam
     """The run of functions of time: tracked where one is the drive, else free decays."""
     t, names = group[0].x, [name_function(function) for function in group]
     if not all(function.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
-        raise source.error(f"{label}: functions of time of several lengths", "one list of times")
+        raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
     units = [function.units[0] for function in group]
     samples = [np.asarray(function.y).real for function in group]
     drive = choose_drive(dict(zip(names, units, strict=True)), source.stated)
@@ -208,8 +209,8 @@ def make_decay(
     label: str, t: FloatArray, names: Sequence[str], units: Sequence[str], samples: Iterable[FloatArray]
 ) -> CampaignRun:
     """The run of motions against time that nothing drives: a free decay."""
-    of = [text.replace("m/s2", "m/s^2") for text in units]
-    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, of, samples, strict=True)]
+    texts = [text.replace("m/s2", "m/s^2") for text in units]
+    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, texts, samples, strict=True)]
     return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
 
 
@@ -230,18 +231,18 @@ def track_channels(contents: Arrays, source: Source, kind: str) -> list[Campaign
 
 
 def _track_paths(label: str, contents: Arrays, paths: Sequence[str], source: Source, kind: str) -> CampaignRun:
-    of = {path: contents.units.get(path, "") for path in paths}
+    unit_of = {path: contents.units.get(path, "") for path in paths}
     steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
     if len(steps) > 1 or len(sizes) > 1:
-        raise source.error(f"channels of {label} of several rates or lengths", "one for all")
+        raise InputError(f"channels of {label} of several rates or lengths", expected="one for all")
     start, step = next(iter(steps))
     names = [path.rpartition("/")[2] for path in paths]
-    drive = choose_drive(dict(zip(names, of.values(), strict=True)), source.stated)
+    drive = choose_drive(dict(zip(names, unit_of.values(), strict=True)), source.stated)
     if drive is not None:
-        return track_arrays(source, kind, of, drive, step, label)
+        return track_arrays(source, kind, unit_of, drive, step, label)
     arrays = read_arrays(source.file, kind, [], source.most).arrays
     t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-    return make_decay(label, t, names, list(of.values()), (arrays[path][0].reshape(-1) for path in paths))
+    return make_decay(label, t, names, list(unit_of.values()), (arrays[path][0].reshape(-1) for path in paths))
 
 
 def track_group(
@@ -253,6 +254,6 @@ def track_group(
     first = read_arrays(source.file, "hdf5", list(path.values()), None, rows=(0, 1000))
     step = np.diff(first.arrays[path[t]][0].real.reshape(-1))
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
-        raise source.error(f"{path[t]} is not evenly spaced", "one step throughout, rising")
+        raise InputError(f"{path[t]} is not evenly spaced", expected="one step throughout, rising")
     channels = {path[leaf]: first.units.get(path[leaf], "") for leaf in like}
     return track_arrays(source, "hdf5", channels, drive, float(np.mean(step)), group or source.file.stem)

@@ -185,6 +185,7 @@ class Form:
         label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
         sizes: strengths from which fits are started too where the gap is large.
+        mirror: name that it shares with the form whose small strengths change the terms the other way, if any.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
     """
 
@@ -197,7 +198,29 @@ class Form:
     label: str = ""
     replaces: str = ""
     sizes: tuple[float, ...] = ()
+    mirror: str = ""
     twin: Form | None = None
+
+
+def either_sign(
+    effect: str, change: Callable[..., Terms], report: Callable[..., dict[str, Floats]], label: str = "", **rest: Any
+) -> tuple[Form, Form]:
+    """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
+
+    ``rest``: of a `Form`.
+    """
+
+    def side(sign: float) -> Form:
+        def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
+            return change(terms, sign * strength, *shapes)
+
+        def own_report(strength: Floats, *shapes: Floats) -> dict[str, Floats]:
+            return report(sign * strength, *shapes)
+
+        own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
+        return Form(effect, own_change, own_report, label=own_label, mirror=label or effect, **rest)
+
+    return side(1.0), side(-1.0)
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]

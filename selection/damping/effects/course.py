@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 from math import log
 
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms, either_sign
 from damping.forces.shapes import TIME, Shape
 
 #: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
@@ -21,16 +22,14 @@ _MOST_WARMING = 2.0
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
     """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
-    forms = [_jumping_form(scales)] if 2 < scales.sweeps <= _MOST_JUMPS else []
-    for sign in (1.0, -1.0):
-        forms += [
-            _drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT),
-            _drift_form("damping", sign, 0.2, _MOST_WARMING),
-            _drift_form("settling", sign, scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
-        ]
-        sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
-        forms += [_drift_form("frequency", sign, scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps]
-    return tuple(forms)
+    sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
+    return (
+        *((_jumping_form(scales),) if 2 < scales.sweeps <= _MOST_JUMPS else ()),
+        *_drift_side("frequency", scales.bandwidth, _MOST_DRIFT),
+        *_drift_side("damping", 0.2, _MOST_WARMING),
+        *_drift_side("settling", scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
+        *chain.from_iterable(_drift_side("frequency", scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps),
+    )
 
 
 #: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
@@ -56,21 +55,21 @@ def _jumping_form(scales: Scales) -> Form:
     return Form("drift", change, report, scales.bandwidth, shapes, _MOST_DRIFT, "level to level", sizes=sizes)
 
 
-def _drift_form(
-    kind: str, sign: float, natural: float, most: float, shapes: tuple[FormVariable, ...] = (), sweep: int = 0
-) -> Form:
+def _drift_side(
+    kind: str, natural: float, most: float, shapes: tuple[FormVariable, ...] = (), sweep: int = 0
+) -> tuple[Form, Form]:
     quantity = "damping" if kind == "damping" else "frequency"
 
-    def report(change: Floats, *settling: Floats) -> dict[str, Floats]:
-        values = {quantity: sign * change} | ({"settling": settling[0]} if settling else {})
-        return values | ({"sweep": np.zeros_like(change) + sweep} if sweep else {})
+    def report(size: Floats, *settling: Floats) -> dict[str, Floats]:
+        values = {quantity: size} | ({"settling": settling[0]} if settling else {})
+        return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
 
-    def change(terms: Terms, change: Floats, *settling: Floats) -> Terms:
-        return drifting(terms, quantity, sign * change, settling[0] if settling else 0.0, sweep)
+    def change(terms: Terms, size: Floats, *settling: Floats) -> Terms:
+        return drifting(terms, quantity, size, settling[0] if settling else 0.0, sweep)
 
-    label = f"{kind}{f' of sweep {sweep}' if sweep else ''}, {sign:+.0f}"
+    label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
-    return Form("drift", change, report, natural, shapes, largest=most, label=label, sizes=sizes)
+    return either_sign("drift", change, report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
 
 
 def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
@@ -123,11 +122,9 @@ def offset_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln(factor)| of the readings, or of the force, of one sweep."""
     if scales.sweeps < 2:
         return ()
+    channels = (False,) if scales.sweeps > _MANY_SWEEPS else (False, True)
     return tuple(
-        _offset_form(sweep, sign, force)
-        for sweep in range(1, scales.sweeps + 1)
-        for sign in (1.0, -1.0)
-        for force in ((False,) if scales.sweeps > _MANY_SWEEPS else (False, True))
+        chain.from_iterable(_offset_side(sweep, force) for sweep in range(1, scales.sweeps + 1) for force in channels)
     )
 
 
@@ -135,16 +132,16 @@ def offset_forms(scales: Scales) -> tuple[Form, ...]:
 _MANY_SWEEPS = 6
 
 
-def _offset_form(sweep: int, sign: float, force: bool) -> Form:
+def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
     def change(terms: Terms, size: Floats) -> Terms:
-        return one_sweep(terms, sweep, sign * size, force)
+        return one_sweep(terms, sweep, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(sign * size), "sweep": np.zeros_like(size) + sweep}
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": np.zeros_like(size) + sweep}
         return values | ({"force": np.ones_like(size)} if force else {})
 
-    label = f"{'force' if force else 'readings'} of sweep {sweep}, {sign:+.0f}"
-    return Form("level-offset", change, report, 0.1, largest=log(3.0), label=label)
+    label = f"{'force' if force else 'readings'} of sweep {sweep}"
+    return either_sign("level-offset", change, report, label, natural=0.1, largest=log(3.0))
 
 
 def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
@@ -180,17 +177,14 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
     """
     unit = (scales.bandwidth * scales.omega_n) ** 2
 
-    def side(sign: float) -> Form:
-        def change(terms: Terms, size: Floats, law: Floats, ringing: Floats) -> Terms:
-            return moving(terms, sign * size * unit, law, ringing)
+    def change(terms: Terms, size: Floats, law: Floats, ringing: Floats) -> Terms:
+        return moving(terms, size * unit, law, ringing)
 
-        def report(size: Floats, law: Floats, ringing: Floats) -> dict[str, Floats]:
-            return {"rate": sign * size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
+    def report(size: Floats, law: Floats, ringing: Floats) -> dict[str, Floats]:
+        return {"rate": size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
 
-        shapes = (BETWEEN, BETWEEN)
-        return Form("sweep-rate", change, report, 0.1, shapes, _MOST_RATE, label=f"{sign:+.0f}", sizes=_RATES)
-
-    return side(1.0), side(-1.0)
+    shapes = (BETWEEN, BETWEEN)
+    return either_sign("sweep-rate", change, report, natural=0.1, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
 
 
 #: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.

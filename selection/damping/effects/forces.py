@@ -63,6 +63,9 @@ COULOMB_FRICTION = _coefficient_effect("coulomb-friction", Coulomb, "constant fr
 #: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
 _LIMITS = np.geomspace(0.01, 3.0, 9)
 _ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
+#: The same where none is above the scale.
+_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
+_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
 
 
 class ManyJoints(Sum):
@@ -80,19 +83,22 @@ class ManyJoints(Sum):
 
 
 def joint_force(table: Mapping[str, Floats]) -> Force:
-    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, their limits distributed after Weibull.
+    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, whose limits a are distributed.
 
-    The distribution 1 - exp(-(a/limit)^kappa) of limits a is that of a smooth backbone (Iwan 1966): of Bouc and Wen
-    with kappa = 1, steeper above it.
+    As 1 - exp(-(a/limit)^kappa), after Weibull, which makes a smooth backbone (Iwan 1966): that of Bouc and Wen with
+    kappa = 1, steeper above it. With ``bounded`` as (a/limit)^kappa with none above ``limit`` (Segalman 2005).
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if not np.any(kappa):
         return Slip(stiffness, limit)
-    beyond = [np.exp(-(end**kappa)) for end in _ENDS]
+    if table.get("bounded", 0.0):
+        places, beyond = _LIMITS_BELOW, [1.0 - end**kappa for end in _ENDS_BELOW]
+    else:
+        places, beyond = _LIMITS, [np.exp(-(end**kappa)) for end in _ENDS]
     return ManyJoints(
         tuple(
             Slip(stiffness * (before - after), limit * place)
-            for place, (before, after) in zip(_LIMITS, pairwise(beyond), strict=True)
+            for place, (before, after) in zip(places, pairwise(beyond), strict=True)
         )
     )
 
@@ -100,22 +106,30 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the stiffness lost in all. Shapes: the amplitude at which slip starts, about the measured ones; kappa.
 
-    One joint, or many.
+    One joint, or many: with limits of any size, or none above a largest.
     """
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
     spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
     kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
-
-    def change(terms: Terms, stiffness: Floats, limit: Floats, kappa: Floats = 0.0) -> Terms:
-        return terms.with_force(joint_force({"stiffness": stiffness, "limit": limit, "kappa": kappa}))
-
-    def report(stiffness: Floats, limit: Floats, kappa: Floats | None = None) -> dict[str, Floats]:
-        return {"stiffness": stiffness, "limit": limit} | ({} if kappa is None else {"kappa": kappa})
-
-    return tuple(
-        Form("slip", change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
-        for label, shapes in (("one joint", (limit,)), ("many joints", (spread, kappa)))
+    return (
+        _joint_form("one joint", (limit,), scales),
+        _joint_form("many joints", (spread, kappa), scales),
+        _joint_form("many joints to a largest", (spread, kappa), scales, {"bounded": 1.0}),
     )
+
+
+def _joint_form(
+    label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] | None = None
+) -> Form:
+    def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
+        return (
+            {"stiffness": stiffness, "limit": limit} | dict(zip(("kappa",), kappa, strict=False)) | dict(bounded or {})
+        )
+
+    def change(terms: Terms, *values: Floats) -> Terms:
+        return terms.with_force(joint_force(report(*values)))
+
+    return Form("slip", change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
 
 
 SLIP = Effect(
@@ -124,7 +138,7 @@ SLIP = Effect(
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=_adds(joint_force),
-    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0)),
+    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", least=0.0, default=0.0)),
     force=joint_force,
     damping=Slip.name,
 )

@@ -11,28 +11,20 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, either_sign
 from damping.forces.shapes import LENGTH, TIME, Shape
+
+
+def with_gain(terms: Terms, size: Floats) -> Terms:
+    """ln of the reading over the displacement changed by ``size``."""
+    return replace(terms, gain=terms.gain + size)
 
 
 def gain_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln(factor)|, at most that of a factor 3, above or below 1."""
-    return _gain_side(1.0), _gain_side(-1.0)
-
-
-def _gain_side(sign: float) -> Form:
-    def change(terms: Terms, size: Floats) -> Terms:
-        return replace(terms, gain=terms.gain + sign * size)
-
-    def report(size: Floats) -> dict[str, Floats]:
-        return {"factor": np.exp(sign * size)}
-
-    return Form("amplitude-scale", change, report, 0.1, largest=log(3.0), label=f"{sign:+.0f}")
-
-
-def simulate_gain(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The reading is ``factor`` times the displacement."""
-    return replace(terms, gain=terms.gain + log(table["factor"]))
+    return either_sign(
+        "amplitude-scale", with_gain, lambda size: {"factor": np.exp(size)}, natural=0.1, largest=log(3.0)
+    )
 
 
 AMPLITUDE_SCALE = Effect(
@@ -40,29 +32,19 @@ AMPLITUDE_SCALE = Effect(
     kind="instrument",
     sentence="all amplitudes are off by one factor (sensor gain)",
     forms=gain_forms,
-    simulate=simulate_gain,
+    simulate=lambda terms, table: with_gain(terms, log(table["factor"])),
     shapes=(Shape("factor", above=0.0),),
 )
 
 
+def with_lag(terms: Terms, lag: Floats) -> Terms:
+    """``lag`` (rad) added to every phase."""
+    return replace(terms, lag=terms.lag + lag)
+
+
 def lag_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |lag|, at most 1 rad, of either sign."""
-    return _lag_side(1.0), _lag_side(-1.0)
-
-
-def _lag_side(sign: float) -> Form:
-    def change(terms: Terms, lag: Floats) -> Terms:
-        return replace(terms, lag=terms.lag + sign * lag)
-
-    def report(lag: Floats) -> dict[str, Floats]:
-        return {"lag": sign * lag}
-
-    return Form("phase-lag", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")
-
-
-def simulate_lag(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """``lag`` (rad) is added to every phase."""
-    return replace(terms, lag=terms.lag + table["lag"])
+    return either_sign("phase-lag", with_lag, lambda lag: {"lag": lag}, natural=0.1, largest=1.0)
 
 
 PHASE_LAG = Effect(
@@ -70,7 +52,7 @@ PHASE_LAG = Effect(
     kind="instrument",
     sentence="all phases are off by one constant",
     forms=lag_forms,
-    simulate=simulate_lag,
+    simulate=lambda terms, table: with_lag(terms, table["lag"]),
     shapes=(Shape("lag"),),
     need="phase",
 )
@@ -140,16 +122,10 @@ FORCE_DROPOUT = Effect(
 def delay_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the lag at omega_n, at most 1 rad, of either sign."""
 
-    def side(sign: float) -> Form:
-        def change(terms: Terms, lag: Floats) -> Terms:
-            return delayed(terms, sign * lag / scales.omega_n)
+    def change(terms: Terms, lag: Floats) -> Terms:
+        return delayed(terms, lag / scales.omega_n)
 
-        def report(lag: Floats) -> dict[str, Floats]:
-            return {"delay": sign * lag / scales.omega_n}
-
-        return Form("time-delay", change, report, 0.1, largest=1.0, label=f"{sign:+.0f}")
-
-    return side(1.0), side(-1.0)
+    return either_sign("time-delay", change, lambda lag: {"delay": lag / scales.omega_n}, natural=0.1, largest=1.0)
 
 
 def delayed(terms: Terms, delay: Floats) -> Terms:

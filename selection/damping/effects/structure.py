@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 from math import inf, isfinite, log1p, tan
 
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms, either_sign
 from damping.forces.polynomial import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
@@ -175,14 +176,14 @@ def path(terms: Terms, compliance: Floats, ratio: Floats, loss: Floats) -> Terms
     return replace(terms, compliance=(*terms.compliance, part))
 
 
-def _path_form(effect: str, sign: float, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> Form:
-    """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``, of ``sign``."""
+def _path_side(effect: str, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
+    """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``."""
 
     def values(strength: Floats, apart: Floats, damping: Floats) -> tuple[Floats, Floats, Floats]:
         ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
         loss = 2.0 * damping
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
-        return sign * strength * size * nearest, ratio, loss
+        return strength * size * nearest, ratio, loss
 
     def change(terms: Terms, strength: Floats, apart: Floats, damping: Floats) -> Terms:
         return path(terms, *values(strength, apart, damping))
@@ -190,8 +191,8 @@ def _path_form(effect: str, sign: float, above: bool, distance: FormVariable, lo
     def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
         return dict(zip(("compliance", "frequency_ratio", "loss"), values(strength, apart, damping), strict=True))
 
-    label = f"{'above' if above else 'below'}, {sign:+.0f}"
-    return Form(effect, change, report, 0.1, (distance, loss), largest=30.0, label=label)
+    label = "above" if above else "below"
+    return either_sign(effect, change, report, label, natural=0.1, shapes=(distance, loss), largest=30.0)
 
 
 def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -225,24 +226,18 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode beyond the rows, at 1.5 reaches or up to four times as high or low, or rigid-body motion; either sign."""
     resonance = 1.0 / scales.loss
     apart = FormVariable.between(1.5 * scales.reach, 3.0, starts=(-1.0, 0.5))
-    sides = [
-        _path_form("residual-modes", sign, above, apart, _LOSS, resonance)
-        for sign in (1.0, -1.0)
-        for above in (True, False)
-    ]
-    return (*sides, _rigid_side(1.0, resonance), _rigid_side(-1.0, resonance))
-
-
-def _rigid_side(sign: float, resonance: float) -> Form:
-    """Rigid-body motion: -compliance/x^2."""
 
     def change(terms: Terms, strength: Floats) -> Terms:
-        return path(terms, sign * strength * resonance, 0.0, 0.0)
+        return path(terms, strength * resonance, 0.0, 0.0)  # rigid-body motion: -compliance/x^2
 
     def report(strength: Floats) -> dict[str, Floats]:
-        return {"compliance": sign * strength * resonance, "frequency_ratio": 0.0 * strength}
+        return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}
 
-    return Form("residual-modes", change, report, 0.1, largest=30.0, label=f"rigid body, {sign:+.0f}")
+    return (
+        *_path_side("residual-modes", True, apart, _LOSS, resonance),
+        *_path_side("residual-modes", False, apart, _LOSS, resonance),
+        *either_sign("residual-modes", change, report, "rigid body", natural=0.1, largest=30.0),
+    )
 
 
 RESIDUAL_MODES = Effect(
@@ -262,9 +257,7 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
     return tuple(
-        _path_form("second-mode", sign, above, apart, loss, 1.0 / scales.loss)
-        for sign in (1.0, -1.0)
-        for above in (True, False)
+        chain.from_iterable(_path_side("second-mode", way, apart, loss, 1.0 / scales.loss) for way in (True, False))
     )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import stat
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -23,8 +22,8 @@ from damping.formats.quantity import unit
 from damping.formats.series import (
     OWN_NAMES,
     ROLES,
-    Found,
-    Said,
+    FileFacts,
+    HeaderFacts,
     Samples,
     Series,
     Stated,
@@ -32,7 +31,7 @@ from damping.formats.series import (
     list_units,
     require_response,
 )
-from damping.records.text import describe_shortened
+from damping.records.text import describe_shortened, read_start, too_large
 
 #: Seconds after which a file that is still being read is given up.
 LONGEST = 60.0
@@ -68,7 +67,10 @@ def read_arrays(
         AnalysisError: the package that reads the format is not installed.
         InputError: the file cannot be read, is too large, is not of its kind, or holds objects in place of numbers.
     """
-    size = _size(path, max_size)
+    read_start(path, 1)  # it is there, and a file
+    size = os.stat(path).st_size
+    if max_size is not None and size > max_size:
+        raise too_large(path, max_size)
     if rows is not None or max_size is None:
         size = min(size, _BLOCKWISE)
     script = Path(__file__).with_name("worker.py")
@@ -112,24 +114,12 @@ _EXPECTED = {
 }
 
 
-def _size(path: str | Path, max_size: int | None) -> int:
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError("is no regular file", file=path, expected="a file")
-    if max_size is not None and status.st_size > max_size:
-        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
-    return status.st_size
-
-
 def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:
     """The arrays out of their bytes."""
     arrays: dict[str, list[Samples]] = {}
     place = 0
-    for name, of, shape in loaded:
-        pair = 2 if of == "complex" else 1
+    for name, kind, shape in loaded:
+        pair = 2 if kind == "complex" else 1
         values = np.frombuffer(body, dtype=np.float64, count=pair * math.prod(shape), offset=place)
         arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
         place += values.nbytes
@@ -145,13 +135,13 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     if channels or not contents.arrays:
         everything = contents if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else contents
         if everything.steps or channels:
-            return _list_channels(everything, stated, path, summary)
+            return _list_channels(everything, stated, summary)
     arrays, known = contents.arrays, contents.known
     names = dict(stated.columns)
     if stated.columns:
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
-            raise InputError(f"no array {describe_shortened(missing)!r}", file=path, expected=_has(known))
+            raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
         names = _with_setting(names, known)
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
@@ -159,21 +149,16 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         names = {role: name for role, own in OWN_NAMES.items() for name in own if name in arrays}
         if not names:
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
-            raise InputError(
-                "no array has the name of a role",
-                file=path,
-                expected=f"{groups}--column ROLE=NAME; it has {_has(known)}",
-            )
-    require_response(names, known, stated, path)
+            expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
+            raise InputError("no array has the name of a role", expected=expected)
+    require_response(names, known, stated)
     for role, name in names.items():
         shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
-    statement = Said(
-        units=list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
-    )
-    return _list_each(names, arrays, statement, path, summary)
+    units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
+    return _list_each(names, arrays, HeaderFacts(units), Path(path).stem, summary)
 
 
 def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
@@ -187,8 +172,8 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
 def _list_each(
     names: Mapping[str, str],
     arrays: Mapping[str, list[Samples]],
-    statement: Said,
-    path: str | Path,
+    facts: HeaderFacts,
+    stem: str,
     summary: Summary,
 ) -> list[Series]:
     """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
@@ -196,30 +181,30 @@ def _list_each(
     odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
     if odd is not None:
         number = len(arrays[names[odd]])
-        raise InputError(f"{number} arrays of {odd} beside {count} of others", file=path, expected=f"1 or {count}")
-    stem, series = Path(path).stem, []
+        raise InputError(f"{number} arrays of {odd} beside {count} of others", expected=f"1 or {count}")
+    series: list[Series] = []
     for k in range(count):
         of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
         label = stem if count == 1 else f"{stem} {k + 1}"
         labels = None
         if "sweep" in of_role:
             labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
-        series += to_series(of_role, labels, statement, path, label, summary, peak=True)
+        series += to_series(of_role, labels, facts, label, summary, peak=True)
     return series
 
 
-def _list_channels(contents: Arrays, stated: Stated, path: str | Path, summary: Summary) -> list[Series]:
+def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
     """Time histories of a file that says the time step of each of its channels."""
     unheeded = next((role for role in stated.columns if role != "response"), None)
     if unheeded:
-        raise InputError(f"--column {unheeded} of a file of channels", file=path, expected="--column response=NAME")
+        raise InputError(f"--column {unheeded} of a file of channels", expected="--column response=NAME")
     asked = stated.columns.get("response")
     names = [name for name in contents.arrays if asked in (None, name) or name.split("/")[-1] == asked]
     if not names:
-        raise InputError(f"no channel {describe_shortened(asked or '')!r}", file=path, expected=_has(contents.known))
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", expected=_has(contents.known))
     for name in names:
         if name not in contents.steps:
-            raise InputError(f"channel {name!r} has no time step", file=path, expected="a file with its time step")
+            raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
         summary.add(
             f"channel {describe_shortened(name)!r}",
             f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s",
@@ -230,14 +215,14 @@ def _list_channels(contents: Arrays, stated: Stated, path: str | Path, summary: 
     )
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
-        raise InputError(f"channels of several kinds: {listed}", file=path, expected="--column response=NAME")
+        raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")
     series = []
     for name in names:
         start, step = contents.steps[name]
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
-        own = Found(units={"response": contents.units[name]} if name in contents.units else {})
+        facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
         t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
-        series.append(Series(name, t, values, is_time=True, has_phase=False, found=own))
+        series.append(Series(name, t, values, is_time=True, has_phase=False, facts=facts))
     return series
 
 

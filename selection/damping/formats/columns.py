@@ -9,7 +9,6 @@ import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -46,7 +45,6 @@ class ColumnMap:
 
 def read_columns(
     data: bytes,
-    file: str | Path,
     mapped: Mapping[str, str],
     known: Mapping[str, Iterable[str]],
     delimiter: str = "auto",
@@ -56,7 +54,7 @@ def read_columns(
     """The columns of a CSV file that have a role.
 
     Args:
-        data: the file. file: its name, for messages.
+        data: the file.
         mapped: column of each role as the user states it, with or without its unit, or its number from 1; what is not
             stated of frequency, time and sweep is found by name; empty: all by name.
         known: names, in lower case and without units, that columns of each role have; these go before those that
@@ -68,49 +66,49 @@ def read_columns(
         InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number
             belongs (an empty cell and NaN are no measurement there), or no rows.
     """
-    layout = _layout(data, file, delimiter, skip, decimal)
+    layout = _layout(data, delimiter, skip, decimal)
     whole = not (layout.comments or layout.numbered)  # a header of quoted cells may span lines
     above, mark = skip + layout.header - whole, DELIMITERS[layout.delimiter]
-    rows = CsvRows(data, file, mark, comments=layout.comments, skip=above)
+    rows = CsvRows(data, mark, comments=layout.comments, skip=above)
     line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
     if header is None:
         expected = f"a row of column names after {skip} lines"
-        raise rows.problem or InputError("no header", file=file, expected=expected)
+        raise rows.problem or InputError("no header", expected=expected)
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
-    places, response = _places(names, mapped, known, file, line)
+    places, response = _places(names, mapped, known, line)
     if not places:
-        raise _no_role(names, layout, file, line)
+        raise _no_role(names, layout, line)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
     for line, row in rows:
         if len(row) != len(names):
             expected = f"{len(names)} as in the header"
-            raise InputError(f"{len(row)} cells in the row", file=file, line=line, expected=expected)
+            raise InputError(f"{len(row)} cells in the row", line=line, expected=expected)
         for role, column in values.items():
-            column.append(_number(row[places[role]], layout.decimal, file, line, names[places[role]]))
+            column.append(_number(row[places[role]], layout.decimal, line, names[places[role]]))
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
     if rows.problem is not None:
         raise rows.problem
     numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
     if not numbers:
-        raise InputError("no data rows", file=file, expected="at least one row below the header")
+        raise InputError("no data rows", expected="at least one row below the header")
     headers = {role: parse_header(names[place]) for role, place in places.items()}
     return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
 
 
-def _layout(data: bytes, file: str | Path, delimiter: str, skip: int, decimal: str) -> Layout:
+def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
     """The layout by the first lines. InputError where there are none."""
     start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
     pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
     lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
     layout = find_layout(lines, delimiter, decimal)
     if layout is None:
-        raise InputError("no header", file=file, expected=f"a row of column names after {skip} lines")
+        raise InputError("no header", expected=f"a row of column names after {skip} lines")
     return layout
 
 
-def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -> float:
+def _number(cell: str, decimal: str, line: int, column: str) -> float:
     """The number in a cell; NaN where nothing was measured. A mark between thousands is no number."""
     text = cell.strip()
     if text in _MISSING:
@@ -124,18 +122,18 @@ def _number(cell: str, decimal: str, file: str | Path, line: int, column: str) -
     name = "comma" if decimal == "point" else "point"
     hint = f" (is --decimal {name} meant?)" if _OTHER_MARK[decimal].fullmatch(text) else ""
     message, expected = f"{describe_shortened(text)!r} is not a number{hint}", f"a number with a decimal {decimal}"
-    raise InputError(message, file=file, line=line, column=describe_shortened(column), expected=expected)
+    raise InputError(message, line=line, column=describe_shortened(column), expected=expected)
 
 
 def _places(
-    names: list[str], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], file: str | Path, line: int
+    names: list[str], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], line: int
 ) -> tuple[dict[str, int], str | None]:
     """Position of the column of each role, stated ones first, and the type of response that a name says."""
     headers = [parse_header(name) for name in names]
-    by_name, response = _by_name(headers, known, file, line)
+    by_name, response = _by_name(headers, known, line)
     if not mapped:
         return by_name, response
-    places = {role: _stated_place(name, headers, file, line) for role, name in mapped.items()}
+    places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
     for role, place in by_name.items():
         if place not in taken and role not in places and (role == "sweep" or (role in _SETTING and setting)):
@@ -144,7 +142,7 @@ def _places(
 
 
 def _by_name(
-    headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], file: str | Path, line: int
+    headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], line: int
 ) -> tuple[dict[str, int], str | None]:
     """Columns by role where their names are those of roles, or else what tables of laboratories call them."""
     lower = [header.name.lower() for header in headers]
@@ -152,7 +150,7 @@ def _by_name(
     for first in (matches[0] for matches in matches_of.values() if matches):
         if lower.count(first) > 1 and first != "f":
             message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
-            raise InputError(message, file=file, line=line, expected=expected)
+            raise InputError(message, line=line, expected=expected)
     own = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
     usual, response = recognise(headers)
     if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
@@ -169,7 +167,7 @@ def _by_name(
     return places, response
 
 
-def _stated_place(name: str, headers: Sequence[ColumnHeader], file: str | Path, line: int) -> int:
+def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
     """The column of a stated name, with or without its unit, or of a number from 1 where no name is that number."""
     matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.name)]
     exact = [k for k in matches if headers[k].text == name.strip()]
@@ -182,16 +180,16 @@ def _stated_place(name: str, headers: Sequence[ColumnHeader], file: str | Path, 
     meant = f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
     hint = "" if matches else _describe_other_delimiter(names) or meant
     message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
-    raise InputError(message, file=file, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
+    raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
 
 
-def _no_role(names: list[str], layout: Layout, file: str | Path, line: int) -> InputError:
+def _no_role(names: list[str], layout: Layout, line: int) -> InputError:
     if layout.numbered:
         expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
-        return InputError("the table has no header", file=file, expected=expected)
+        return InputError("the table has no header", expected=expected)
     expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
     message = f"no column has the name of a role{_describe_other_delimiter(names)}"
-    return InputError(message, file=file, line=line, expected=expected)
+    return InputError(message, line=line, expected=expected)
 
 
 def _describe_other_delimiter(names: list[str]) -> str:

@@ -1,22 +1,19 @@
-"""From what a file holds to displacement and force in one system: response type, units, scaling.
+"""From what a file holds to displacement and force in one system: response type, units, scaling; time histories.
 
 What the user states goes before what the file says; what neither says is asked for.
-
-Time histories as a file has them, to motion in one system of units.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, Unit, unit
-from damping.formats.series import RESPONSES, SCALINGS, Found, Series, Stated, Summary
+from damping.formats.series import RESPONSES, SCALINGS, FileFacts, Series, Stated, Summary
 
 # Where a value came from, as the summary of an import says it.
 _STATED = "stated"
@@ -41,34 +38,29 @@ class Conversion:
 
 @dataclass(frozen=True)
 class Statements:
-    """What a file says of a series (``found``) and what the user says, who goes first; ``summary`` grows."""
+    """What a file says of a series (``facts``) and what the user says, who goes first; ``summary`` grows."""
 
-    found: Found
+    facts: FileFacts
     stated: Stated
-    file: str
     summary: Summary
 
     @property
     def response(self) -> str | None:
         """Name of the response type."""
-        return self.stated.response or self.found.response
+        return self.stated.response or self.facts.response
 
     @property
     def scaling(self) -> str | None:
         """What amplitudes are."""
-        return self.stated.scaling or self.found.scaling
+        return self.stated.scaling or self.facts.scaling
 
     def unit_of(self, what: str) -> str:
         """Text of a unit, '' where nobody says it."""
-        return self.stated.units.get(what) or self.found.units.get(what) or ""
+        return self.stated.units.get(what) or self.facts.units.get(what) or ""
 
     def add_unit(self, what: str) -> None:
         """Put a unit into the summary, with who says it."""
         self.summary.add(f"unit of {what}", self.unit_of(what), _STATED if self.stated.units.get(what) else _FOUND)
-
-    def error(self, message: str, expected: str | None = None) -> InputError:
-        """What is wrong, or missing."""
-        return InputError(message, file=self.file, expected=expected)
 
 
 def conversion(known: Statements) -> Conversion:
@@ -77,15 +69,15 @@ def conversion(known: Statements) -> Conversion:
     Raises:
         InputError: type or unit neither stated nor found, not understood, or at odds with each other.
     """
-    found, stated, summary = known.found, known.stated, known.summary
+    facts, stated, summary = known.facts, known.stated, known.summary
     texts = {what: known.unit_of(what) for what in ("response", "force") if known.unit_of(what)}
     units = {} if stated.consistent else {what: unit(text, what=f"unit of {what}") for what, text in texts.items()}
     name = _find_response_type(known, units)
     order, per_force = RESPONSES[name]
-    whence = _STATED if stated.response else _FOUND if found.response else f"{_FOLLOWS} from its unit"
+    whence = _STATED if stated.response else _FOUND if facts.response else f"{_FOLLOWS} from its unit"
     summary.add("response", name, whence)
-    if found.response and found.response != name:
-        summary.note(f"the file says {found.response}, {name} is stated")
+    if facts.response and facts.response != name:
+        summary.note(f"the file says {facts.response}, {name} is stated")
     if stated.consistent:
         summary.add("units", "one consistent system, values as they are", _STATED)
         return Conversion(order, per_force, stated.scale.get("response", 1.0), stated.scale.get("force", 1.0))
@@ -106,33 +98,33 @@ def conversion(known: Statements) -> Conversion:
 
 def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
     """Name of the response type: stated, found, or the only one that has the unit."""
-    found, name = known.found, known.response
+    facts, name = known.facts, known.response
     if name is not None:
         if name not in RESPONSES:
             raise InputError(f"response type {name!r}", expected=", ".join(RESPONSES))
-        if found.per_force is not None and found.per_force != RESPONSES[name][1]:
-            kind = "a ratio to force" if found.per_force else "no ratio to force"
-            raise known.error(f"the response is {kind} and {name} is stated", _describe_choices(found))
+        if facts.per_force is not None and facts.per_force != RESPONSES[name][1]:
+            kind = "a ratio to force" if facts.per_force else "no ratio to force"
+            raise InputError(f"the response is {kind} and {name} is stated", expected=_describe_choices(facts))
         return name
     if "response" in units:
-        powers, possible = units["response"].powers, _list_fitting(found)
+        powers, possible = units["response"].powers, _list_fitting(facts)
         fits = [n for n in possible if powers in (_powers(n), (0, 0, -RESPONSES[n][0]))]
         fits = [n for n in fits if not RESPONSES[n][1]] if powers[:2] == (0, 0) else fits
-        if not fits and found.per_force and "force" in units:
+        if not fits and facts.per_force and "force" in units:
             ratio = units["response"].per(units["force"]).powers
             fits = [n for n in possible if _powers(n) == ratio]
         if len(fits) == 1:
             return fits[0]
-    expected = f"--response {_describe_choices(found)}"
-    raise known.error("the type of the response is neither in the file nor stated", expected)
+    expected = f"--response {_describe_choices(facts)}"
+    raise InputError("the type of the response is neither in the file nor stated", expected=expected)
 
 
-def _list_fitting(found: Found) -> list[str]:
-    return [name for name, (_, per) in RESPONSES.items() if found.per_force is None or per == found.per_force]
+def _list_fitting(facts: FileFacts) -> list[str]:
+    return [name for name, (_, per) in RESPONSES.items() if facts.per_force is None or per == facts.per_force]
 
 
-def _describe_choices(found: Found) -> str:
-    return " or ".join(_list_fitting(found))
+def _describe_choices(facts: FileFacts) -> str:
+    return " or ".join(_list_fitting(facts))
 
 
 def _powers(name: str) -> tuple[int, int, int]:
@@ -145,13 +137,13 @@ def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit
     """The unit of the response, put together from that of the motion and that of the force where needed."""
     if "response" not in units:
         expected = f"--unit response={_EXAMPLES[name]}, or --consistent"
-        raise known.error("the unit of the response is neither in the file nor stated", expected)
-    of = units["response"]
-    if of.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
-        of = of.per(units["force"])
-    if of.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
-        raise known.error(f"{units['response'].text} is no unit of {name}", f"such as {_EXAMPLES[name]}")
-    return of
+        raise InputError("the unit of the response is neither in the file nor stated", expected=expected)
+    whole = units["response"]
+    if whole.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
+        whole = whole.per(units["force"])
+    if whole.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
+        raise InputError(f"{units['response'].text} is no unit of {name}", expected=f"such as {_EXAMPLES[name]}")
+    return whole
 
 
 _EXAMPLES = {
@@ -173,20 +165,20 @@ def ask(known: Statements, *, force: bool | None) -> None:
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response
     if typed is None and (stated.consistent or not known.unit_of("response")):
-        missing["type of the response"] = f"--response {_describe_choices(known.found)}"
+        missing["type of the response"] = f"--response {_describe_choices(known.facts)}"
     examples = {"response": _EXAMPLES.get(typed or "", "m/s^2"), **({} if force is None else {"force": "N"})}
     for what, example in examples.items():
         if not stated.consistent and not known.unit_of(what):
             missing[f"unit of the {what}"] = f"--unit {what}={example}"
     if force is False:
         missing["force"] = "--force AMPLITUDE of each sweep"
-    ratio = known.found.per_force or (stated.response in RESPONSES and RESPONSES[stated.response][1])
+    ratio = known.facts.per_force or (stated.response in RESPONSES and RESPONSES[stated.response][1])
     if force is not None and not ratio and not known.scaling:
         missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
     if len(missing) > 1:
         *first, last = missing
         message = f"neither in the file nor stated: {', '.join(first)} and {last}"
-        raise known.error(message, " ".join(missing.values()))
+        raise InputError(message, expected=" ".join(missing.values()))
 
 
 def scaling(known: Statements, *, of_force: bool = False) -> float:
@@ -195,10 +187,10 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
     Raises:
         InputError: neither stated nor found.
     """
-    found, stated, name = known.found, known.stated, known.scaling
-    own = (stated.force_scaling or found.force_scaling) if of_force else None
+    facts, stated, name = known.facts, known.stated, known.scaling
+    own = (stated.force_scaling or facts.force_scaling) if of_force else None
     if own:
-        if own != found.scaling or stated.scaling:
+        if own != facts.scaling or stated.scaling:
             known.summary.add("amplitudes of force", own, _STATED if stated.force_scaling else _OF_ROLE)
             if stated.scaling not in (None, own) and not stated.force_scaling:
                 known.summary.note(
@@ -207,9 +199,8 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
         return SCALINGS[own]
     expected = " or ".join(SCALINGS)
     if name is None:
-        raise known.error(
-            "whether amplitudes are peak or rms is neither in the file nor stated", f"--scaling {expected}"
-        )
+        message = "whether amplitudes are peak or rms is neither in the file nor stated"
+        raise InputError(message, expected=f"--scaling {expected}")
     if name not in SCALINGS:
         raise InputError(f"scaling {name!r}", expected=expected)
     known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
@@ -225,13 +216,13 @@ def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> 
     if known.stated.consistent:
         return 1.0
     if not known.unit_of(what):
-        raise known.error(f"the unit of {what} is neither in the file nor stated", f"--unit {what}=...")
-    of = unit(known.unit_of(what), what=f"unit of {what}")
-    if of.powers != powers:
-        raise known.error(f"{of.text} is no unit of {what}")
+        raise InputError(f"the unit of {what} is neither in the file nor stated", expected=f"--unit {what}=...")
+    stated = unit(known.unit_of(what), what=f"unit of {what}")
+    if stated.powers != powers:
+        raise InputError(f"{stated.text} is no unit of {what}")
     known.add_unit(what)
     force, length = (unit(name) for name in SYSTEMS[known.stated.system])
-    return of.factor / (force.factor ** powers[0] * length.factor ** powers[1])
+    return stated.factor / (force.factor ** powers[0] * length.factor ** powers[1])
 
 
 @dataclass(frozen=True)
@@ -244,7 +235,7 @@ class TimeHistory:
     order: int
 
 
-def time_histories(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> list[TimeHistory]:
+def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -> list[TimeHistory]:
     """The motions of some series.
 
     Raises:
@@ -252,18 +243,18 @@ def time_histories(series: Sequence[Series], stated: Stated, file: str | Path, s
             neither the file nor the user says.
     """
     if stated.labels and len(stated.labels) != len(series):
-        raise InputError(f"{len(stated.labels)} labels", file=file, expected=f"{len(series)}, one a time history")
+        raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one a time history")
     histories = []
     for k, row in enumerate(series):
-        known = Statements(row.found, stated, str(file), summary)
+        known = Statements(row.facts, stated, summary)
         if not row.is_time:
-            raise known.error(f"{row.label!r} is no time history", "a signal against time")
+            raise InputError(f"{row.label!r} is no time history", expected="a signal against time")
         ask(known, force=None)
         to = conversion(known)
         if to.per_force:
-            raise known.error("a time history is no ratio to force", "--response acceleration")
+            raise InputError("a time history is no ratio to force", expected="--response acceleration")
         if not (np.isfinite(row.abscissa).all() and np.isfinite(row.response).all()):
-            raise known.error(f"{row.label!r} holds values that are no numbers", "finite numbers")
+            raise InputError(f"{row.label!r} holds values that are no numbers", expected="finite numbers")
         signal = np.asarray(row.response, dtype=np.float64) * to.response
         label = stated.labels[k] if stated.labels else row.label
         histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi
-from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -18,7 +17,7 @@ import numpy.typing as npt
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS
-from damping.formats.series import Found, Said, Samples, Series, Summary
+from damping.formats.series import FileFacts, HeaderFacts, Samples, Series, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -43,8 +42,7 @@ _FEWEST_ROWS = 4
 def to_series(
     arrays: Mapping[str, Samples],
     labels: Sequence[str] | None,
-    statement: Said,
-    file: str | Path,
+    facts: HeaderFacts,
     name: str,
     summary: Summary,
     *,
@@ -56,36 +54,36 @@ def to_series(
         arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
             a force is one number, (k,), (n,) or of the shape of the response.
         labels: sweep of each row (n,), or None.
-        said: what headers and names say.
-        file: for messages. name: label of the only sweep. summary: grows by what was cut.
+        facts: what headers and names say.
+        name: label of the only sweep. summary: grows by what was cut.
         peak: the role ``amplitude`` has its meaning, an amplitude of the sine (not so for readings of an amplifier).
 
     Raises:
         InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, statement, file)
-    role, x = _abscissa(arrays, statement.units, file)
+    arrays = _in_radians(arrays, facts)
+    role, x = _abscissa(arrays, facts.units)
     n = len(x)
-    response, phased = _response(arrays, n, role == "time", file)
-    force = _force(arrays, n, response.shape[1], file)
-    extra = {key: _column(arrays[key], n, key, file) for key in _EXTRA if key in arrays}
+    response, phased = _response(arrays, n, role == "time")
+    force = _force(arrays, n, response.shape[1])
+    extra = {key: _column(arrays[key], n, key) for key in _EXTRA if key in arrays}
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
-    found = Found(
-        response=None if "response" in statement.units else statement.response,
-        scaling=statement.scaling or ("peak" if of_role else None),
-        force_scaling=statement.force_scaling or ("peak" if own else None),
-        units=dict(statement.units),
+    known = FileFacts(
+        response=None if "response" in facts.units else facts.response,
+        scaling=facts.scaling or ("peak" if of_role else None),
+        force_scaling=facts.force_scaling or ("peak" if own else None),
+        units=dict(facts.units),
         turn="angle" in arrays,
     )
     is_time = role == "time"
     if response.shape[1] > 1:
         return [
-            Series(f"{name} {k + 1}", x, response[:, k], _of(force, k), is_time, phased, extra, found)
+            Series(f"{name} {k + 1}", x, response[:, k], _take_sweep(force, k), is_time, phased, extra, known)
             for k in range(response.shape[1])
         ]
-    whole = Series(name, x, response[:, 0], _of(force, 0), is_time, phased, extra, found)
+    whole = Series(name, x, response[:, 0], _take_sweep(force, 0), is_time, phased, extra, known)
     if labels is None and not is_time:
         cuts = _cuts(x, whole.force)
         if cuts:
@@ -131,7 +129,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Samples], statement: Said, file: str | Path) -> dict[str, Samples]:
+def _in_radians(arrays: Mapping[str, Samples], facts: HeaderFacts) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
     Raises:
@@ -144,112 +142,108 @@ def _in_radians(arrays: Mapping[str, Samples], statement: Said, file: str | Path
         values = np.asarray(turned[role], dtype=np.float64)
         known = values[np.isfinite(values)]
         large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
-        degrees = role in statement.degrees or role.endswith("_deg")
+        degrees = role in facts.degrees or role.endswith("_deg")
         if role in ("phase", "lead") and large and not degrees:
             other = "lag_deg" if role == "phase" else "lead_deg"
             message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
-            raise InputError(message, file=file, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
+            raise InputError(message, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
         if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
             message = f"{role} in degrees runs from {known.min():.3g} to {known.max():.3g}"
-            raise InputError(message, file=file, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
+            raise InputError(message, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
         if not role.endswith("_deg") and (degrees or large):
             turned[role] = values * (pi / 180.0)
     return turned
 
 
-def _of(force: Samples | None, sweep: int) -> Samples | None:
+def _take_sweep(force: Samples | None, sweep: int) -> Samples | None:
     if force is None:
         return None
     return force[:, min(sweep, force.shape[1] - 1)]
 
 
-def _describe_one_of(
-    arrays: Mapping[str, Samples], roles: Sequence[str], what: str, file: str | Path, *, needed: bool
-) -> str | None:
-    """The one of some roles that is there."""
+def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
+    """Which of some roles is there."""
     there = [role for role in roles if role in arrays]
     if len(there) > 1 or (needed and not there):
         message = f"{'both ' + ' and '.join(there[:2]) if there else 'no'} {what}"
-        raise InputError(message, file=file, expected=f"--column {'=NAME or '.join(roles)}=NAME")
+        raise InputError(message, expected=f"--column {'=NAME or '.join(roles)}=NAME")
     return there[0] if there else None
 
 
-def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str], file: str | Path) -> tuple[str, FloatArray]:
+def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[str, FloatArray]:
     """Its role, and its values in Hz or s."""
-    role = cast(str, _describe_one_of(arrays, tuple(_TO_ABSCISSA), "abscissa", file, needed=True))
+    role = cast(str, _choose_role(arrays, tuple(_TO_ABSCISSA), "abscissa", needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
-        raise InputError(f"array of {role} has the shape {values.shape}", file=file, expected="one real number a point")
+        raise InputError(f"array of {role} has the shape {values.shape}", expected="one real number a point")
     text = units.get(role, "").lower()
     known = ABSCISSAS[role]
     if text and text not in known:
-        raise InputError(f"{role} in {units[role]}", file=file, expected=f"--unit {role}=UNIT of {', '.join(known)}")
+        raise InputError(f"{role} in {units[role]}", expected=f"--unit {role}=UNIT of {', '.join(known)}")
     return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
 
 
-def _response(arrays: Mapping[str, Samples], n: int, is_time: bool, file: str | Path) -> tuple[Samples, bool]:
+def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Samples, bool]:
     """The response (n, k) and whether its phase is known."""
-    main = cast(str, _describe_one_of(arrays, ("response", "x", "amplitude"), "response", file, needed=True))
-    phase = _describe_one_of(arrays, tuple(_PHASES), "phase", file, needed=False)
-    values = _matrix(arrays[main], n, main, file)
+    main = cast(str, _choose_role(arrays, ("response", "x", "amplitude"), "response", needed=True))
+    phase = _choose_role(arrays, tuple(_PHASES), "phase", needed=False)
+    values = _matrix(arrays[main], n, main)
     if (main == "x") != ("y" in arrays):
-        raise InputError("x and y need each other", file=file, expected="--column x=NAME and y=NAME")
+        raise InputError("x and y need each other", expected="--column x=NAME and y=NAME")
     if phase and main != "amplitude":
-        raise InputError(f"{phase} beside a {main}", file=file, expected="a phase only beside an amplitude")
+        raise InputError(f"{phase} beside a {main}", expected="a phase only beside an amplitude")
     if main == "x" and is_time:
         message = "x and y against time are no parts of a complex response"
-        raise InputError(message, file=file, expected="--column response=NAME of the signal")
+        raise InputError(message, expected="--column response=NAME of the signal")
     if main == "x":
-        y = _same(arrays["y"], n, values, "y", file)
-        return cartesian(_real(values, "x", file), _real(y, "y", file)), True
+        y = _same(arrays["y"], n, values, "y")
+        return cartesian(_real(values, "x"), _real(y, "y")), True
     if main == "response":
         if np.iscomplexobj(values) == is_time:
             kind = "a time history of complex values" if is_time else "a response of real values"
             raise InputError(
-                f"{kind}",
-                file=file,
-                expected="a real signal" if is_time else "complex values, or the role amplitude or x",
+                f"{kind}", expected="a real signal" if is_time else "complex values, or the role amplitude or x"
             )
         return values, not is_time
     if is_time:
-        raise InputError("amplitudes against time", file=file, expected="--column response=NAME of the signal")
-    size = _magnitude(values, "amplitude", file)
+        raise InputError("amplitudes against time", expected="--column response=NAME of the signal")
+    size = _magnitude(values, "amplitude")
     if phase is None:
         return size, False
-    angle = _real(_same(arrays[phase], n, values, phase, file), phase, file) * _PHASES[phase]
+    angle = _real(_same(arrays[phase], n, values, phase), phase) * _PHASES[phase]
     return size * np.exp(1j * angle), True
 
 
-def _force(arrays: Mapping[str, Samples], n: int, k: int, file: str | Path) -> Samples | None:
+def _force(arrays: Mapping[str, Samples], n: int, k: int) -> Samples | None:
     """The force (n, 1) or (n, k); None where there is none."""
-    main = _describe_one_of(arrays, ("force", "force_x"), "force", file, needed=False)
+    main = _choose_role(arrays, ("force", "force_x"), "force", needed=False)
     if main is None:
         return None
-    values = _spread(arrays[main], n, k, main, file)
+    values = _spread(arrays[main], n, k, main)
     if main == "force_x":
         if "force_y" not in arrays:
-            raise InputError("force_x needs force_y", file=file, expected="--column force_y=NAME")
-        other = _real(_spread(arrays["force_y"], n, k, "force_y", file), "force_y", file)
-        return cartesian(_real(values, "force_x", file), other)
+            raise InputError("force_x needs force_y", expected="--column force_y=NAME")
+        other = _real(_spread(arrays["force_y"], n, k, "force_y"), "force_y")
+        return cartesian(_real(values, "force_x"), other)
     if "force_lead_deg" in arrays:
-        lead = _real(_spread(arrays["force_lead_deg"], n, k, "force", file), "", file)
-        return np.asarray(_magnitude(values, "force", file) * np.exp(1j * pi / 180.0 * lead))
-    return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force", file)
+        lead = _real(_spread(arrays["force_lead_deg"], n, k, "force"), "")
+        return np.asarray(_magnitude(values, "force") * np.exp(1j * pi / 180.0 * lead))
+    return values if np.iscomplexobj(values) or "time" in arrays else _magnitude(values, "force")
 
 
-def _spread(values: Samples, n: int, k: int, role: str, file: str | Path) -> Samples:
+def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
     """A force for each point: of one number, of one for each sweep, or as it is."""
     if values.size == 1:
         return np.full((n, 1), values.reshape(-1)[0])
     if values.size == k and k != n:
         return np.broadcast_to(values.reshape(1, k), (n, k))
-    matrix = _matrix(values, n, role, file)
+    matrix = _matrix(values, n, role)
     if matrix.shape[1] not in (1, k):
-        raise InputError(f"{matrix.shape[1]} columns of {role}", file=file, expected=f"1 or {k} as of the response")
+        raise InputError(f"{matrix.shape[1]} columns of {role}", expected=f"1 or {k} as of the response")
     return matrix
 
 
-def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
+def _matrix(values: Samples, n: int, role: str) -> Samples:
     """An array as (n, k): points along the first axis, sweeps along the second."""
     squeezed = np.squeeze(values)
     if squeezed.ndim == 0:
@@ -264,37 +258,36 @@ def _matrix(values: Samples, n: int, role: str, file: str | Path) -> Samples:
             return matrix
     raise InputError(
         f"array of {role} has the shape {tuple(values.shape)}",
-        file=file,
         expected=f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps",
     )
 
 
-def _same(values: Samples, n: int, like: Samples, role: str, file: str | Path) -> Samples:
-    matrix = _matrix(values, n, role, file)
+def _same(values: Samples, n: int, like: Samples, role: str) -> Samples:
+    matrix = _matrix(values, n, role)
     if matrix.shape != like.shape:
-        raise InputError(f"array of {role} has the shape {matrix.shape}", file=file, expected=f"{like.shape}")
+        raise InputError(f"array of {role} has the shape {matrix.shape}", expected=f"{like.shape}")
     return matrix
 
 
-def _real(values: Samples, role: str, file: str | Path) -> FloatArray:
+def _real(values: Samples, role: str) -> FloatArray:
     if np.iscomplexobj(values):
-        raise InputError(f"array of {role} is complex", file=file, expected="real numbers")
+        raise InputError(f"array of {role} is complex", expected="real numbers")
     return np.asarray(values, dtype=np.float64)
 
 
-def _magnitude(values: Samples, role: str, file: str | Path) -> FloatArray:
+def _magnitude(values: Samples, role: str) -> FloatArray:
     """Amplitudes (n, k): a minus sign there is a mistake or a phase that nobody states, and would be lost."""
-    sizes = _real(values, role, file)
+    sizes = _real(values, role)
     below = np.argwhere(sizes < 0.0)
     if len(below):
         row, sweep = (int(place) for place in below[0])
         where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if sizes.shape[1] > 1 else "")
-        raise InputError(f"{role} {sizes[row, sweep]:g} in {where}", file=file, expected=f"{role} >= 0, an amplitude")
+        raise InputError(f"{role} {sizes[row, sweep]:g} in {where}", expected=f"{role} >= 0, an amplitude")
     return sizes
 
 
-def _column(values: Samples, n: int, role: str, file: str | Path) -> FloatArray:
-    column = _real(_matrix(values, n, role, file), role, file)
+def _column(values: Samples, n: int, role: str) -> FloatArray:
+    column = _real(_matrix(values, n, role), role)
     if column.shape[1] != 1:
-        raise InputError(f"array of {role} has {column.shape[1]} columns", file=file, expected="one")
+        raise InputError(f"array of {role} has {column.shape[1]} columns", expected="one")
     return column[:, 0]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import codecs
-import os
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series
 from damping.formats.columns import read_columns
 from damping.formats.headers import ABSCISSAS, DECIMALS, DELIMITERS
@@ -21,7 +19,7 @@ from damping.formats.series import (
     ROLES,
     SCALINGS,
     UNIT_OF,
-    Said,
+    HeaderFacts,
     Series,
     Stated,
     Summary,
@@ -31,7 +29,7 @@ from damping.formats.series import (
 )
 from damping.formats.uff import read_uff
 from damping.records.keys import describe_nearest
-from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes
+from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes, read_start
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -48,15 +46,21 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     """
     check(stated)
     summary = Summary()
-    kind = _format(path, stated, summary)
-    _heeded(stated, kind, path)
-    if kind in _ARRAYS:
-        return list_array_series(path, kind, stated, summary, max_size), summary
-    data = read_bytes(path, max_size)
-    if kind == "uff":
-        return read_uff(data, path, summary, stated.datasets, stated.labels), summary
+    with naming(path):
+        kind = _format(path, stated, summary)
+        _heeded(stated, kind)
+        if kind in _ARRAYS:
+            return list_array_series(path, kind, stated, summary, max_size), summary
+        data = read_bytes(path, max_size)
+        if kind == "uff":
+            return read_uff(data, summary, stated.datasets, stated.labels), summary
+        return _list_table_series(data, path, kind, stated, summary), summary
+
+
+def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
+    """Series of a table of text."""
     known = LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
-    columns = read_columns(data, path, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
         by = "no header, columns by number" if columns.layout.numbered else "columns by name"
         layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
@@ -68,15 +72,15 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
     if kind == "csv":
-        require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated, path)
-    statement = Said(
+        require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated)
+    facts = HeaderFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=columns.response,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
-    return to_series(numbers, columns.sweep, statement, path, Path(path).stem, summary, peak=kind == "csv"), summary
+    return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")
 
 
 def check(stated: Stated) -> None:
@@ -103,7 +107,7 @@ def check(stated: Stated) -> None:
         raise InputError("--consistent beside --unit", expected="one of them")
 
 
-def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
+def _heeded(stated: Stated, kind: str) -> None:
     """InputError for a statement that nothing in a file of this kind would heed."""
     layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
     if kind == "uff":
@@ -112,7 +116,7 @@ def _heeded(stated: Stated, kind: str, path: str | Path) -> None:
         unheeded = {"datasets": "--dataset"} | (layout if kind in _ARRAYS else {})
     for name, option in unheeded.items():
         if getattr(stated, name) != getattr(Stated(), name):
-            raise InputError(f"{option} means nothing in a file of format {kind}", file=path, expected=f"no {option}")
+            raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
 
 
 def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
@@ -124,7 +128,7 @@ def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
-    start = _start(path)
+    start = read_start(path, 2100)
     hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
     if start.startswith(b"MATLAB 5.0"):
@@ -143,13 +147,12 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         if text == "csv" and _is_binary(start):
             raise InputError(
                 "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
-                file=path,
                 expected="a file of one of these (save a MAT file of version 4 again with -v7)",
             )
         summary.add("format", _TITLES[text], "found in the file")
         return text
     if stated.format == "mat" and text not in ("mat5", "mat73"):
-        raise InputError("not a MAT file", file=path, expected="a MAT file of version 5 to 7.3")
+        raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")
     if stated.format == "hdf5":
         text = "hdf5"
     kind = text if stated.format == "mat" else stated.format
@@ -173,16 +176,3 @@ _TITLES = {
     "csv": "CSV",
     "lock-in": "readings of a lock-in amplifier",
 }
-
-
-def _start(path: str | Path) -> bytes:
-    """The first bytes of a file."""
-    try:
-        if stat.S_ISREG(os.stat(path).st_mode):
-            with Path(path).open("rb") as stream:
-                return stream.read(2100)
-    except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    raise InputError("is no regular file", file=path, expected="a file")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy.typing as npt
@@ -36,7 +35,7 @@ Samples: TypeAlias = npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Found:
+class FileFacts:
     """What a file says of a series; None where it says nothing.
 
     ``response`` is a name of ``RESPONSES``, ``per_force`` whether it is a ratio to force, ``scaling`` a name of
@@ -68,7 +67,7 @@ class Series:
     is_time: bool = False
     has_phase: bool = True
     extra: Mapping[str, FloatArray] = field(default_factory=dict)
-    found: Found = Found()
+    facts: FileFacts = FileFacts()
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Stated:
 
     Attributes:
         format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
-        columns: name of the column or array of each role (``named.ROLES``).
+        columns: name of the column or array of each role (``ROLES``).
         response: a name of ``RESPONSES``, or None.
         scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
         units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.
@@ -194,7 +193,7 @@ ROLES: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class Said:
+class HeaderFacts:
     """What names and headers say beside the numbers: units as texts by quantity, the type of response, scalings.
 
     ``degrees``: roles whose header says degrees.
@@ -229,7 +228,7 @@ _MODULI = {"r", "mag", "magnitude", "theta"}
 _MOTIONS = ("response", "x", "y", "amplitude")
 
 
-def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, path: str | Path) -> None:
+def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated) -> None:
     """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
     own = {parse_header(name.strip()).name.lower() for name in names}
     if not set(_MOTIONS) & set(of_role):
@@ -237,7 +236,6 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
         raise InputError(
             f"which column is the response? {describe_shortened(', '.join(free), 80)}",
-            file=path,
             expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
         )
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
@@ -245,7 +243,6 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     if guessed and not own & _MODULI:
         raise InputError(
             "are x and y the parts of one complex response, or two motions?",
-            file=path,
             expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Imported, Series, Stated, Summary
@@ -30,40 +30,47 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     Raises:
         InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
     """
-    _not_too_many(series, stated, file)
-    labels, forces = _list_labels(series, stated, file), _stated_forces(series, stated, file)
+    with naming(file):
+        table = _tabulate(series, stated, summary)
+    return Imported(Record(table, str(file)), summary)
+
+
+def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.DataFrame:
+    """The rows of all sweeps."""
+    _not_too_many(series, stated)
+    labels, forces = _list_labels(series, stated), _stated_forces(series, stated)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
-            _tabulate_sweep(row, label, force, Statements(row.found, stated, str(file), summary))
+            _tabulate_sweep(row, label, force, Statements(row.facts, stated, summary))
             for row, label, force in zip(series, labels, forces, strict=True)
         ]
     if len({"phase" in table for table in tables}) > 1:
-        raise InputError("some sweeps have phases and some have none", file=file, expected="sweeps of one kind")
+        raise InputError("some sweeps have phases and some have none", expected="sweeps of one kind")
     table = pd.concat(tables, ignore_index=True)
-    _checked(table, file)
+    _checked(table)
     if stated.system in SYSTEMS and not stated.consistent:
         force, length = SYSTEMS[stated.system]
         system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
         summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
-    _phases(table, file, summary)
-    return Imported(Record(table, str(file)), summary)
+    _phases(table, summary)
+    return table
 
 
-def _not_too_many(series: Sequence[Series], stated: Stated, file: str | Path) -> None:
+def _not_too_many(series: Sequence[Series], stated: Stated) -> None:
     low, high = stated.band or (0.0, np.inf)
     count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
     if count > MOST_ROWS:
         expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
-        raise InputError(f"{count} rows", file=file, expected=expected)
+        raise InputError(f"{count} rows", expected=expected)
 
 
-def _list_labels(series: Sequence[Series], stated: Stated, file: str | Path) -> list[str]:
+def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
     """Label of each sweep, all different."""
     if stated.labels:
         if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
             expected = f"{len(series)} different ones, one a sweep"
-            raise InputError(f"{len(stated.labels)} labels", file=file, expected=expected)
+            raise InputError(f"{len(stated.labels)} labels", expected=expected)
         return list(stated.labels)
     labels: dict[str, None] = {}  # in order
     for row in series:
@@ -75,12 +82,12 @@ def _list_labels(series: Sequence[Series], stated: Stated, file: str | Path) -> 
     return list(labels)
 
 
-def _stated_forces(series: Sequence[Series], stated: Stated, file: str | Path) -> list[float | None]:
+def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | None]:
     """Stated force amplitude of each sweep; None where the file has it."""
     if not stated.forces:
         return [None] * len(series)
     if len(stated.forces) not in (1, len(series)):
-        raise InputError(f"{len(stated.forces)} forces", file=file, expected=f"1 or {len(series)}, one a sweep")
+        raise InputError(f"{len(stated.forces)} forces", expected=f"1 or {len(series)}, one a sweep")
     if any(not (np.isfinite(force) and force > 0.0) for force in stated.forces):
         raise InputError("--force is no force amplitude", expected="numbers > 0")
     many: list[float | None] = list(stated.forces)
@@ -96,7 +103,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
     omega = RAD_S_PER_HZ * frequency[keep]
     F = _force(row, keep, level, to, known)
     X = row.response[keep] * (to.response * (-1.0 if known.stated.reverse else 1.0)) / (1j * omega) ** to.order
-    if row.found.turn:
+    if row.facts.turn:
         X = _turned(row.response[keep], X, frequency[keep], label, known)
     X = X * (np.abs(F) if to.per_force else scaling(known))
     columns: dict[str, FloatArray | list[str]] = {
@@ -128,7 +135,7 @@ def _usable(row: Series, label: str, known: Statements) -> BoolArray:
     if not keep.any():
         within = "" if band is None else f" within {band[0]:g} to {band[1]:g} Hz"
         why = f": of {len(f)}, {counts}" if lost else ""
-        raise known.error(f"no row of {label!r} is a steady state{within}{why}", "at least one")
+        raise InputError(f"no row of {label!r} is a steady state{within}{why}", expected="at least one")
     return keep
 
 
@@ -153,9 +160,9 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     """Force amplitude of each row (complex where the file has its phase)."""
     if level is None and row.force is None:
         message = "no force in the file: how hard the structure was driven decides what its damping is"
-        raise known.error(message, "--force AMPLITUDE of each sweep")
+        raise InputError(message, expected="--force AMPLITUDE of each sweep")
     if to.force is None:
-        raise known.error("the unit of the force is neither in the file nor stated", "--unit force=N")
+        raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
     if level is not None:
         known.summary.add("force", f"{level:g} at every row", "stated")
         return np.full(int(np.count_nonzero(keep)), level * to.force)
@@ -178,7 +185,7 @@ def _extra(
         return np.asarray(values / np.abs(row.response[keep]) * columns["amplitude"])
     if name == "force_sd":
         if row.force is None:
-            raise known.error("force_sd without a force", "a column of the force")
+            raise InputError("force_sd without a force", expected="a column of the force")
         return np.asarray(values / np.abs(row.force[keep]) * columns["force"])
     return values * other_factor(name, _POWERS[name], known) if name in _POWERS else values
 
@@ -197,7 +204,7 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
     passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
     if len(passive) != 1:
         message = f"whether the phase of {label!r} leads or lags cannot be told from its turn"
-        raise known.error(message, "--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
+        raise InputError(message, expected="--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
     known.summary.add("phase", sense, "follows: a passive structure takes energy")
     return passive[0]
@@ -213,7 +220,7 @@ def _is_passive(lag: FloatArray, size: FloatArray, frequency: FloatArray) -> boo
     return inside > 0.5 and rises
 
 
-def _phases(table: pd.DataFrame, file: str | Path, summary: Summary) -> None:
+def _phases(table: pd.DataFrame, summary: Summary) -> None:
     """Say so when there are no phases. InputError where the response mostly gives energy back."""
     if "phase" not in table:
         summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
@@ -223,16 +230,15 @@ def _phases(table: pd.DataFrame, file: str | Path, summary: Summary) -> None:
         raise InputError(
             f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
             "mounted against the force, or the phase of the other sign?",
-            file=file,
             expected="--reverse, or the phase as lead in place of lag (or the other way round)",
         )
 
 
-def _checked(table: pd.DataFrame, file: str | Path) -> None:
+def _checked(table: pd.DataFrame) -> None:
     """InputError for what no record may hold."""
     for problem in find_problems(table):
         where = f"{problem.message} in row {problem.row + 1} of the record"
         if problem.column is None:
             label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
             where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
-        raise InputError(where, file=file, column=problem.column, expected=problem.expected)
+        raise InputError(where, column=problem.column, expected=problem.expected)

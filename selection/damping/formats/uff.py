@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.series import Found, Samples, Series, Summary
-from damping.formats.uff_blocks import Header, UffBlock, blocks, header
-from damping.formats.uff_values import abscissa, binary_form, units, values
-from damping.formats.uff_write import PEAK
+from damping.formats.series import FileFacts, Samples, Series, Summary
+from damping.formats.uff_blocks import Header, UffBlock, abscissa, blocks, header, units
+from damping.formats.uff_values import PEAK, binary_form, values
 from damping.records.text import describe_shortened
 
 _FUNCTIONS = {
@@ -76,33 +74,28 @@ class _Set:
 
 
 def read_uff(
-    data: bytes, file: str | Path, summary: Summary, datasets: tuple[int, ...] = (), labels: tuple[str, ...] = ()
+    data: bytes, summary: Summary, datasets: tuple[int, ...] = (), labels: tuple[str, ...] = ()
 ) -> list[Series]:
     """The responses of a universal file, each with its measured force where the file has one.
 
     Args:
-        data: the file. file: its name, for messages.
-        summary: grows by what was found.
+        data: the file. summary: grows by what was found.
         datasets: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces.
         labels: not empty where the user labels the sweeps, so that ID lines need not tell them apart.
 
     Raises:
         InputError: no data set 58, a broken one, none that is a response, or responses at several points unchosen.
     """
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
-    sets, others = _sets(data, file)
-    if not sets:
-        has = f" (it has {', '.join(map(str, others))})" if others else ""
-        raise InputError(f"no data set 58{has}", file=file, expected="a universal file with functions at nodal DOF")
+    data = _as_lines(data)
+    sets, others = _sets(data)
     _listed(sets, others, summary)
-    chosen = _list_chosen(sets, datasets, file)
+    chosen = _list_chosen(sets, datasets)
     forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
-    _one_point(responses, datasets, file)
-    series = [_series(response, data, file, summary) for response in responses]
+    _one_point(responses, datasets)
+    series = [_series(response, data, summary) for response in responses]
     if not labels:
         series = _list_labelled(series, responses)
-    return _list_with_forces(series, forces, data, file, summary)
+    return _list_with_forces(series, forces, data, summary)
 
 
 @dataclass(frozen=True)
@@ -123,52 +116,56 @@ class Function:
     y: Samples
 
 
-def read_functions(data: bytes, file: str | Path, summary: Summary) -> list[Function]:
+def read_functions(data: bytes, summary: Summary) -> list[Function]:
     """Every function of time or frequency of a universal file, whatever the points and quantities.
 
     Raises:
         InputError: no data set 58, or a broken one.
     """
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
-    sets, _ = _sets(data, file)
-    if not sets:
-        raise InputError("no data set 58", file=file, expected="a universal file with functions at nodal DOF")
+    data = _as_lines(data)
     taken = []
-    for entry in (entry for entry in sets if entry.header.function in (*_TAKEN, 5)):
+    for entry in (entry for entry in _sets(data)[0] if entry.header.function in (*_TAKEN, 5)):
         head = entry.header
-        x, y = values(data, entry.block, head, file)
-        at = abscissa(x, head.abscissa, entry.is_time, file, summary)
+        x, y = values(data, entry.block, head)
+        at = abscissa(x, head.abscissa, entry.is_time, summary)
         labels = (head.numerator.unit, head.denominator.unit if entry.per else "")
         points = (head.response_point, head.reference_point)
         taken.append(Function(head.title, *points, entry.is_time, entry.quantity, entry.per, labels, at, y))
     return taken
 
 
-def _sets(data: bytes, file: str | Path) -> tuple[list[_Set], list[int]]:
-    """The data sets 58, and the numbers of all other data sets."""
+def _as_lines(data: bytes) -> bytes:
+    """The file with line feeds, where it has carriage returns alone."""
+    return data if b"\n" in data else data.replace(b"\r", b"\n")
+
+
+def _sets(data: bytes) -> tuple[list[_Set], list[int]]:
+    """The data sets 58, one at least, and the numbers of all other data sets."""
     sets: list[_Set] = []
     others: list[int] = []
     code = 0
-    for block in blocks(data, file, lambda block_: binary_form(data, block_, header(block_, file), file)[1]):
+    for block in blocks(data, lambda block_: binary_form(data, block_, header(block_))[1]):
         if block.kind == 58:
-            sets.append(_Set(len(sets) + 1, block, header(block, file), code))
+            sets.append(_Set(len(sets) + 1, block, header(block), code))
         elif block.kind not in others and len(others) < _MOST_LISTED:
             others.append(block.kind)
         if block.kind == 164:
             field = data[block.start : block.start + 10].split(b"\n")[0].strip()
             code = int(field) if field.isdigit() else 0
+    if not sets:
+        has = f" (it has {', '.join(map(str, others))})" if others else ""
+        raise InputError(f"no data set 58{has}", expected="a universal file with functions at nodal DOF")
     return sets, others
 
 
 def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
     for entry in sets[:_MOST_LISTED]:
         head = entry.header
-        of = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
+        quantity = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
         form = "bytes" if entry.block.binary else "text"
         title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
-        text = f"{what}, {of}, {head.points} points ({form}), {entry.point}{title}"
+        text = f"{what}, {quantity}, {head.points} points ({form}), {entry.point}{title}"
         summary.add(f"data set {entry.number}", text, "found in the file")
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
@@ -176,26 +173,24 @@ def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
         summary.note(f"data sets {', '.join(map(str, others))} are passed over")
 
 
-def _list_chosen(sets: list[_Set], datasets: tuple[int, ...], file: str | Path) -> list[_Set]:
+def _list_chosen(sets: list[_Set], datasets: tuple[int, ...]) -> list[_Set]:
     """The sets asked for, or all functions of time or frequency that are motions or forces."""
     bad = next((number for number in datasets if not 1 <= number <= len(sets)), None)
     if bad is not None:
-        raise InputError(f"no data set {bad}", file=file, expected=f"numbers from 1 to {len(sets)}")
+        raise InputError(f"no data set {bad}", expected=f"numbers from 1 to {len(sets)}")
     chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.header.function in _TAKEN]
     for entry in chosen:
         problem = _describe_unfit(entry)
         if problem and datasets:
-            raise InputError(
-                f"data set {entry.number} is {problem}", file=file, line=entry.block.line, expected=_EXPECTED
-            )
+            raise InputError(f"data set {entry.number} is {problem}", line=entry.block.line, expected=_EXPECTED)
     chosen = [entry for entry in chosen if not _describe_unfit(entry)]
     if not any(not entry.is_force for entry in chosen):
-        raise InputError("no data set is a response", file=file, expected=_EXPECTED)
+        raise InputError("no data set is a response", expected=_EXPECTED)
     has_ratio = any(entry.header.function == 4 for entry in chosen)
     if has_ratio and not datasets:  # the spectra of responses beside their frequency responses say the same twice
         chosen = [entry for entry in chosen if entry.header.function == 4 or (entry.is_force and not entry.is_time)]
     if len({entry.is_time for entry in chosen}) > 1:
-        raise InputError("both time histories and spectra", file=file, expected="--dataset numbers of one kind")
+        raise InputError("both time histories and spectra", expected="--dataset numbers of one kind")
     return chosen
 
 
@@ -220,19 +215,19 @@ def _describe_unfit(entry: _Set) -> str:
     return ""
 
 
-def _one_point(responses: list[_Set], datasets: tuple[int, ...], file: str | Path) -> None:
+def _one_point(responses: list[_Set], datasets: tuple[int, ...]) -> None:
     if len(responses) > _MOST_SWEEPS:
         expected = f"--dataset numbers of at most {_MOST_SWEEPS}"
-        raise InputError(f"{len(responses)} responses", file=file, expected=expected)
+        raise InputError(f"{len(responses)} responses", expected=expected)
     points = list(dict.fromkeys(response.point for response in responses))
     if len(points) > 1 and not datasets:
         expected = "--dataset numbers of the sweeps of one point, or damping campaign for all"
         message = f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)"
-        raise InputError(message, file=file, expected=expected)
+        raise InputError(message, expected=expected)
 
 
-def _series(entry: _Set, data: bytes, file: str | Path, summary: Summary) -> Series:
-    x, y = values(data, entry.block, entry.header, file)
+def _series(entry: _Set, data: bytes, summary: Summary) -> Series:
+    x, y = values(data, entry.block, entry.header)
     head = entry.header
     response = (
         (_PER_FORCE.get(entry.quantity) if entry.per == "force" else None) if head.function == 4 else entry.quantity
@@ -242,11 +237,11 @@ def _series(entry: _Set, data: bytes, file: str | Path, summary: Summary) -> Ser
         summary.note(f"data set {entry.number}: response and reference directions are opposite ({along}, {against})")
     return Series(
         label=head.title or f"set {entry.number}",
-        abscissa=abscissa(x, head.abscissa, entry.is_time, file, summary),
+        abscissa=abscissa(x, head.abscissa, entry.is_time, summary),
         response=y,
         is_time=entry.is_time,
         has_phase=bool(np.iscomplexobj(y)),
-        found=Found(
+        facts=FileFacts(
             response or None,
             per_force=head.function == 4,
             scaling="peak" if PEAK in head.notes else None,
@@ -262,36 +257,32 @@ def _list_labelled(series: list[Series], sets: list[_Set]) -> list[Series]:
     return [replace(row, label=f"set {entry.number}") for row, entry in zip(series, sets, strict=True)]
 
 
-def _list_with_forces(
-    series: list[Series], forces: list[_Set], data: bytes, file: str | Path, summary: Summary
-) -> list[Series]:
+def _list_with_forces(series: list[Series], forces: list[_Set], data: bytes, summary: Summary) -> list[Series]:
     """Each response with its force: as many forces as responses, in order, at the same abscissas."""
     if not forces:
         return series
     if len(forces) != len(series):
         expected = "a force for each response, in the same order; choose them with --dataset"
-        raise InputError(f"{len(forces)} forces and {len(series)} responses", file=file, expected=expected)
-    pairs = zip(series, _forces(forces, data, file, summary), strict=True)
-    return [_joined(row, one_force, number, file) for (row, one_force), number in zip(pairs, forces, strict=True)]
+        raise InputError(f"{len(forces)} forces and {len(series)} responses", expected=expected)
+    pairs = zip(series, _forces(forces, data, summary), strict=True)
+    return [_joined(row, one_force, number) for (row, one_force), number in zip(pairs, forces, strict=True)]
 
 
-def _forces(
-    forces: list[_Set], data: bytes, file: str | Path, summary: Summary
-) -> Iterator[tuple[FloatArray, Samples, dict[str, str]]]:
+def _forces(forces: list[_Set], data: bytes, summary: Summary) -> Iterator[tuple[FloatArray, Samples, dict[str, str]]]:
     for force in forces:
-        x, y = values(data, force.block, force.header, file)
+        x, y = values(data, force.block, force.header)
         head = force.header
         yield (
-            abscissa(x, head.abscissa, force.is_time, file, summary),
+            abscissa(x, head.abscissa, force.is_time, summary),
             y,
             units(head, force.quantity, force.per, force.units_code, summary),
         )
 
 
-def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], entry: _Set, file: str | Path) -> Series:
+def _joined(row: Series, force: tuple[FloatArray, Samples, dict[str, str]], entry: _Set) -> Series:
     x, y, named = force
     if len(x) != len(row.abscissa) or not np.allclose(x, row.abscissa, rtol=1e-4, atol=0.0):
         message = f"the force of data set {entry.number} is at other abscissas than response {row.label!r}"
-        raise InputError(message, file=file, line=entry.block.line, expected="the same frequencies")
-    known = dict(row.found.units) | ({"force": named["force"]} if "force" in named else {})
-    return replace(row, force=y, found=replace(row.found, units=known))
+        raise InputError(message, line=entry.block.line, expected="the same frequencies")
+    known = dict(row.facts.units) | ({"force": named["force"]} if "force" in named else {})
+    return replace(row, force=y, facts=replace(row.facts, units=known))

@@ -1,4 +1,4 @@
-"""Universal files cut into data sets: where each begins, its header fields, and where its values are.
+"""Universal files cut into data sets: where each begins, its header fields and axes, and where its values are.
 
 Data set 58 (function at nodal DOF), revision of 30-Jun-1999: eleven header lines follow the number of the set, then
 the values, as text or (58b) as bytes. Header lines are counted, not searched, so that an ID line may read ``-1``.
@@ -9,9 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.formats.quantity import unit
+from damping.formats.series import Summary
 from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
@@ -96,7 +98,7 @@ class _Lines:
         self.place = place
 
 
-def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[UffBlock], int]) -> Iterator[UffBlock]:
+def blocks(data: bytes, end_of_bytes: Callable[[UffBlock], int]) -> Iterator[UffBlock]:
     """The data sets of a universal file in order; ``end_of_bytes`` tells where the values of a binary one end.
 
     Raises:
@@ -114,7 +116,7 @@ def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[UffBlock], int
         if line is None or match is None:  # two delimiters in a row: the second opens a set
             lines.back(line)
             continue
-        block = _block(lines, match, file)
+        block = _block(lines, match)
         if block.binary:
             block = replace(block, end=end_of_bytes(block), closed=True)
         yield block
@@ -123,10 +125,10 @@ def blocks(data: bytes, file: str | Path, end_of_bytes: Callable[[UffBlock], int
         if closing is not None:
             lines.skip_to(closing.end())
             lines.next()
-    raise InputError(f"more than {MOST_SETS} data sets", file=file, expected="a file with fewer")
+    raise InputError(f"more than {MOST_SETS} data sets", expected="a file with fewer")
 
 
-def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> UffBlock:
+def _block(lines: _Lines, match: re.Match[bytes]) -> UffBlock:
     kind, number = int(match[1]), lines.number
     fields = tuple(int(field) for field in match[3].split())
     header: list[bytes] = []
@@ -136,7 +138,6 @@ def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> UffBlock:
             if line is None:
                 raise InputError(
                     "the file ends in the header of a data set 58",
-                    file=file,
                     line=lines.number,
                     expected=f"{HEADER_LINES} lines after its number",
                 )
@@ -147,26 +148,25 @@ def _block(lines: _Lines, match: re.Match[bytes], file: str | Path) -> UffBlock:
     return UffBlock(kind, binary, number, fields, tuple(header), lines.place, place, end is not None)
 
 
-def header(block: UffBlock, file: str | Path) -> Header:
+def header(block: UffBlock) -> Header:
     """The header fields of a data set 58.
 
     Raises:
         InputError: a field that is needed is no number, or out of range; the line is named.
     """
     lines = block.header
-    origin = _Fields(lines[5], block.line + 6, file)
-    form = _form(lines[6], block.line + 7, file)
-    axes = [_axis(lines[i], block.line + i + 1, file) for i in (7, 8, 9)]
+    origin = _Fields(lines[5], block.line + 6)
+    form = _form(lines[6], block.line + 7)
+    axes = [_axis(lines[i], block.line + i + 1) for i in (7, 8, 9)]
     ordinate, points, spacing = (int(value) for value in form[:3])
     if ordinate not in (2, 4, 5, 6):
         raise InputError(
             f"ordinate data type {ordinate}",
-            file=file,
             line=block.line + 7,
             expected="2 or 4 (real, single or double precision), 5 or 6 (complex)",
         )
     if points < 1:
-        raise InputError(f"{points} points", file=file, line=block.line + 7, expected="at least one")
+        raise InputError(f"{points} points", line=block.line + 7, expected="at least one")
     return Header(
         title=_describe_text(lines[0], 0, 80),
         notes=tuple(_describe_text(line, 0, 80) for line in lines[1:5]),
@@ -190,7 +190,6 @@ class _Fields:
 
     content: bytes
     line: int
-    file: str | Path
 
     def integer(self, start: int, end: int, *, required: bool = False) -> int:
         """An integer; 0 where the field is blank or, unless ``required``, no integer."""
@@ -199,15 +198,12 @@ class _Fields:
             return int(field)
         if field and required:
             raise InputError(
-                f"{describe_shortened(_describe_decoded(field))!r} is no integer",
-                file=self.file,
-                line=self.line,
-                expected="an integer",
+                f"{describe_shortened(_describe_decoded(field))!r} is no integer", line=self.line, expected="an integer"
             )
         return 0
 
 
-def _form(content: bytes, line: int, file: str | Path) -> list[float]:
+def _form(content: bytes, line: int) -> list[float]:
     """Record 7: ordinate type, number of points, spacing, first abscissa, its step; by columns, else by blanks."""
     columns = [content[a:b] for a, b in ((0, 10), (10, 20), (20, 30), (30, 43), (43, 56))]
     for fields in (columns, content.split()[:5]):
@@ -222,14 +218,13 @@ def _form(content: bytes, line: int, file: str | Path) -> list[float]:
             return values
     raise InputError(
         f"{describe_shortened(_describe_decoded(content.strip()))!r} does not describe the data",
-        file=file,
         line=line,
         expected="ordinate data type, number of points, spacing, first abscissa, step",
     )
 
 
-def _axis(content: bytes, line: int, file: str | Path) -> Axis:
-    code = _Fields(content, line, file).integer(0, 10)
+def _axis(content: bytes, line: int) -> Axis:
+    code = _Fields(content, line).integer(0, 10)
     return Axis(code, _describe_text(content, 26, 46), _describe_text(content, 46, 80))
 
 
@@ -245,3 +240,54 @@ def _describe_decoded(content: bytes) -> str:
         return content.decode()
     except UnicodeDecodeError:
         return content.decode("latin-1")
+
+
+#: Length and force of the units codes of data set 164 that need no factors.
+_UNIT_CODES = {
+    1: ("m", "N"),
+    2: ("ft", "lbf"),
+    3: ("m", "kgf"),
+    5: ("mm", "mN"),
+    7: ("in", "lbf"),
+    8: ("mm", "kgf"),
+} | {10: ("mm", "N")}
+_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+
+
+def abscissa(x: FloatArray, axis: Axis, is_time: bool, summary: Summary) -> FloatArray:
+    """Abscissa in Hz or s."""
+    if is_time:
+        time = unit(axis.unit or "s", what="unit of time")
+        if time.powers != (0, 0, 1):
+            raise InputError(f"time in {axis.unit!r}", expected="a unit of time")
+        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
+        return x * time.factor
+    name = axis.unit.lower()
+    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
+    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
+    if name not in factors:
+        raise InputError(f"frequency in {axis.unit!r}", expected=f"one of {', '.join(filter(None, factors))}")
+    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
+    return x * factors[name]
+
+
+def units(head: Header, quantity: str, per: str, code: int, summary: Summary) -> dict[str, str]:
+    """Units of response and force by their labels; where there are none, by the units ``code`` of data set 164.
+
+    ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
+    """
+    texts = {}
+    if head.numerator.unit:
+        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
+    if head.function == 4 and head.denominator.unit:
+        texts["force"] = head.denominator.unit
+    if code in _UNIT_CODES:
+        length, force = _UNIT_CODES[code]
+        if quantity in _PER_TIME and "response" not in texts:
+            texts["response"] = length + _PER_TIME[quantity]
+            summary.note(f"units code {code} of data set 164 gives {length} and {force}")
+        if "force" in (quantity, per):
+            texts.setdefault("force", force)
+    elif code:
+        summary.note(f"units code {code} of data set 164 is not used: it names no units")
+    return texts

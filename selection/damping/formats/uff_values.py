@@ -1,78 +1,25 @@
-"""Axes of a data set 58: abscissas in Hz or s, and the units of the ordinate.
+"""Values of a data set 58, read and written: text of fixed columns or blanks between, or bytes of either order.
 
-Values of a data set 58: from text of fixed columns or blanks between, or from bytes of either order.
-
-The values are taken in parts of bounded size, so that memory stays a small multiple of the file.
+They are read in parts of bounded size, so that memory stays a small multiple of the file. A record is written as, for
+each sweep, its receptance (type 4) and its force amplitude (spectrum, type 12): as bytes (58b) with every digit, as
+text with 13 digits of the ordinate and 6 of the abscissa. The fourth ID line says that amplitudes are peak values,
+which the format has no field for; reading knows it.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.errors import InputError
+from damping.arrays import FloatArray
+from damping.errors import AnalysisError, InputError
 from damping.formats.named import cartesian
-from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary
-from damping.formats.uff_blocks import Axis, Header, UffBlock
-from damping.records.keys import LARGEST, SMALLEST
-
-#: Length and force of the units codes of data set 164 that need no factors.
-_UNIT_CODES = {
-    1: ("m", "N"),
-    2: ("ft", "lbf"),
-    3: ("m", "kgf"),
-    5: ("mm", "mN"),
-    7: ("in", "lbf"),
-    8: ("mm", "kgf"),
-} | {10: ("mm", "N")}
-_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
-
-
-def abscissa(x: FloatArray, axis: Axis, is_time: bool, file: str | Path, summary: Summary) -> FloatArray:
-    """Abscissa in Hz or s."""
-    if is_time:
-        time = unit(axis.unit or "s", what="unit of time")
-        if time.powers != (0, 0, 1):
-            raise InputError(f"time in {axis.unit!r}", file=file, expected="a unit of time")
-        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
-        return x * time.factor
-    name = axis.unit.lower()
-    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
-    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
-    if name not in factors:
-        raise InputError(
-            f"frequency in {axis.unit!r}", file=file, expected=f"one of {', '.join(filter(None, factors))}"
-        )
-    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
-    return x * factors[name]
-
-
-def units(head: Header, quantity: str, per: str, code: int, summary: Summary) -> dict[str, str]:
-    """Units of response and force by their labels; where there are none, by the units ``code`` of data set 164.
-
-    ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
-    """
-    texts = {}
-    if head.numerator.unit:
-        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
-    if head.function == 4 and head.denominator.unit:
-        texts["force"] = head.denominator.unit
-    if code in _UNIT_CODES:
-        length, force = _UNIT_CODES[code]
-        if quantity in _PER_TIME and "response" not in texts:
-            texts["response"] = length + _PER_TIME[quantity]
-            summary.note(f"units code {code} of data set 164 gives {length} and {force}")
-        if "force" in (quantity, per):
-            texts.setdefault("force", force)
-    elif code:
-        summary.note(f"units code {code} of data set 164 is not used: it names no units")
-    return texts
-
+from damping.formats.series import Samples
+from damping.formats.uff_blocks import Header, UffBlock
+from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
+from damping.records.record import Record
 
 _PART = 1_000_000  # bytes of text taken at a time
 _NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran leaves the letter out where 3 digits follow
@@ -82,26 +29,26 @@ _LONGEST = 40  # characters of a number
 _PADDING = 5  # zeros that may fill the last line beyond the points
 
 
-def values(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[FloatArray, Samples]:
+def values(data: bytes, block: UffBlock, header: Header) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
     Raises:
         InputError: fewer or more values than points, or something that is no number.
     """
     if block.binary:
-        form, _ = binary_form(data, block, header, file)
+        form, _ = binary_form(data, block, header)
         table = np.frombuffer(data, dtype=form, count=header.points, offset=block.start)
-        x = _even(header, block, file) if header.even else table["x"].astype(np.float64)
+        x = _even(header, block) if header.even else table["x"].astype(np.float64)
         return x, _ordinate(table["y"])
     parts = 1 if header.ordinate in (2, 4) else 2
     width = parts + (not header.even)
-    numbers = _from_text(data, block, width * header.points, _widths(header), file)
+    numbers = _from_text(data, block, width * header.points, _widths(header))
     columns = numbers.reshape(header.points, width)
-    x = _even(header, block, file) if header.even else columns[:, 0].copy()
+    x = _even(header, block) if header.even else columns[:, 0].copy()
     return x, _ordinate(columns[:, width - parts :])
 
 
-def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) -> tuple[np.dtype[np.void], int]:
+def binary_form(data: bytes, block: UffBlock, header: Header) -> tuple[np.dtype[np.void], int]:
     """How one point of a binary set is stored, and where the values end.
 
     As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
@@ -110,7 +57,7 @@ def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) 
     Raises:
         InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
     """
-    order = _describe_byte_order(block, file)
+    order = _describe_byte_order(block)
     wide = "f4" if header.ordinate in (2, 5) else "f8"
     shape = (1 if header.ordinate in (2, 4) else 2,)
     forms = [np.dtype([("y", order + wide, shape)])]
@@ -122,17 +69,15 @@ def binary_form(data: bytes, block: UffBlock, header: Header, file: str | Path) 
             return form, end
     raise InputError(
         f"the bytes of {header.points} values are not followed by the end of the data set",
-        file=file,
         line=block.line + 7,
         expected="as many values as the header says, then a line with -1",
     )
 
 
-def _even(header: Header, block: UffBlock, file: str | Path) -> FloatArray:
+def _even(header: Header, block: UffBlock) -> FloatArray:
     if not (abs(header.first) <= LARGEST and (header.points == 1 or SMALLEST <= header.step <= LARGEST)):
         raise InputError(
             f"abscissa from {header.first:g} with increment {header.step:g}",
-            file=file,
             line=block.line + 7,
             expected="an increment > 0 (even spacing)",
         )
@@ -156,35 +101,32 @@ def _widths(header: Header) -> tuple[int, ...]:
     return (13, 20, 13, 20) if header.ordinate == 4 else (13, 20, 20)
 
 
-def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...], file: str | Path) -> FloatArray:
+def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...]) -> FloatArray:
     """The first ``needed`` numbers of the body."""
     if needed > (block.end - block.start) // 2 + 1:  # a number and a blank each
-        raise _few(needed, None, block, file)
+        raise _few(needed, None, block)
     numbers = np.empty(needed)
     count, line = 0, block.line + 12
     for part in _parts(data, block.start, block.end):
-        values = _numbers(part, widths, line, file)
+        values = _numbers(part, widths, line)
         taken = min(len(values), needed - count)
         numbers[count : count + taken] = values[:taken]
         surplus = values[taken:]
         if len(surplus) > _PADDING or np.any(surplus != 0.0):
             raise InputError(
-                f"more values than the {needed} of the header",
-                file=file,
-                line=line,
-                expected="as many as the header says",
+                f"more values than the {needed} of the header", line=line, expected="as many as the header says"
             )
         count += taken
         line += part.count(b"\n")
     if count < needed:
-        raise _few(needed, count, block, file)
+        raise _few(needed, count, block)
     return numbers
 
 
-def _few(needed: int, count: int | None, block: UffBlock, file: str | Path) -> InputError:
+def _few(needed: int, count: int | None, block: UffBlock) -> InputError:
     has = "" if count is None else f" where the header needs {needed}"
     message = f"{'fewer' if count is None else count} values{has}" + ("" if block.closed else " (the file is cut off)")
-    return InputError(message, file=file, line=block.line + 12, expected=f"{needed} values, as the header says")
+    return InputError(message, line=block.line + 12, expected=f"{needed} values, as the header says")
 
 
 def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
@@ -195,7 +137,7 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
         start = stop if stop > start else end
 
 
-def _numbers(part: bytes, widths: tuple[int, ...], line: int, file: str | Path) -> FloatArray:
+def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
     """Numbers of some lines: separated by blanks, else in columns (where they may touch)."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(_D_TO_E))
     for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
@@ -206,7 +148,7 @@ def _numbers(part: bytes, widths: tuple[int, ...], line: int, file: str | Path) 
         except ValueError:
             continue
     bad = next((i for i, text in enumerate(part.split(b"\n")) if not _readable(text, widths)), 0)
-    raise InputError("a value is not a number", file=file, line=line + bad, expected="numbers alone")
+    raise InputError("a value is not a number", line=line + bad, expected="numbers alone")
 
 
 def _readable(text: bytes, widths: tuple[int, ...]) -> bool:
@@ -230,15 +172,90 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-def _describe_byte_order(block: UffBlock, file: str | Path) -> str:
+def _describe_byte_order(block: UffBlock) -> str:
     """``<`` or ``>``: fields 1 (byte order) and 2 (floating-point format) of the first line."""
     order, form = (*block.fields, 0, 0)[:2]
     if form not in (0, 2):
-        raise InputError(
-            f"floating-point format {form}", file=file, line=block.line, expected="2 (IEEE 754) in data set 58b"
-        )
+        raise InputError(f"floating-point format {form}", line=block.line, expected="2 (IEEE 754) in data set 58b")
     if order not in (1, 2):
         raise InputError(
-            f"byte order {order}", file=file, line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
+            f"byte order {order}", line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
         )
     return "<" if order == 1 else ">"
+
+
+#: Fourth ID line of a set whose amplitudes are those of the sine.
+PEAK = "peak amplitudes"
+#: Data types of data set 58: abscissa, numerator and denominator.
+_FREQUENCY = 18
+_DISPLACEMENT = 8
+_FORCE = 13
+_LAST_LINE = b"    -1\n"
+
+
+def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes, list[str]]:
+    """The universal file of a record, and notes on what it does not hold.
+
+    Args:
+        record: with phases, or with sweeps of one row, which is at phase resonance.
+        length, force: labels of the units, up to 18 characters; '' where none is named.
+        binary: values as bytes.
+
+    Raises:
+        AnalysisError: a sweep of several rows without phases.
+    """
+    written = (*REQUIRED_COLUMNS, "phase")
+    notes = [f"column {name} is not in the universal file" for name in record.table.columns if name not in written]
+    displacement, drive = _describe_axis(_DISPLACEMENT, "Displacement", length), _describe_axis(_FORCE, "Force", force)
+    sets = []
+    for label in record.sweeps:
+        sweep = record.of(label)
+        f, F = sweep.column("frequency"), sweep.column("force")
+        receptance = sweep.column("amplitude") / F * np.exp(-1j * _lag(sweep, label))
+        title = " ".join(label.split())
+        if len(title.encode()) > 80 or title != label:
+            notes.append(f"label {label!r} is shortened")
+            title = title.encode()[:80].decode(errors="ignore")
+        sets.append(_set(title, 4, f, receptance, (displacement, drive), binary))
+        sets.append(_set(title, 12, f, F, (drive, _describe_axis(0, "NONE", "")), binary))
+    return b"".join(sets), notes
+
+
+def _lag(record: Record, label: str) -> FloatArray:
+    if record.has_phase:
+        return record.column("phase")
+    if len(record) > 1:
+        raise AnalysisError(f"sweep {label!r} has no phases, and a frequency response is not complete without them")
+    return np.full(1, 0.5 * np.pi)
+
+
+def _describe_axis(code: int, label: str, unit: str) -> str:
+    return f"{code:10d}{0:5d}{0:5d}{0:5d} {label:<20s} {unit or 'NONE':<20s}\n"
+
+
+def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, str], binary: bool) -> bytes:
+    """One data set of uneven spacing and double precision."""
+    numbers = np.column_stack([x, y.real, y.imag] if np.iscomplexobj(y) else [x, y])
+    first = f"{58:6d}{'':74s}\n"
+    if binary:
+        first = f"{58:6d}b{1:6d}{2:6d}{11:12d}{numbers.nbytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
+    lines = [
+        f"{-1:6d}\n",
+        first,
+        *(f"{line or 'NONE'}\n" for line in (title, "", "", PEAK, "")),
+        f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10s}{1:10d}{0:4d} {'NONE':<10s}{1:10d}{0:4d}\n",
+        f"{6 if np.iscomplexobj(y) else 4:10d}{len(x):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}\n",
+        _describe_axis(_FREQUENCY, "Frequency", "Hz"),
+        *axes,
+        _describe_axis(0, "NONE", ""),
+    ]
+    values = numbers.astype("<f8").tobytes() if binary else _as_text(numbers)
+    return "".join(lines).encode() + values + _LAST_LINE
+
+
+def _as_text(numbers: FloatArray) -> bytes:
+    """Format 1E13.5,2E20.12 of complex and 2(1E13.5,1E20.12) of real values."""
+    points = [f"{row[0]:13.5E}" + "".join(f"{value:20.12E}" for value in row[1:]) for row in numbers.tolist()]
+    if numbers.shape[1] == 2:
+        points = ["".join(points[i : i + 2]) for i in range(0, len(points), 2)]
+    return "".join(f"{point}\n" for point in points).encode()

@@ -38,11 +38,11 @@ def refitted_values(fit: ModelFit) -> dict[str, float]:
 def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
     """Parameters of every effect of a fit, as a model file holds them."""
     start = len(fit.model.problem.simulation.names)
-    found = {}
+    values = {}
     for part in fit.model.parts:
-        found[part.form.effect] = reported(part, fit.y[start : start + part.size])
+        values[part.form.effect] = reported(part, fit.y[start : start + part.size])
         start += part.size
-    return found
+    return values
 
 
 #: Draws from which intervals are taken; their content.
@@ -57,17 +57,17 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
     """
     draws = np.random.default_rng(0).multivariate_normal(fit.y, fit.covariance, size=_DRAWS, method="cholesky")
     start = len(fit.model.problem.simulation.names)
-    found = {}
+    intervals = {}
     for part in fit.model.parts:
         values = [value[:, 0] for value in part.values(draws[:, start : start + part.size])]
         start += part.size
         tail = 0.5 - 0.5 * CONTENT
-        found[part.form.effect] = {
+        intervals[part.form.effect] = {
             name: (float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail)))
             for name, drawn in part.form.report(*values).items()
             if np.ndim(drawn) == 1 and np.ptp(drawn) > 0.0
         }
-    return found
+    return intervals
 
 
 #: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
@@ -171,13 +171,13 @@ def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     start = len(simulation.names)
     replaced = {part.form.replaces for part in leading.model.parts}
     relative = np.exp(within_tolerance(x[:, :start]) * simulation.tolerance) - 1.0
-    found = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
+    drawn = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
     for part in leading.model.parts:
         values = [value[:, 0] for value in part.values(x[:, start : start + part.size])]
         start += part.size
         reported = part.form.report(*values)
-        found |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}
-    return found
+        drawn |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}
+    return drawn
 
 
 def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:

@@ -62,8 +62,8 @@ def directed_tests(fit: ModelFit) -> list[Test]:
         return decorrelate(columns, fit.model, rho)[0]
 
     own = replace(fit, r=white(fit.r), J=white(fit.J))
-    found = [_linear(own, name, white(columns(fit).T).T) for name, columns in FAMILIES.items()]
-    return [*found, _windows(own), _neighbours(own)]
+    tests = [_linear(own, name, white(columns(fit).T).T) for name, columns in FAMILIES.items()]
+    return [*tests, _windows(own), _neighbours(own)]
 
 
 def smallest_p(tests: Sequence[Test]) -> float:
@@ -87,13 +87,13 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
 
 
 def _stiffness(fit: ModelFit) -> FloatArray:
-    _, found = _at(fit)
-    return found.answer.columns(basis(motion(fit), SPLINES) * found.found.by_frequency)
+    _, residuals = _at(fit)
+    return residuals.sensitivity.columns(basis(motion(fit), SPLINES) * residuals.prediction.by_frequency)
 
 
 def _damping(fit: ModelFit) -> FloatArray:
-    _, found = _at(fit)
-    return found.answer.columns(1j * basis(motion(fit), SPLINES) * found.found.by_frequency)
+    _, residuals = _at(fit)
+    return residuals.sensitivity.columns(1j * basis(motion(fit), SPLINES) * residuals.prediction.by_frequency)
 
 
 def stiffness_and_damping(fit: ModelFit) -> FloatArray:
@@ -103,38 +103,40 @@ def stiffness_and_damping(fit: ModelFit) -> FloatArray:
 
 def _path(fit: ModelFit) -> FloatArray:
     """A compliance that is a smooth complex function of frequency beside the model's."""
-    rows, found = _at(fit)
-    relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - found.found.P)
-    return found.answer.columns(_complex(relative))
+    rows, residuals = _at(fit)
+    relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - residuals.prediction.P)
+    return residuals.sensitivity.columns(_complex(relative))
 
 
 def _gain(fit: ModelFit) -> FloatArray:
     """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
-    _, found = _at(fit)
-    return found.answer.columns(basis(motion(fit), 4).astype(complex))
+    _, residuals = _at(fit)
+    return residuals.sensitivity.columns(basis(motion(fit), 4).astype(complex))
 
 
 def _instrument(fit: ModelFit) -> FloatArray:
     """Gain and phase that depend on amplitude."""
-    _, found = _at(fit)
-    return found.answer.columns(_complex(basis(motion(fit), 4)))
+    _, residuals = _at(fit)
+    return residuals.sensitivity.columns(_complex(basis(motion(fit), 4)))
 
 
 def _transfer(fit: ModelFit) -> FloatArray:
     """Gain and phase that depend on frequency."""
-    rows, found = _at(fit)
-    return found.answer.columns(_complex(basis(rows.omega, 6)))
+    rows, residuals = _at(fit)
+    return residuals.sensitivity.columns(_complex(basis(rows.omega, 6)))
 
 
 def _drift(fit: ModelFit) -> FloatArray:
     """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
-    rows, found = _at(fit)
+    rows, residuals = _at(fit)
     within = np.zeros(len(rows))
     for number in range(len(rows.sweeps)):
         own = rows.sweep == number
         within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
     time = np.stack([rows.time, within])
-    return found.answer.columns(np.concatenate([time * found.found.by_frequency, time.astype(complex)]))
+    return residuals.sensitivity.columns(
+        np.concatenate([time * residuals.prediction.by_frequency, time.astype(complex)])
+    )
 
 
 def _at(fit: ModelFit) -> tuple[Rows, Residuals]:
@@ -197,9 +199,12 @@ def _clipped(fit: ModelFit) -> tuple[FloatArray, float, float]:
 def _windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = fit.model.problem.rows
-    squares, mean, sd = _clipped(fit)
     quantities = 1 + rows.has_phase
-    excess = ((squares - mean) / sd)[: quantities * len(rows)].reshape(-1, len(rows)).sum(axis=0)
+    squares, mean, sd = _clipped(fit)
+    squares = squares[: quantities * len(rows)]
+    # noise that is larger in some rows than in others is no local disturbance: their spread is that of all rows
+    excess = (squares - max(mean, squares.mean())) / max(sd, squares.std())
+    excess = excess.reshape(-1, len(rows)).sum(axis=0)
     excess = excess[np.argsort(rows.omega)]
     total = np.concatenate([[0.0], np.cumsum(excess)])
     best, tried = 0.0, 1

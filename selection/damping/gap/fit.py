@@ -66,6 +66,11 @@ class ModelFit:
         return self.model.effects
 
     @property
+    def measured(self) -> FloatArray:
+        """The residuals of what was measured: the others are zero and say nothing."""
+        return self.r[self.model.problem.rows.seen]
+
+    @property
     def many_wild(self) -> bool:
         """Whether more values are taken for wild than errors of measurement are."""
         seen = self.model.problem.rows.seen
@@ -177,13 +182,11 @@ def _climb(
             break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
+        r_new, J_new = _white_jacobian(model, new)  # most steps are good: residuals alone would be one call more
         cost = _cost(r[at], y[at], scale, weights)
-        gain = cost - _cost(_white_residuals(model, new), new, scale, weights)
+        gain = cost - _cost(r_new, new, scale, weights)
         better = gain > 0.0
-        if better.any():
-            won = at[better]
-            y[won] = new[better]
-            r[won], J[won] = _white_jacobian(model, y[won])
+        y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
         little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
         settled = (better & (gain < little)) | (damping[at] > 1e6)

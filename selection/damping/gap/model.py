@@ -102,24 +102,24 @@ class Sensitivity:
 
     def columns(self, T: ComplexArray) -> FloatArray:
         """Changes of the residuals, (.., m), by changes T (.., n) of ln(prediction)."""
-        found = [-T.real * self.per_sd]
+        changes = [-T.real * self.per_sd]
         if self.sd_phase is not None:
-            found.append((T.imag + self.follow * T.real) / self.sd_phase)
-        return np.concatenate(found + [np.zeros_like(found[0])] * self.further, axis=-1)
+            changes.append((T.imag + self.follow * T.real) / self.sd_phase)
+        return np.concatenate(changes + [np.zeros_like(changes[0])] * self.further, axis=-1)
 
 
 @dataclass(frozen=True)
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first, and their derivatives by gain and frequency.
 
-    ``answer`` says how they change with the prediction, ``found`` is the prediction, ``motion`` its ln amplitude u*.
+    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``.
     """
 
     r: FloatArray
     by_gain: FloatArray
     by_frequency: FloatArray
-    answer: Sensitivity
-    found: Prediction
+    sensitivity: Sensitivity
+    prediction: Prediction
     motion: FloatArray
 
 
@@ -165,8 +165,8 @@ class Model:
     def at_motion(self, y: FloatArray) -> Model:
         """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
         rows = self.problem.rows
-        found = self.residuals(y[np.newaxis])
-        near = np.clip(found.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
+        own = self.residuals(y[np.newaxis])
+        near = np.clip(own.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
         return replace(self, at=near)
 
     def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,14 +174,14 @@ class Model:
         batch, size = len(y), self.size
         points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
         points[:, np.arange(1, size + 1), np.arange(size)] += STEP
-        found = self.residuals(points.reshape(batch * (size + 1), -1))
-        r = found.r.reshape(batch, size + 1, -1)
+        own = self.residuals(points.reshape(batch * (size + 1), -1))
+        r = own.r.reshape(batch, size + 1, -1)
         by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
         at = np.arange(batch) * (size + 1)
         one_hot = self.problem.rows.sweep[:, np.newaxis] == np.arange(self.sweeps)
         one_hot = np.tile(one_hot, (r.shape[2] // len(self.problem.rows), 1))
-        by_gain = found.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
-        by_frequency = found.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
+        by_gain = own.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
+        by_frequency = own.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
         return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
 
 
@@ -191,25 +191,25 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given.
     """
     u0 = rows.u if at is None else at
-    found = predict(deviated(terms, rows, z, scatter), u0, rows.drive)
-    d = 1.0 - found.by_u.real
+    prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive)
+    d = 1.0 - prediction.by_u.real
     squared = d * d + FOLD**2
-    misfit = u0 - found.P.real
+    misfit = u0 - prediction.P.real
     motion = u0 - misfit * d / squared
     sd_phase = rows.sd_phase * scatter.factor
     per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
-    follow = found.by_u.imag * d / squared
-    further = 4 * rows.has_further
-    answer = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
-    by_frequency = answer.columns(found.by_frequency)
+    follow = prediction.by_u.imag * d / squared
+    further = 2 * len(rows.channels)
+    sensitivity = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
+    by_frequency = sensitivity.columns(prediction.by_frequency)
     parts = [(misfit + (rows.u - u0) * d) * per_sd]
-    phase = -found.P.imag + follow * misfit
+    phase = -prediction.P.imag + follow * misfit
     if rows.has_phase:
         parts.append(wrapped(rows.phase - phase) / sd_phase)
-    if rows.has_further:
+    if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
     by_gain = np.concatenate([-d * per_sd] + [np.zeros_like(d)] * (len(parts) - 1), axis=1)
-    return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, answer, found, motion)
+    return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, sensitivity, prediction, motion)
 
 
 #: Largest part of the motion that a channel across it picks up because it is not square to it.
@@ -217,21 +217,37 @@ _SKEW = 0.1
 
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
-    """Residuals of the third harmonic and of the motion across, (batch, n) each: real parts, then imaginary ones.
+    """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
+    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
+    parts: list[FloatArray] = []
+    for channel in rows.channels:
+        left = _third(terms, rows, A, phase) if channel == "third" else _cross(terms, rows, A, phase)
+        left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
+        parts += [left.real, left.imag]
+    return parts
+
+
+def _third(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
+    """Predicted less measured third harmonic."""
+    return third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
+
+
+def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
+    """Measured less predicted motion across.
 
     Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
     """
-    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
-    third = (third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third) / (rows.sd_third * scatter.factor)
-    seen = 1.0 / (rows.sd_cross * scatter.factor)
-    across = cross_motion(terms, A, rows.drive) * seen
-    along, measured = A * np.exp(-1j * phase) * seen, rows.cross * seen
+    seen = 1.0 / rows.sd_cross
+    across, along, measured = (
+        cross_motion(terms, A, rows.drive) * seen,
+        A * np.exp(-1j * phase) * seen,
+        rows.cross * seen,
+    )
     way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     left = measured - way * across
     size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
     skew = np.clip(np.sum((left * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
-    left = left - skew * along
-    return [third.real, third.imag, left.real, left.imag]
+    return np.asarray((left - skew * along) * rows.sd_cross)
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
@@ -260,12 +276,12 @@ def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
     """
     best, least = u.copy(), np.full(len(u), np.inf)
     for _ in range(_MOST_STEPS):
-        found = predict(terms, u, rows.drive)
-        misfit = u - found.P.real[0]
+        prediction = predict(terms, u, rows.drive)
+        misfit = u - prediction.P.real[0]
         closer = np.abs(misfit) < least
         best, least = np.where(closer, u, best), np.where(closer, np.abs(misfit), least)
         if np.all(least < _SETTLED):
             break
-        d = 1.0 - found.by_u.real[0]
+        d = 1.0 - prediction.by_u.real[0]
         u = u - np.clip(misfit * d / (d * d + FOLD**4), -_LONGEST, _LONGEST)
     return Motion(best, -predict(terms, best, rows.drive).P.imag[0])

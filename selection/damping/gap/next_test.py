@@ -7,8 +7,9 @@ and Verdinelli 1995, design for discrimination between models).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import sqrt
 
 import numpy as np
@@ -35,79 +36,91 @@ MOST_RIVALS = 3
 ALIVE = 0.01
 
 _SWEEP = ("force", "frequency", "amplitude", "phase")
+_THIRD = ("amplitude_3", "phase_3")
 
 
 @dataclass(frozen=True)
 class ProposedTest:
-    """A test that could be made next: what it is, why it tells, the columns that it fills.
+    """A test that could be made next: what it is, why it tells, the columns that it fills beside those of a sweep.
 
-    ``rows`` have amplitudes yet unknown. ``change`` is what it does to the terms of any hypothesis.
+    ``width`` of the sweep over that of the record, 0 for the vicinity of resonance; ``factor`` on the highest force, or
+    on the ``lowest``; ``heavier``: added mass over the modal mass. ``channel``: a further one that is measured.
+    ``change`` is what it does to the terms of any hypothesis.
     """
 
     what: str
     why: str
-    columns: tuple[str, ...]
-    rows: Rows
+    columns: tuple[str, ...] = ()
+    width: float = 1.0
+    factor: float = 1.0
+    lowest: bool = False
+    heavier: float = 0.0
+    channel: str = ""
     change: Callable[[Terms], Terms] = lambda terms: terms
 
+    def plan(self, problem: Problem) -> Rows:
+        """Its rows, whose amplitudes are yet unknown."""
+        rows, scales = problem.rows, problem.scales
+        level = rows.level.min() if self.lowest else rows.level.max()
+        reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
+        if not self.width:
+            reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
+        band = 1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8)
+        omega = scales.omega_n * band / sqrt(1.0 + self.heavier)
+        like = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        planned = _over(like, omega, self.factor, self.heavier * scales.M)
+        return _with_channel(planned, self.channel) if self.channel else planned
 
-def list_designs(problem: Problem) -> Iterator[ProposedTest]:
-    """All tests that a record can hold."""
-    rows, scales = problem.rows, problem.scales
-    top = rows.where(rows.sweep == np.flatnonzero(rows.level == rows.level.max())[0])
-    low = rows.where(rows.sweep == np.flatnonzero(rows.level == rows.level.min())[0])
-    width = max(scales.reach, 4.0 * scales.bandwidth)
-    band = 1.0 + np.linspace(-1.0, 1.0, _POINTS) * width
-    wide = 1.0 + np.maximum(np.linspace(-2.0, 2.0, _POINTS) * width, -0.8)
-    near = 1.0 + np.linspace(-2.0, 2.0, _POINTS) * min(scales.bandwidth, scales.reach or scales.bandwidth)
-    at = scales.omega_n
-    for factor, named, of in ((2.0, "twice the highest force", top), (0.5, "half the lowest force", low)):
-        yield ProposedTest(f"a sweep at {named}", "effects part with amplitude", _SWEEP, _over(of, at * band, factor))
-    yield ProposedTest(
-        "a sweep of twice the band at the highest force",
-        "other paths and other powers of frequency show far from resonance",
-        _SWEEP,
-        _over(top, at * wide),
-    )
-    yield ProposedTest(
-        f"{_POINTS} more points near resonance at the highest force",
-        "damping decides there",
-        _SWEEP,
-        _over(top, at * near),
-    )
-    for share in ADDED_MASSES:
-        heavier = _over(top, at * band / sqrt(1.0 + share), added=share * scales.M)
-        yield ProposedTest(
+
+def _add_mass(share: float) -> tuple[ProposedTest, ProposedTest]:
+    """A second state, without and with the third harmonic."""
+    return (
+        ProposedTest(
             f"a second state with a known mass of {share:.0%} of the modal mass added",
             "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
-            (*_SWEEP, "added_mass"),
-            heavier,
-        )
-        yield ProposedTest(
+            ("added_mass",),
+            heavier=share,
+        ),
+        ProposedTest(
             f"the same state, {share:.0%} heavier, with the third harmonic of the displacement",
             "both what moves with frequency and what distorts show",
-            (*_SWEEP, "added_mass", "amplitude_3", "phase_3"),
-            _with_channel(heavier, "third"),
-        )
-    yield ProposedTest(
+            ("added_mass", *_THIRD),
+            heavier=share,
+            channel="third",
+        ),
+    )
+
+
+#: All tests that a record can hold.
+DESIGNS = (
+    ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
+    ProposedTest("a sweep at half the lowest force", "effects part with amplitude", factor=0.5, lowest=True),
+    ProposedTest(
+        "a sweep of twice the band at the highest force",
+        "other paths and other powers of frequency show far from resonance",
+        width=2.0,
+    ),
+    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
+    *chain.from_iterable(_add_mass(share) for share in ADDED_MASSES),
+    ProposedTest(
         "the highest sweep again, each frequency held until the motion is steady",
         "what a moving frequency does is gone",
-        (*_SWEEP, "sweep_rate"),
-        _over(top, at * band),
-        lambda terms: replace(terms, moving=()),
-    )
-    yield ProposedTest(
+        ("sweep_rate",),
+        change=lambda terms: replace(terms, moving=()),
+    ),
+    ProposedTest(
         "the third harmonic of the displacement at the highest force",
         "forces that are not linear in the motion distort it, paths and gains do not",
-        (*_SWEEP, "amplitude_3", "phase_3"),
-        _with_channel(_over(top, at * band), "third"),
-    )
-    yield ProposedTest(
+        _THIRD,
+        channel="third",
+    ),
+    ProposedTest(
         "the motion across the measured axis at the highest force",
         "a second principal plane moves across the drive, nothing else does",
-        (*_SWEEP, "amplitude_y", "phase_y"),
-        _with_channel(_over(top, at * band), "cross"),
-    )
+        ("amplitude_y", "phase_y"),
+        channel="cross",
+    ),
+)
 
 
 def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0) -> Rows:
@@ -138,7 +151,7 @@ def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0
         sd_third=np.full(n, UNSEEN),
         sd_cross=np.full(n, UNSEEN),
         has_phase=True,
-        has_further=False,
+        channels=(),
     )
 
 
@@ -146,7 +159,7 @@ def _with_channel(rows: Rows, channel: str) -> Rows:
     """The rows with one more channel, whose noise is that of the smallest amplitudes, or of `FLOOR`."""
     noise = min(float(np.min(rows.sd_amplitude * rows.A)), FLOOR * float(np.max(rows.A)))
     floor = np.full(len(rows), noise)
-    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), has_further=True)
+    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), channels=(channel,))
 
 
 @dataclass(frozen=True)
@@ -180,14 +193,15 @@ def rank_tests(leading: ModelFit, rivals: Sequence[Rival], command: str) -> tupl
     """
     if not rivals:
         return ()
-    found = []
-    for design in list_designs(leading.model.problem):
-        odds = _against_all([_odds(leading, rival.fit, design) for rival in rivals], rivals)
-        if odds > WORTH:
-            found.append(
-                NextTest(design.what, design.why, odds, design.columns, (_describe_rows(design.rows),), command)
-            )
-    return tuple(sorted(found, key=lambda test: -test.expected_log_odds))
+    tests = []
+    for design in DESIGNS:
+        rows = design.plan(leading.model.problem)
+        odds = _against_all([_odds(leading, rival.fit, rows, design.change) for rival in rivals], rivals)
+        columns, planned = (*_SWEEP, *design.columns), (_describe_rows(rows),)
+        tests.append(NextTest(design.what, design.why, odds, columns, planned, command))
+    return tuple(
+        sorted((test for test in tests if test.expected_log_odds > WORTH), key=lambda test: -test.expected_log_odds)
+    )
 
 
 def _describe_rows(rows: Rows) -> dict[str, float]:
@@ -210,15 +224,15 @@ def _against_all(odds: list[float], rivals: Sequence[Rival]) -> float:
     return -float(logsumexp(-np.array(odds), b=p / p.sum()))
 
 
-def _odds(leading: ModelFit, rival: ModelFit, design: ProposedTest) -> float:
+def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Terms], Terms]) -> float:
     """Half the squared distance of the two predictions, in units of all that the rival leaves open.
 
     These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
     """
-    seen = _simulate(design.change(_terms(leading)), design.rows)
+    seen = _simulate(change(_terms(leading)), rows)
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
-    terms = design.change(rival.model.terms(rival.y[:k] + steps))
+    terms = change(rival.model.terms(rival.y[:k] + steps))
     found = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), rival.model.scatter)
     J = (found.r[1:] - found.r[0]) / STEP
     C = np.vstack(
@@ -232,7 +246,7 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     """The rows as terms, values (1, 1), predict them."""
     motion = steady(terms, rows, rows.u)
     seen = replace(rows, u=motion.u, phase=motion.phase)
-    if not rows.has_further:
+    if not rows.channels:
         return seen
     A = np.exp(motion.u - np.ravel(terms.gain))
     third = third_harmonic(terms, A, motion.phase, rows.drive).reshape(-1)

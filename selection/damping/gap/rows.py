@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import pi
 
 import numpy as np
@@ -34,7 +35,7 @@ class Rows:
             ``UNSEEN`` where no phase was measured.
         third, cross: phasors of the third harmonic, and of the motion across the measured axis, at the phase of the
             force; sd_third, sd_cross: their noise, ``UNSEEN`` where there are none.
-        has_phase, has_further: whether phases, and phasors of other channels, are compared.
+        has_phase: whether phases are compared. channels: further phasors that are, of ``third`` and ``cross``.
     """
 
     row: IntArray
@@ -62,7 +63,7 @@ class Rows:
     sd_third: FloatArray
     sd_cross: FloatArray
     has_phase: bool
-    has_further: bool = False
+    channels: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.F)
@@ -72,11 +73,14 @@ class Rows:
         """Measured amplitude."""
         return np.exp(self.u)
 
-    @property
+    @cached_property
     def drive(self) -> Drive:
-        """What the rig does at each row."""
-        names = ("F", "omega", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio", "own")
-        return Drive(*(getattr(self, name) for name in names))
+        """What the rig does at each row; what is the same at all rows is a number."""
+        values = {name: getattr(self, name) for name in ("F", "omega", "time")} | {"sweep": self.label}
+        for name in ("mass", "resonant", "up", "rate", "added", "state", "ratio", "own"):
+            own = getattr(self, name)
+            values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
+        return Drive(**values)
 
     @property
     def at_resonance(self) -> bool:
@@ -88,13 +92,13 @@ class Rows:
         """Which residuals (values,) are measured at all."""
         parts = [self.sd_amplitude]
         parts += [self.sd_phase] if self.has_phase else []
-        parts += [self.sd_third, self.sd_third, self.sd_cross, self.sd_cross] if self.has_further else []
+        parts += [getattr(self, f"sd_{channel}") for channel in self.channels for _ in range(2)]
         return np.concatenate(parts) < UNSEEN
 
     @property
     def values(self) -> int:
         """Number of residuals: amplitudes, then phases and phasors of other channels where there are any."""
-        return len(self) * (1 + self.has_phase + 4 * self.has_further)
+        return len(self) * (1 + self.has_phase + 2 * len(self.channels))
 
     @property
     def levels(self) -> int:
@@ -165,7 +169,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         sd_third=np.where(np.isfinite(third), 1.0, UNSEEN),
         sd_cross=np.where(np.isfinite(cross), 1.0, UNSEEN),
         has_phase=record.has_phase,
-        has_further=bool(np.isfinite(third).any() or np.isfinite(cross).any()),
+        channels=tuple(name for name, phasor in (("third", third), ("cross", cross)) if np.isfinite(phasor).any()),
     )
 
 
@@ -234,7 +238,7 @@ def _joined(parts: list[Rows]) -> Rows:
         sweeps=names,
         level=number_levels(forces),
         has_phase=any(rows.has_phase for rows in parts),
-        has_further=any(rows.has_further for rows in parts),
+        channels=tuple(name for name in ("third", "cross") if any(name in rows.channels for rows in parts)),
     )
 
 

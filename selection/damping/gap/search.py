@@ -17,7 +17,7 @@ from damping.effects.contract import Effect, Form
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
 from damping.gap.model import Model, Part, Problem
-from damping.gap.starts import SURE, Start, at_gap, choose_forms, starts
+from damping.gap.starts import SURE, Start, at_gap, choose_forms, list_starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -101,13 +101,13 @@ class Search:
 
     Attributes:
         problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
-        found: hypotheses fitted so far. units: the strength of each form that opens a gap of one unit of noise.
+        hypotheses: those fitted so far. units: the strength of each form that opens a gap of one unit of noise.
     """
 
     problem: Problem
     effects: Mapping[str, Effect]
     unknown: Unknowns
-    found: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     units: dict[Form, float] = field(default_factory=dict)
     forms: dict[str, tuple[Form, ...]] = field(init=False)
 
@@ -126,9 +126,9 @@ class Search:
     def combine(self) -> list[Hypothesis]:
         """Add effects to what was fitted as long as the data demand them; most probable first."""
         for size in range(1, self._most_effects()):
-            before = len(self.found)
+            before = len(self.hypotheses)
             self._combine(size)
-            if len(self.found) == before or len(self.ranked()[0].effects) <= size:
+            if len(self.hypotheses) == before or len(self.ranked()[0].effects) <= size:
                 break
         leading = self.ranked()[0]
         if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
@@ -143,7 +143,7 @@ class Search:
         """
         leading = self.ranked()[0]
         for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
-            if leading.key - {name} not in self.found:
+            if leading.key - {name} not in self.hypotheses:
                 fits = [fit_roughly(*drop_effect(fit, name)) for fit in leading.near]
                 effects = tuple(other for other in leading.effects if other != name)
                 self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
@@ -154,7 +154,7 @@ class Search:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
         model = Model(self.problem, (), self.unknown.first)
         first = fit_model(model, np.zeros((1, model.size)))[0]
-        tried = {name: [starts(first, form) for form in own] for name, own in self.forms.items()}
+        tried = {name: list_starts(first, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
         null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
@@ -173,7 +173,7 @@ class Search:
         ranked = self.ranked()
         probable = [one for one in ranked[:_AGAIN] if one.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {one.key: one for one in (self.found[frozenset()], *simple, *probable)}
+        worth = {one.key: one for one in (self.hypotheses[frozenset()], *simple, *probable)}
         for one in sorted(worth.values(), key=lambda one: len(one.effects)):
             fits = []
             for fit in one.near:
@@ -186,7 +186,7 @@ class Search:
 
     def ranked(self) -> list[Hypothesis]:
         """All hypotheses, most probable first."""
-        return sorted(self.found.values(), key=lambda one: -one.log_posterior)
+        return sorted(self.hypotheses.values(), key=lambda one: -one.log_posterior)
 
     def _most_effects(self) -> int:
         """Effects that so many rows can carry; at phase resonance only, a level less than there are."""
@@ -194,7 +194,7 @@ class Search:
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
     def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
-        return [starts(base.plain, form, self.units[form]) for form in self.forms[name]]
+        return list_starts(base.plain, self.forms[name], self.units)
 
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
@@ -205,12 +205,12 @@ class Search:
         best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
-        quiet = {key: one.log_posterior for key, one in self.found.items() if key and _leaves_noise(one)}
+        quiet = {key: one.log_posterior for key, one in self.hypotheses.items() if key and _leaves_noise(one)}
         for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
-                if name in base.effects or key in self.found or self.effects[name].denies & key:
+                if name in base.effects or key in self.hypotheses or self.effects[name].denies & key:
                     continue
                 if doubted and key & doubted.key:
                     continue
@@ -228,7 +228,7 @@ class Search:
 
     def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
-        rough = float(np.sqrt(np.mean(base.plain.r**2)))
+        rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
@@ -239,7 +239,7 @@ class Search:
         if fits:
             top = max(one.log_evidence for one in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-            known = max(one.log_evidence for one in self.found.values())
+            known = max(one.log_evidence for one in self.hypotheses.values())
             self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
@@ -260,7 +260,7 @@ class Search:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
         top = max(one.log_evidence for one in fits)
         plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-        least = max((one.log_evidence for one in self.found.values()), default=-np.inf) - _WORTH
+        least = max((one.log_evidence for one in self.hypotheses.values()), default=-np.inf) - _WORTH
         near = [marginalise_scatter(one, self.unknown, least) for one in plain]
         first = int(np.argmax([one.log_evidence for one in near]))
         evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
@@ -268,14 +268,14 @@ class Search:
         prior += sum(np.log(self.effects[name].prior) for name in effects)
         others = _list_other_forms(plain[first], plain) if effects else ()
         hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
-        self.found[hypothesis.key] = hypothesis
+        self.hypotheses[hypothesis.key] = hypothesis
         return hypothesis
 
 
 def _leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return not hypothesis.plain.many_wild and spread(hypothesis.plain.r) < 1.0 + _FITTING / np.sqrt(
-        hypothesis.plain.r.size
+    return not hypothesis.plain.many_wild and spread(hypothesis.plain.measured) < 1.0 + _FITTING / np.sqrt(
+        hypothesis.plain.measured.size
     )
 
 

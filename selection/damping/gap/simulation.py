@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from inspect import signature
 from typing import Any
 
@@ -14,7 +15,7 @@ from damping.effects.contract import Drive, OfDrive, Terms
 from damping.effects.course import BETWEEN
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
-from damping.forces import list_parameter_names, make
+from damping.forces import Force, force_class, list_parameter_names
 from damping.records.mode import Mode
 
 #: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
@@ -50,14 +51,14 @@ class Simulation:
     swept: tuple[str, ...] = ()
     simulator: Simulator | None = None
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
         own = () if self.simulator is None else tuple(self.simulator.values)
         states = (f"frequency of state {number + 1}" for number in self.further)
         return ("frequency", "mass", *self.mode.damping, *states, *self.swept, *own)
 
-    @property
+    @cached_property
     def tolerance(self) -> FloatArray:
         """Standard uncertainty of each variable: relative, but for those of ``swept``."""
         stated = self.mode.tolerance
@@ -70,15 +71,20 @@ class Simulation:
         states, swept = [frequency] * len(self.further), [BETWEEN.width] * len(self.swept)
         return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *swept, *own])
 
+    @cached_property
+    def _damping(self) -> list[tuple[Callable[..., Force], str, Mapping[str, float]]]:
+        """Damping forces of the mode, the parameter that each is proportional to, and all of them."""
+        table = self.mode.damping
+        return [(force_class(name), list_parameter_names(name)[0], table[name]) for name in table]
+
     def terms(self, x: FloatArray) -> Terms:
         """The terms at variables x (batch, k), as arrays (batch, 1)."""
         deviation = (within_tolerance(x) * self.tolerance)[..., np.newaxis]
         factor = np.exp(deviation)
-        forces = []
-        for number, (name, parameters) in enumerate(self.mode.damping.items()):
-            leading, *others = list_parameter_names(name)
-            values = {leading: parameters[leading] * factor[:, 2 + number]} | {key: parameters[key] for key in others}
-            forces.append(make(name, **values))
+        forces = [
+            build(**{**parameters, leading: parameters[leading] * factor[:, 2 + number]})
+            for number, (build, leading, parameters) in enumerate(self._damping)
+        ]
         first = 2 + len(forces)
         own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
         first += len(self.further)

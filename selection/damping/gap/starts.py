@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,21 +32,40 @@ class Start:
     gain: float
 
 
-def starts(base: ModelFit, form: Form, unit: float | None = None) -> list[Start]:
-    """Starts of one more form beside those of a fit, one for every start of its shapes, the best first.
+def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:
+    """Starts of one more effect beside those of a fit, for each of its ``forms``.
+
+    ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; found
+    here where it is not known. Of two forms that mirror each other one direction d is that of the other, turned.
+    """
+    directions: dict[str, tuple[FloatArray, FloatArray]] = {}
+    tried = []
+    for form in forms:
+        shapes = _grid(form)
+        if form.mirror in directions:
+            r, d = directions[form.mirror]
+            d = -d
+        else:
+            r, d = _direction(base, form, shapes)
+            directions |= {form.mirror: (r, d)} if form.mirror else {}
+        tried.append(_starts(base, form, shapes, r, d, units.get(form)))
+    return tried
+
+
+def _starts(
+    base: ModelFit, form: Form, shapes: FloatArray, r: FloatArray, d: FloatArray, unit: float | None
+) -> list[Start]:
+    """Starts of a form, one for every start of its shapes, the best first.
 
     The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
-    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d). ``unit`` is the strength that opens
-    a gap of one unit of noise, d.d unit^2 = number of residuals; found here when not given.
+    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d).
     """
-    shapes = _grid(form)
-    r, d = _direction(base, form, shapes)
     squared, pull = _projected(base, form, r, d)
     strength = -pull / squared
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
-        opened = form.natural * float(np.sqrt(squared[middle] / base.r.size))
+        opened = form.natural * float(np.sqrt(squared[middle] / base.measured.size))
         # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
         unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD

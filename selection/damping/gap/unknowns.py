@@ -43,7 +43,7 @@ def stated_noise(rows: Rows, record: Record) -> Rows:
         relative = np.hypot(relative, _column(record, "force_sd", rows.row) / F)
     sd_phase = np.where(rows.sd_phase < UNSEEN, _filled(_column(record, "phase_sd", rows.row)), UNSEEN)
     rows = replace(rows, sd_amplitude=relative, sd_phase=sd_phase)
-    return further_noise(rows) if rows.has_further else rows
+    return further_noise(rows) if rows.channels else rows
 
 
 #: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
@@ -209,7 +209,7 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     start = fit.r * root - J @ (fit.y * own)  # residuals at x = 0, b = 0
     scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
-    regular = float(np.sum(weights > WILD_WEIGHT))
+    regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
     found = []

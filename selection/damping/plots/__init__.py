@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
 from zlib import crc32
 
@@ -27,9 +27,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from damping.forces import CATALOGUE, Viscous
-
-_POINTS = 72.0
-_SCALES = ("linear", "log")
 
 
 def describe_scales(figure: Figure) -> str:
@@ -45,7 +42,7 @@ def describe_scales(figure: Figure) -> str:
 
 
 def _describe_axes(axes: Axes, figure: Figure) -> dict[str, Any]:
-    width, height = (_POINTS * inches for inches in figure.get_size_inches())
+    width, height = (72.0 * inches for inches in figure.get_size_inches())
     place = axes.get_position()
     box = (place.x0 * width, (1.0 - place.y1) * height, place.width * width, place.height * height)
     named = axes.get_label() != "<colorbar>"
@@ -61,7 +58,7 @@ def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | 
     if isinstance(axis.get_major_formatter(), ScalarFormatter):
         labels.append(figure.get_supxlabel() if which == "x" else figure.get_supylabel())
     name = next((" ".join(label.split()) for label in labels if label), "")
-    if not name or kind not in _SCALES:
+    if not name or kind not in ("linear", "log"):
         return None
     low, high = (float(f"{limit:.7g}") for limit in limits)
     return {"name": name, "low": low, "high": high, "log": kind == "log"}
@@ -140,9 +137,14 @@ class Drawing(Figure):
     """A figure that a notebook shows as it is, without pyplot."""
 
     def _repr_png_(self) -> bytes:
-        buffer = io.BytesIO()
-        self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-        return buffer.getvalue()
+        return to_png(self, dpi=110)
+
+
+def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes | None = None) -> tuple[Figure, Axes]:
+    """A figure of ``height`` inches with one panel; ``axes`` and what they are on where they are given."""
+    panel = Drawing(figsize=(WIDTH, height)).add_subplot() if axes is None else axes
+    panel.set(xlabel=x_label, ylabel=y_label)
+    return cast(Figure, panel.figure), panel
 
 
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -162,9 +164,8 @@ def law_style(name: str) -> LawStyle:
     others = [part for part in parts if part != Viscous.name] or [Viscous.name]
     if len(others) == 1 and others[0] in _FORCE_COLOURS:
         return LawStyle(_FORCE_COLOURS[others[0]], "-" if len(parts) == 1 else (0, (4.5, 1.6)))
-    number = crc32(name.encode())
-    lines, colours = len(_OTHER_LINES), len(_OTHER_COLOURS)
-    return LawStyle(_OTHER_COLOURS[number % colours], _OTHER_LINES[number // colours % lines])
+    turn, place = divmod(crc32(name.encode()), len(_OTHER_COLOURS))
+    return LawStyle(_OTHER_COLOURS[place], _OTHER_LINES[turn % len(_OTHER_LINES)])
 
 
 def describe_with_unit(what: str, unit: str) -> str:
@@ -182,8 +183,7 @@ def weight_text(weight: float) -> str:
 def plain_log(axis: Axis) -> None:
     """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
     low, high = sorted(axis.get_view_interval())
-    short = high < 15.0 * low
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=7))
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 15.0 * low else (1.0,), numticks=7))
     axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
     axis.set_minor_locator(NullLocator())
 
@@ -219,12 +219,18 @@ def identifier(name: str) -> str:
     return slug if slug[:1].isalpha() else f"n-{slug}"
 
 
+def to_png(figure: Figure, dpi: float) -> bytes:
+    """The figure as PNG; equal figures give equal bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
+
+
 def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
 
     Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
-    so figures with different names can share a page. ``data-axes`` says how to read values off it
-    (:func:`damping.plots.describe_scales`).
+    so that figures may share a page. ``data-axes`` says how to read values off it (``describe_scales``).
     """
     prefix = identifier(name)
     buffer = io.BytesIO()

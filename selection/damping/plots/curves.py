@@ -26,7 +26,7 @@ from damping.plots import (
     MUTED,
     PREDICTIVE,
     WIDTH,
-    Drawing,
+    build_panel,
     describe_short,
     describe_with_unit,
     distinguish,
@@ -34,35 +34,30 @@ from damping.plots import (
     styled,
 )
 
+#: Line of a median beyond the test.
+_DASHED = (0, (4, 1.5))
+
 
 @styled
-def damping_curve(table: pd.DataFrame, level: float, unit: str = "", tested: pd.DataFrame | None = None) -> Figure:
-    """Draw the damping ratio, with Q on the right.
+def damping_curve(
+    table: pd.DataFrame, level: float, unit: str = "", tested: pd.DataFrame | None = None, *, axes: Axes | None = None
+) -> Figure:
+    """Draw the damping ratio, with Q on the right; on ``axes`` without a legend.
 
     Args:
         table: rows of a curve, ``amplitude, damping_ratio, damping_ratio_low, damping_ratio_high, tested``; NaN where
             there is none. level: content of the band. tested: of each sweep, ``amplitude, damping_ratio``.
     """
-    figure = Drawing(figsize=(WIDTH, 3.7))
-    axes = figure.add_subplot()
-    draw_damping_curve(axes, table, level, unit, tested)
-    figure.legend(
-        handles=_build_curve_marks(level, 0 if tested is None else len(tested)),
-        loc="outside lower left",
-        ncols=2,
-        columnspacing=1.2,
-    )
+    figure, panel = build_panel(3.7, describe_with_unit("resonant amplitude", unit), "damping ratio (%)", axes=axes)
+    _draw_damping_ratio(panel, table, tested)
+    if axes is None:
+        marks = _build_curve_marks(level, 0 if tested is None else len(tested))
+        figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
 
-@styled
-def draw_damping_curve(
-    axes: Axes, table: pd.DataFrame, level: float, unit: str = "", tested: pd.DataFrame | None = None
-) -> None:
-    """Draw :func:`damping_curve` on ``axes``, without a legend."""
+def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | None) -> None:
     rows = table[np.isfinite(table["damping_ratio"])].sort_values("amplitude", kind="stable")
-    axes.set_xlabel(describe_with_unit("resonant amplitude", unit))
-    axes.set_ylabel("damping ratio (%)")
     if rows.empty:
         axes.text(0.5, 0.5, "no prediction", transform=axes.transAxes, ha="center", color=MUTED)
         return
@@ -77,7 +72,7 @@ def draw_damping_curve(
     within = edge >= A
     beyond = (edge <= A) if inside.any() else np.full(len(A), True)
     axes.plot(A[within], ratio[within], color=AVERAGE, linewidth=2.2)
-    axes.plot(A[beyond], ratio[beyond], color=AVERAGE, linewidth=2.2, linestyle=(0, (4, 1.5)))
+    axes.plot(A[beyond], ratio[beyond], color=AVERAGE, linewidth=2.2, linestyle=_DASHED)
     axes.plot(A, low, color=LINEAR, linewidth=1.2)
     if tested is not None:
         axes.plot(tested["amplitude"], 100.0 * tested["damping_ratio"], "o", color=MEASURED, mec="white", zorder=5)
@@ -117,10 +112,9 @@ def shade_beyond(axes: Axes, edge: float, end: float) -> None:
 
 
 def _build_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
-    dashed = (0, (4, 1.5))
     marks: list[Line2D | Patch] = [
         Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=AVERAGE, linewidth=2.2, linestyle=dashed, label="median, beyond (hatched)"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, linestyle=_DASHED, label="median, beyond (hatched)"),
         Patch(color=PREDICTIVE, label=f"{100 * level:g} % band"),
         Line2D([], [], color=LINEAR, linewidth=1.2, label="its low end: size loads with it"),
     ]
@@ -143,8 +137,9 @@ def fitted_sweeps(
         measured: ``sweep, x, y``. fitted: the same columns, rows of a sweep in order of x. law: its name, for the
             legend. unit: of the amplitude y. force_unit: of x where that is force; None where it is frequency in Hz.
     """
-    figure = Drawing(figsize=(WIDTH, 3.7))
-    axes = figure.add_subplot()
+    x_label = "frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit)
+    y_label = describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit)
+    figure, axes = build_panel(3.7, x_label, y_label)
     for _, line in fitted.groupby("sweep", sort=False):
         axes.plot(line["x"], line["y"], color=law_style(law).colour, linewidth=1.3)
     axes.plot(measured["x"], measured["y"], "o", color=MEASURED, markersize=3.6, mec="white", mew=0.3, zorder=3)
@@ -153,8 +148,6 @@ def fitted_sweeps(
         tops = measured.loc[sweeps["y"].idxmax()]
         for label, x, y in zip(distinguish(tops["sweep"]), tops["x"], tops["y"], strict=True):
             axes.annotate(label, (x, y), (5, 2), textcoords="offset points", fontsize=7.5)
-    axes.set_xlabel("frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit))
-    axes.set_ylabel(describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit))
     axes.margins(x=0.1, y=0.1)
     measured_label = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
     marks = [
@@ -204,33 +197,30 @@ def design_loads(
     force_unit: str = "",
     length_unit: str = "",
     limit: float = np.inf,
+    *,
+    axes: Axes | None = None,
 ) -> Figure:
-    """Draw the median with its band, the linear prediction and the tested points.
+    """Draw the median with its band, the linear prediction and the tested points; on ``axes`` without a legend.
 
     Args:
         band: over a grid of forces, ``force, median, low, high, linear``; NaN where no prediction is given.
         tested: ``sweep, force, amplitude``. design: at the design forces, ``force, median, low, high, linear``.
         level: content of the band. limit: force beyond which no prediction is given.
     """
-    figure = Drawing(figsize=(WIDTH, 3.9))
-    axes = figure.add_subplot()
-    draw_design_loads(axes, band, tested, design, level, force_unit, length_unit, limit)
-    figure.legend(handles=_build_load_marks(level, len(tested)), loc="outside lower left", ncols=2, columnspacing=1.2)
+    x_label = describe_with_unit("force at resonance", force_unit)
+    figure, panel = build_panel(3.9, x_label, describe_with_unit("resonant amplitude", length_unit), axes=axes)
+    _draw_loads(panel, band, tested, design)
+    end = float(band["force"].iloc[-1])
+    if limit < end:
+        panel.axvline(limit, color=MUTED, linewidth=0.8)
+        panel.text(limit, 0.02, " no prediction", transform=panel.get_xaxis_transform(), color=MUTED, fontsize=8)
+    if axes is None:
+        marks = _build_load_marks(level, len(tested))
+        figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
 
-@styled
-def draw_design_loads(
-    axes: Axes,
-    band: pd.DataFrame,
-    tested: pd.DataFrame,
-    design: pd.DataFrame,
-    level: float,
-    force_unit: str = "",
-    length_unit: str = "",
-    limit: float = np.inf,
-) -> None:
-    """Draw :func:`design_loads` on ``axes``, without a legend."""
+def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> None:
     force = band["force"].to_numpy(float)
     edge = float(tested["force"].max())
     shade_beyond(axes, edge, float(force[-1]))
@@ -238,7 +228,7 @@ def draw_design_loads(
     axes.plot(force, band["linear"], color=LINEAR, linewidth=1.4, linestyle=_LONG_DASH)
     inside = force <= edge
     axes.plot(force[inside], band["median"][inside], color=AVERAGE, linewidth=2.2)
-    axes.plot(force[~inside], band["median"][~inside], color=AVERAGE, linewidth=2.2, linestyle=(0, (4, 1.5)))
+    axes.plot(force[~inside], band["median"][~inside], color=AVERAGE, linewidth=2.2, linestyle=_DASHED)
     axes.plot(tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=5, mec="white", mew=0.6, zorder=5)
     if len(tested) <= MOST_NAMED:
         for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
@@ -247,11 +237,6 @@ def draw_design_loads(
     axes.plot(design["force"], design["median"], "D", color="white", markeredgecolor=AVERAGE, markersize=5, zorder=6)
     axes.set_xlim(force[0], force[-1])
     axes.set_ylim(0.0, _find_top(band, tested, design))
-    if limit < force[-1]:
-        axes.axvline(limit, color=MUTED, linewidth=0.8)
-        axes.text(limit, 0.02, " no prediction", transform=axes.get_xaxis_transform(), color=MUTED, fontsize=8)
-    axes.set_xlabel(describe_with_unit("force at resonance", force_unit))
-    axes.set_ylabel(describe_with_unit("resonant amplitude", length_unit))
 
 
 def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
@@ -262,11 +247,10 @@ def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) ->
 
 
 def _build_load_marks(level: float, sweeps: int) -> list[Artist]:
-    dashed = (0, (4, 1.5))
     return [
         Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {sweeps})"),
         Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=AVERAGE, linewidth=2.2, ls=dashed, label="median, beyond (hatched)"),
+        Line2D([], [], color=AVERAGE, linewidth=2.2, ls=_DASHED, label="median, beyond (hatched)"),
         Patch(fc=PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
         Line2D([], [], color=LINEAR, linewidth=1.4, ls=_LONG_DASH, label="linear, from the top level"),
         Line2D([], [], marker="D", color="white", markeredgecolor=INK, linestyle="", label="design force"),

@@ -24,6 +24,7 @@ from damping.plots import (
     PREDICTIVE,
     WIDTH,
     Drawing,
+    build_panel,
     describe_short,
     distinguish,
     draw_plain_rows,
@@ -74,23 +75,16 @@ def draw_deviations(axes: Axes, x: FloatArray, deviation: FloatArray, *, x_label
 
 
 @styled
-def draw_sweeps(axes: Axes, table: pd.DataFrame) -> None:
-    """Draw amplitude against frequency, each sweep of a record apart, on ``axes``."""
+def sweeps(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
+    """Draw amplitude against frequency, each sweep of a record apart."""
+    figure, panel = build_panel(4.0, "frequency (Hz)", "amplitude", axes=axes)
     for sweep, rows in table.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", kind="stable")
-        axes.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
-    axes.set(xlabel="frequency (Hz)", ylabel="amplitude")
-    handles, labels = axes.get_legend_handles_labels()
+        panel.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
+    handles, labels = panel.get_legend_handles_labels()
     if len(labels) > MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]
-    axes.legend(handles, [describe_short(label) for label in labels], title="sweep")
-
-
-@styled
-def sweeps(table: pd.DataFrame) -> Figure:
-    """Draw amplitude against frequency, each sweep of a record apart."""
-    figure = Drawing(figsize=(WIDTH, 4.0))
-    draw_sweeps(figure.add_subplot(), table)
+    panel.legend(handles, [describe_short(label) for label in labels], title="sweep")
     return figure
 
 

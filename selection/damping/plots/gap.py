@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -15,7 +17,7 @@ from damping.plots import (
     MEASURED,
     MUTED,
     WIDTH,
-    Drawing,
+    build_panel,
     describe_with_unit,
     draw_plain_rows,
     plain_log,
@@ -100,8 +102,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
             upper.tick_params(axis="x", labelbottom=False)
             if column == 0:
                 lowest.set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -153,8 +154,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         ax.set_ylim(*_range(estimates[quantity], curves.loc[curves["model"] != "free", quantity]))
         ax.set_xlabel(describe_with_unit("amplitude", length))
         ax.set_ylabel(label)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -180,44 +180,30 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
         measured: ``sweep, force, amplitude, sd`` (relative). predicted: ``model, force, amplitude``; models are
             nominal, refitted, explained. force, length: units.
     """
-    figure = Figure(figsize=(WIDTH, 3.0))
-    ax = figure.subplots()
+    figure, ax = build_panel(3.0, describe_with_unit("force", force), describe_with_unit("resonant amplitude", length))
     for model, (colour, line) in LINES.items():
         rows = predicted[predicted["model"] == model].sort_values("force")
         ax.plot(rows["force"], rows["amplitude"], color=colour, linestyle=line, label=NAMES[model])
     bars = measured["sd"] * measured["amplitude"]
-    ax.errorbar(
-        measured["force"], measured["amplitude"], bars, fmt="o", color=MEASURED, markersize=3.5, label="measured"
-    )
-    ax.set_xlabel(describe_with_unit("force", force))
-    ax.set_ylabel(describe_with_unit("resonant amplitude", length))
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "markersize": 3.5, "label": "measured"}
+    ax.errorbar(measured["force"], measured["amplitude"], bars, **style)
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
 @styled
-def gap_probabilities(table: pd.DataFrame) -> Figure:
+def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     """Draw one bar an explanation, most probable on top.
 
     Args:
         table: ``explanation, probability, listed`` (among those that together reach 0.95).
     """
-    figure = Drawing(figsize=(WIDTH, 0.7 + 0.24 * len(table)))
-    draw_probabilities(figure.subplots(), table)
-    return figure
-
-
-@styled
-def draw_probabilities(ax: Axes, table: pd.DataFrame) -> None:
-    """Draw the bars of :func:`gap_probabilities` on ``ax``."""
+    figure, ax = build_panel(0.7 + 0.24 * len(table), "probability", axes=axes)
     draw_plain_rows(ax, table["explanation"].tolist())
     colours = [ALERT if listed else MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    for row, probability in enumerate(table["probability"]):
-        ax.annotate(
-            weight_text(float(probability)), (probability, row), (4, 0), textcoords="offset points",
-            va="center", fontsize=7.5, color=INK,
-        )  # fmt: skip
+    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
+    for row, probability in enumerate(table["probability"].tolist()):
+        ax.annotate(weight_text(probability), (probability, row), (4, 0), **beside)
     ax.set_xlim(0.0, 1.12)
-    ax.set_xlabel("probability")
+    return figure

@@ -8,7 +8,7 @@ the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -66,6 +66,18 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     return complex(-values[1] / np.mean(run.omega**2)), miss
 
 
+#: Compliances of other modes that are tried, over the largest of the run.
+_RESIDUALS = np.linspace(-0.9, 0.9, 37)
+
+
+def measure_miss_beside_modes(run: Run) -> float:
+    """The least median misfit of Y by a straight line where other modes add a compliance R: 1/Y - R in place of 1/Y."""
+    assert run.phase is not None
+    compliance = run.A / run.F * np.exp(-1j * run.phase)
+    own = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
+    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in own)
+
+
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
     """Complex mass of pairs of rows of like amplitude beside resonance, its scatter and their damping ratio."""
     i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
@@ -86,7 +98,8 @@ def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
 def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2, and whether the rows follow one.
 
-    None where the rows allow none.
+    Where they do not, but follow the mode beside rigid-body motion or other modes, it is the mass beside these. None
+    where the rows allow none.
     """
     if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
         return None
@@ -94,8 +107,36 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     if fitted is None or fitted[0] <= 0.0:
         return None
     x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
-    straight = float(np.median(np.abs(np.polyval(fitted, x) / size - 1.0))) < NO_PARABOLA + 2.0 * run.noise
-    return float(np.sqrt(fitted[0]) / np.mean(run.omega) ** 2), straight
+    near = NO_PARABOLA + 2.0 * run.noise
+    straight = float(np.median(np.abs(np.polyval(fitted, x) / size - 1.0))) < near
+    beside = None if straight else _fit_residual(x, 1.0 / size)
+    mass = float(np.sqrt(fitted[0])) if beside is None or beside[1] > near else beside[0]
+    return mass / float(np.mean(run.omega)) ** 2, straight
+
+
+#: Refinements of the weights of a ratio of polynomials (Sanathanan and Koerner 1963); they settle in three or four.
+_REWEIGHED = 6
+
+
+def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | None:
+    """Mass (times omega^2 = 1) of |R + 1/Y|^2 = ``squared``, and the median misfit relative to it.
+
+    With Y = M (a - x + i b) the square is R^2 ((x - d)^2 + b^2)/((x - a)^2 + b^2): the dip d lies 1/(R M) from the
+    resonance a, whatever the damping. None where the rows show no dip.
+    """
+    weight = 1.0 / squared
+    columns = np.column_stack([x * x, x, np.ones_like(x), -squared * x, -squared])
+    for _ in range(_REWEIGHED):
+        size = np.linalg.norm(columns * weight[:, np.newaxis], axis=0)
+        top2, top1, top0, low1, low0 = (
+            np.linalg.lstsq(columns * (weight[:, np.newaxis] / size), squared * x * x * weight)[0] / size
+        )
+        below = x * x + low1 * x + low0
+        weight = 1.0 / (squared * np.maximum(np.abs(below), 1e-300))
+    if top2 <= 0.0 or low1 == top1 / top2:
+        return None
+    mass = 2.0 / (np.sqrt(top2) * abs(low1 - top1 / top2))
+    return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
 
 
 def count_quarter_turns(angle: float) -> int:

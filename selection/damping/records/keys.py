@@ -10,17 +10,20 @@ import math
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from damping.errors import InputError
+from damping.errors import InputError, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
     import pandera.pandas as pa
+    from pydantic import BaseModel
+
+Schema = TypeVar("Schema", bound="BaseModel")
 
 #: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
 REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
@@ -94,24 +97,25 @@ _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
     """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
-    content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)), path)
-    if broken is not None:
-        raise broken
-    content = content.replace("\r\n", "\n")
-    try:
-        return TomlTable(tomllib.loads(content), (), str(path), content)
-    except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
-        raise _syntax_error(str(error), content, path) from None
-    except RecursionError:
-        raise InputError("not TOML: nested too deeply", file=path, expected="tables of a mode") from None
+    with naming(path):
+        content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)))
+        if broken is not None:
+            raise broken
+        content = content.replace("\r\n", "\n")
+        try:
+            return TomlTable(tomllib.loads(content), (), str(path), content)
+        except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
+            raise _syntax_error(str(error), content) from None
+        except RecursionError:
+            raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
 
 
-def _syntax_error(reason: str, content: str, path: str | Path) -> InputError:
+def _syntax_error(reason: str, content: str) -> InputError:
     place = _PLACE.search(reason)
     if place is None:
-        return InputError(f"not TOML: {reason}", file=path)
+        return InputError(f"not TOML: {reason}")
     line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-    return InputError(f"not TOML: {reason[: place.start()].strip()}", file=path, line=line, column=place[2])
+    return InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2])
 
 
 @dataclass(frozen=True)
@@ -170,9 +174,8 @@ class TomlTable:
         expected = "a finite number" if above == least else expected
         expected += f" and < {below:g}" if below < math.inf else ""
         if value is None:
-            raise InputError(
-                f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=self._line(), expected=expected
-            )
+            line = line_of(self.content, self.path) if self.path else None
+            raise InputError(f"no {key} in [{'.'.join(self.path)}]", file=self.file, line=line, expected=expected)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(key, f"is {_describe_kind(value)}", expected)
         try:
@@ -189,9 +192,6 @@ class TomlTable:
         """What is wrong with the value under ``key``, with its line."""
         line = line_of(self.content, (*self.path, key))
         return InputError(message, file=self.file, line=line, column=describe_shortened(key), expected=expected)
-
-    def _line(self) -> int | None:
-        return line_of(self.content, self.path) if self.path else None
 
 
 def line_of(content: str, path: tuple[str | int, ...]) -> int | None:
@@ -224,3 +224,73 @@ def _describe_kind(value: object) -> str:
     """What a TOML value is, in words."""
     kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
+
+
+#: What belongs where pydantic found another thing, by its name for the mistake.
+_EXPECTED = {
+    "string_type": "text",
+    "string_pattern_mismatch": "letters, digits, - and _, the first a letter or digit",
+    "string_too_long": "at most 80 characters",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "too_short": "at least one",
+}
+
+
+def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
+    """A whole TOML file checked by a schema.
+
+    Args:
+        written: how a key that holds more than one thing is written, by key.
+
+    Raises:
+        InputError: the line and key of the first thing that is wrong, and what was expected.
+    """
+    from pydantic import ValidationError  # noqa: PLC0415 - slow to import, and few commands read such a file
+
+    try:
+        return schema.model_validate(table.values)
+    except ValidationError as error:
+        # a misspelt key explains a missing one, so it comes first
+        problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+    loc, kind = problem["loc"], problem["type"]
+    key, message, expected = (
+        str(loc[-1]),
+        problem["msg"].removeprefix("Value error, "),
+        (written or {}).get(str(loc[-1])),
+    )
+    if kind == "extra_forbidden":
+        known = _find_schema(schema, loc[:-1]).model_fields
+        message, expected = "unknown key", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
+    elif kind == "missing":
+        is_table = expected is not None or _find_schema(schema, loc) is not _find_schema(schema, loc[:-1])
+        message = f"missing {'table' if is_table else 'key'}"
+        expected = expected or (f"[{key}]" if is_table else f"{key} = ...")
+    elif kind in _EXPECTED:
+        message, expected = describe_shortened(repr(problem["input"])), expected or _EXPECTED[kind]
+    raise locate(table, loc, message, expected)
+
+
+def locate(table: TomlTable, keys: tuple[str | int, ...], message: str, expected: str | None) -> InputError:
+    """What is wrong at ``keys``, on the line of the least that holds them; places are counted from 1 for people."""
+    lines = (line_of(table.content, keys[:length]) for length in range(len(keys), 0, -1))
+    line = next((line for line in lines if line is not None), None)
+    name = "".join(f" {key + 1}" if isinstance(key, int) else f", {key}" for key in keys).removeprefix(", ")
+    return InputError(message, file=table.file, line=line, column=name, expected=expected)
+
+
+def _find_schema(schema: type[BaseModel], keys: tuple[str | int, ...]) -> type[BaseModel]:
+    """The table of a schema that ``keys`` lead to, or the one that holds what is no table."""
+    for key in keys:
+        field = schema.model_fields.get(str(key))
+        parts = [field.annotation] if field else []
+        while parts:
+            part = parts.pop()
+            if isinstance(part, type) and hasattr(part, "model_fields"):
+                schema, parts = part, []
+            parts += get_args(part)
+    return schema

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import IntArray
-from damping.errors import InputError
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
+from damping.errors import InputError, naming
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, describe_nearest
 from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, Cells, CsvRows, describe_shortened, read_bytes, unguarded
 
@@ -46,8 +46,9 @@ def read_table(
     """
     needed, text = tuple(required), tuple(text_columns)
     columns = _Columns(required=needed, numbers=[name for name in needed if name not in text], text=text)
-    scan = _scan(path, columns, max_size)
-    scan.raise_first()
+    with naming(path):
+        scan = _scan(read_bytes(path, max_size), columns)
+        scan.raise_first()
     return scan.frame
 
 
@@ -59,10 +60,11 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     """
     numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
     columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
-    scan = _scan(path, columns, max_size)
-    for problem in find_problems(scan.frame):
-        scan.add(problem.row, problem.column, problem.said("line", scan.lines), problem.expected)
-    scan.raise_first()
+    with naming(path):
+        scan = _scan(read_bytes(path, max_size), columns)
+        for problem in find_problems(scan.frame):
+            scan.add(problem.row, problem.column, problem.describe("line", scan.lines), problem.expected)
+        scan.raise_first()
     return Record.trusted(scan.frame, str(path))
 
 
@@ -80,7 +82,6 @@ class _Columns:
 class _Scan:
     """What one pass over a file found: the table, the line on which each row starts, and problems by their place."""
 
-    file: str | Path
     frame: pd.DataFrame
     lines: IntArray
     problems: list[tuple[int, int, InputError]] = field(default_factory=list)
@@ -89,8 +90,7 @@ class _Scan:
         """Note a problem in a cell, or (``column`` None) with a row as a whole."""
         line = int(self.lines[row])
         position = -1 if column is None else list(self.frame.columns).index(column)
-        error = InputError(message, file=self.file, line=line, column=column, expected=expected)
-        self.problems.append((line, position, error))
+        self.problems.append((line, position, InputError(message, line=line, column=column, expected=expected)))
 
     def raise_first(self) -> None:
         """Raise the first problem in file order, if there is one."""
@@ -98,43 +98,41 @@ class _Scan:
             raise min(self.problems, key=lambda problem: problem[:2])[2]
 
 
-def _scan(path: str | Path, columns: _Columns, max_size: int) -> _Scan:
+def _scan(data: bytes, columns: _Columns) -> _Scan:
     """Read a table; problems with the file or its header are raised, those with rows are noted."""
-    rows = CsvRows(read_bytes(path, max_size), path)
+    rows = CsvRows(data)
     header_line, header = next(rows, (1, []))
     if not header:
-        raise rows.problem or InputError("the file is empty", file=path)
-    names = _list_names(header, header_line, path)
-    require_columns(columns.required, names, str(path), header_line)
+        raise rows.problem or InputError("the file is empty")
+    names = _list_names(header, header_line)
+    require_columns(columns.required, names, line=header_line)
     growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
-    lines, problem = _data(rows, list(growing.values()), path)
+    lines, problem = _data(rows, list(growing.values()))
     if not len(lines):
-        raise problem or InputError("no data rows", file=path, expected="at least one row below the header")
-    scan = _Scan(path, pd.DataFrame(columns=names), lines)
+        raise problem or InputError("no data rows", expected="at least one row below the header")
+    scan = _Scan(pd.DataFrame(columns=names), lines)
     if problem is not None:
         scan.problems.append((problem.line or 0, -1, problem))
     scan.frame = pd.DataFrame({name: _column(scan, name, growing.pop(name), columns) for name in names}, copy=False)
     return scan
 
 
-def _list_names(header: list[str], line: int, file: str | Path) -> list[str]:
+def _list_names(header: list[str], line: int) -> list[str]:
     """Column names, stripped; each must be there and occur once."""
     if len(header) > MOST_COLUMNS:
-        raise InputError(f"{len(header)} columns", file=file, line=line, expected=f"at most {MOST_COLUMNS}")
+        raise InputError(f"{len(header)} columns", line=line, expected=f"at most {MOST_COLUMNS}")
     names = [unguarded(name.strip()) for name in header]
     seen: set[str] = set()
     for position, name in enumerate(names):
         if not name:
-            raise InputError(f"column {position + 1} has no name", file=file, line=line, expected="a name in each cell")
+            raise InputError(f"column {position + 1} has no name", line=line, expected="a name in each cell")
         if name in seen:
-            raise InputError(
-                "occurs twice", file=file, line=line, column=describe_shortened(name), expected="each column once"
-            )
+            raise InputError("occurs twice", line=line, column=describe_shortened(name), expected="each column once")
         seen.add(name)
     return names
 
 
-def _data(rows: CsvRows, growing: Sequence[Cells], file: str | Path) -> tuple[IntArray, InputError | None]:
+def _data(rows: CsvRows, growing: Sequence[Cells]) -> tuple[IntArray, InputError | None]:
     """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
 
     Cells go to their columns some thousand rows at a time.
@@ -145,10 +143,10 @@ def _data(rows: CsvRows, growing: Sequence[Cells], file: str | Path) -> tuple[In
     for line, row in rows:
         if len(row) != len(growing):
             message = f"{len(row)} cell{'s' if len(row) != 1 else ''} in the row"
-            problem = InputError(message, file=file, line=line, expected=f"{len(growing)} as in the header")
+            problem = InputError(message, line=line, expected=f"{len(growing)} as in the header")
             break
         if len(lines) == MOST_ROWS:
-            problem = InputError(f"more than {MOST_ROWS} rows", file=file, line=line, expected="a smaller table")
+            problem = InputError(f"more than {MOST_ROWS} rows", line=line, expected="a smaller table")
             break
         lines.append(line)
         block.append(row)
@@ -193,3 +191,18 @@ def _describe_wrong(cell: str) -> str:
     except ValueError:
         return f"{describe_shortened(text)!r} is not a number"
     return f"{describe_shortened(text)!r} is not a finite number written with the digits 0-9"
+
+
+def require_numbers(table: pd.DataFrame, names: Iterable[str], source: str | None = None) -> None:
+    """InputError for the first column that is missing, or holds what is no finite number; ``sweep`` may be text."""
+    for name in names:
+        if name not in table.columns:
+            hint = describe_nearest(name, map(str, table.columns))
+            raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
+        if name == "sweep" and not pd.api.types.is_numeric_dtype(table[name]):
+            continue
+        finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
+        if not finite.all():
+            row = int(np.argmin(finite))
+            message = f"{str(table[name].iloc[row])!r} in row {row}"
+            raise InputError(message, file=source, column=name, expected="a finite number")

@@ -49,7 +49,7 @@ class Record:
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
             raise InputError(
-                f"{first.said('row', range(len(table)))} in row {first.row}",
+                f"{first.describe('row', range(len(table)))} in row {first.row}",
                 file=self.source or None,
                 column=first.column,
                 expected=first.expected,
@@ -121,7 +121,7 @@ class CellProblem(NamedTuple):
     expected: str
     twin: int | None = None
 
-    def said(self, kind: str, numbers: Sequence[int] | np.ndarray) -> str:
+    def describe(self, kind: str, numbers: Sequence[int] | np.ndarray) -> str:
         """The message; a twin is named by its number among ``numbers`` (rows,), which count ``kind``."""
         return self.message if self.twin is None else f"{self.message} to {kind} {int(numbers[self.twin])}"
 
@@ -155,7 +155,9 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     return problems
 
 
-def require_columns(required: Iterable[str], names: Sequence[str], file: str | None, line: int | None = None) -> None:
+def require_columns(
+    required: Iterable[str], names: Sequence[str], file: str | None = None, line: int | None = None
+) -> None:
     """InputError that names the required columns that are missing, if any are."""
     required = tuple(required)
     missing = [name for name in required if name not in names]

@@ -35,25 +35,35 @@ _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of
 
 def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
     """Contents of a file of at most ``max_size`` bytes. InputError if it cannot be read, is empty or is larger."""
+    data = read_start(path, max_size + 1)
+    if len(data) > max_size:
+        raise too_large(path, max_size)
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise InputError("the file is empty", file=path)
+    return data
+
+
+def too_large(path: str | Path, max_size: int) -> InputError:
+    """What is wrong with a file of more than ``max_size`` bytes."""
+    return InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
+
+
+def read_start(path: str | Path, most: int) -> bytes:
+    """The first ``most`` bytes of a file. InputError if it cannot be read."""
     try:
         if not Path(path).is_dir() and Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
             raise InputError("is no regular file", file=path, expected="a file")
         with Path(path).open("rb") as stream:
-            data = stream.read(max_size + 1)
+            return stream.read(most)
     except FileNotFoundError:
         raise InputError("no such file", file=path) from None
     except IsADirectoryError:
         raise InputError("is a folder", file=path, expected="a file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
-    if len(data) > max_size:
-        raise InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
-    if not data.removeprefix(codecs.BOM_UTF8).strip():
-        raise InputError("the file is empty", file=path)
-    return data
 
 
-def decode(data: bytes, file: str | Path) -> tuple[str, InputError | None]:
+def decode(data: bytes) -> tuple[str, InputError | None]:
     """Text before the first line that is not UTF-8 text (a byte order mark is dropped), and what is wrong there."""
     data = data.removeprefix(codecs.BOM_UTF8)
     bad = data.find(b"\0") if b"\0" in data else len(data)
@@ -68,7 +78,7 @@ def decode(data: bytes, file: str | Path) -> tuple[str, InputError | None]:
     byte = "a NUL byte" if data[bad] == 0 else f"byte 0x{data[bad]:02x}"
     hint = " (the file looks like UTF-16)" if data.startswith(_UTF16) else ""
     message = f"{byte} at byte {bad - start + 1} of the line is not UTF-8 text{hint}"
-    return data[:start].decode(), InputError(message, file=file, line=len(ends) + 1, expected="text in UTF-8")
+    return data[:start].decode(), InputError(message, line=len(ends) + 1, expected="text in UTF-8")
 
 
 def describe_shortened(text: str, length: int = 30) -> str:
@@ -96,14 +106,12 @@ class CsvRows:
     ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row.
 
     Args:
-        data: the file. file: its name, for messages. delimiter: between cells; of blanks several count as one.
+        data: the file. delimiter: between cells; of blanks several count as one.
         comments: pass over lines that begin with # or %. skip: lines that are passed over first.
     """
 
-    def __init__(
-        self, data: bytes, file: str | Path, delimiter: str = ",", *, comments: bool = False, skip: int = 0
-    ) -> None:
-        self._data, self._file = data.removeprefix(codecs.BOM_UTF8), file
+    def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:
+        self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
         blanks = delimiter == " "
         self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=blanks)
@@ -133,7 +141,7 @@ class CsvRows:
         start, number = 0, 0
         while start < len(self._data):
             end = self._data.find(b"\n", start + _TOGETHER) + 1 or len(self._data)
-            text, broken = decode(self._data[start:end], self._file)
+            text, broken = decode(self._data[start:end])
             for match in _LINE.finditer(text):
                 number += 1
                 if number <= self._skip or (self._comments and match[0].lstrip().startswith(("#", "%"))):
@@ -142,22 +150,21 @@ class CsvRows:
                 self._size += match.end() - match.start()
                 if self._size > LONGEST_ROW:
                     message = f"a row of more than {LONGEST_ROW} characters"
-                    self._broken = InputError(message, file=self._file, line=number, expected="cells in rows")
+                    self._broken = InputError(message, line=number, expected="cells in rows")
                     return
                 yield match[0] if self._delimiter != " " else match[0].rstrip(" \r\n") + "\n"
             if broken is not None:
-                line = number + 1
-                self._broken = InputError(broken.message, file=self._file, line=line, expected=broken.expected)
+                self._broken = InputError(broken.message, line=number + 1, expected=broken.expected)
                 return
             start = end
 
     def _unreadable(self, reason: str) -> InputError:
         line = self._start
         if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
-            quote = InputError("a quote that is opened and never closed", file=self._file, line=line, expected='"..."')
+            quote = InputError("a quote that is opened and never closed", line=line, expected='"..."')
             return self._broken or quote
         separated = "by commas" if self._delimiter == "," else "as stated"
-        return InputError(f"not CSV: {reason}", file=self._file, line=line, expected=f"cells separated {separated}")
+        return InputError(f"not CSV: {reason}", line=line, expected=f"cells separated {separated}")
 
 
 _CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one

@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -77,12 +76,6 @@ class Subsets:
             return self.coefficients / self.std_errors
 
     @cached_property
-    def p_values(self) -> FloatArray:
-        """Two-sided p-values of the T-ratios (m, k)."""
-        freedom = np.maximum(len(self.observed) - self.sizes, 1)
-        return np.asarray(2.0 * stdtr(freedom[:, None], -np.abs(self.t_ratios)))
-
-    @cached_property
     def criteria(self) -> Criteria:
         """AIC, AICc, BIC, adjusted R^2, leave-one-out error (m,)."""
         return criteria(self.sse, self.press, self.sizes, self.observed)
@@ -96,11 +89,6 @@ class Subsets:
         """sqrt(SSE/n) (m,)."""
         return np.sqrt(self.sse / len(self.observed))
 
-    @property
-    def r_squared(self) -> FloatArray:
-        """1 - SSE/sum y^2, about zero (m,)."""
-        return 1.0 - self.sse / (self.observed @ self.observed)
-
     def take(self, models: IntArray | BoolArray) -> Subsets:
         """Some of the models, in the order given."""
         chosen: dict[str, Any] = {name: getattr(self, name)[models] for name in _PER_MODEL}
@@ -111,13 +99,13 @@ class Subsets:
         return tuple(name for name, member in zip(self.names, self.members[model], strict=True) if member)
 
 
-def all_subsets(design: Design, basis: Basis | None = None) -> Subsets:
+def all_subsets(design: Design) -> Subsets:
     """All 2^k - 1 subsets with their statistics, some hundreds at a time.
 
     Raises:
         AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
     """
-    basis = decompose(design) if basis is None else basis
+    basis = decompose(design)
     if design.k > MOST_TERMS:
         raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
     doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
@@ -132,9 +120,7 @@ def best_subsets(
     criterion: str = "bic",
     *,
     nonnegative: bool = False,
-    number: int | None = 10,
-    per_size: int | None = None,
-    basis: Basis | None = None,
+    number: int = 10,
 ) -> Subsets:
     """The best subsets of all, best first, with the ``proof`` that none is better.
 
@@ -143,9 +129,7 @@ def best_subsets(
         criterion: a name of ``fit.NAMES``; models without a value of it are left out.
         nonnegative: only models with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the
             terms that it does not hold at 0, fitted freely.
-        number: how many in all, at most (None: no limit).
-        per_size: how many of each size, at most (None: no limit).
-        basis: of the design, where it is at hand.
+        number: how many, at most.
 
     Raises:
         InputError: an unknown criterion.
@@ -153,12 +137,9 @@ def best_subsets(
             qualifies.
     """
     check_criterion(criterion)
-    basis = decompose(design) if basis is None else basis
-    members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number, per_size=per_size)
+    basis = decompose(design)
+    members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number)
     subsets = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
-    if per_size is not None:
-        earlier = np.tril(subsets.sizes[:, None] == subsets.sizes, -1).sum(axis=1)  # better ones of the same size
-        subsets = subsets.take(earlier < per_size)
     bound = _lower_bound(subsets, criterion, rounding_of(basis, criterion))
     return replace(subsets.take(np.arange(len(subsets))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 

@@ -2,21 +2,13 @@
 
 Every text is escaped by the template; the figures, which :func:`damping.plots.to_svg` makes, are the only
 markup that passes as it is. The page loads nothing, not even from its own folder.
-
-A long text is a file beside the module that fills it, a jinja2 template for its numbers. After filling, an empty line
-ends a block. A block is a paragraph unless its first line begins with one of
-
-- ``##``: a heading,
-- ``*``: a list, an item from each ``*`` to the next,
-- ``[fold] summary``: what follows as far as ``[end]``, behind a line,
-- ``[table NAME] caption`` or any other word in such brackets: what the module gives for it.
 """
 
 from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
@@ -28,7 +20,6 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from damping import report as words
 from damping.plots import TEXT_WIDTH
 from damping.report import NOTHING, number
 
@@ -235,60 +226,6 @@ def _template() -> Template:
         lstrip_blocks=True,
     )
     return environment.get_template("template.html.jinja")
-
-
-#: Functions that a text may use: numbers and lists in words.
-_WORDS = {
-    "between": words.format_between,
-    "count": words.count,
-    "counted": words.format_counted,
-    "joined": words.format_joined,
-    "number": words.number,
-    "numbers": words.format_numbers,
-    "percent": words.format_percent,
-    "points_text": words.format_points_text,
-    "signed": words.format_signed,
-}
-_DIRECTIVE = re.compile(r"\[(\w+) ?([^\]]*)\] ?(.*)", re.DOTALL)
-#: Blocks for a directive: its word, its name, and what follows on its lines.
-Take = Callable[[str, str, str], Iterable[Block]]
-
-
-def write_blocks(text: Path, values: Mapping[str, Any], take: Take) -> list[Block]:
-    """The blocks of a text filled with values; ``take`` gives those of its directives but folds."""
-    # the page escapes what it shows; no value begins a block of its own
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
-    filled = environment.from_string(text.read_text("utf-8")).render(_WORDS, **values)
-    parts = (part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n")))
-    return list(_build_blocks(parts, take))
-
-
-def _build_blocks(parts: Iterator[str], take: Take) -> Iterator[Block]:
-    """Blocks as far as the end of the text or of a fold."""
-    for part in parts:
-        if part.startswith("## "):
-            yield Heading(join_lines(part.removeprefix("## ")))
-        elif part.startswith("* "):
-            yield List([join_lines(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]])
-        elif directive := _DIRECTIVE.fullmatch(part):
-            kind, name, rest = directive.groups()
-            if kind == "end":
-                return
-            if kind == "fold":
-                yield Fold(join_lines(rest), list(_build_blocks(parts, take)))
-            else:
-                yield from take(kind, name, rest)
-        else:
-            yield Text(join_lines(part))
-
-
-def join_lines(text: str) -> str:
-    """A text in one line."""
-    return re.sub(r" *\n *", " ", text)
-
-
-def _join_value(value: Any) -> Any:
-    return join_lines(value) if isinstance(value, str) else value
 
 
 def _build_cell(value: Any, form: Format) -> Cell:

@@ -26,8 +26,9 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 from damping.regression.power_law import PowerLaw
-from damping.report import count, format_quantity, number
-from damping.report.page import Block, Callout, FigureBlock, Heading, List, Section, Text
+from damping.report import count
+from damping.report.page import Block, FigureBlock, Section
+from damping.report.text import write_blocks
 
 
 @dataclass(frozen=True)
@@ -182,43 +183,8 @@ def find_largest(loads: Loads | None) -> int | None:
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
 
 
-def describe_record(result: RecordResult) -> str:
-    """The record and its mode in sentences."""
-    record, mode, units = result.record, result.mode, result.mode.units
-    columns = record.table.columns
-    energy = (
-        "The energy per cycle is the record's own column."
-        if "energy" in columns
-        else "The energy per cycle is π F A sin φ from the recorded phases."
-        if record.has_phase
-        else "No phases were recorded: the largest amplitude of a sweep is taken as phase resonance, energy π F A."
-    )
-    left_out = len(record) - len(result.data.A)
-    unused = f" {count(left_out, 'row')} away from resonance without phase or energy are not used." if left_out else ""
-    mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
-    tolerance = mode.tolerance
-    return (
-        f"{mode.name}: {count(len(record), 'point')} in {count(len(record.sweeps), 'sweep')} from "
-        f"{Path(record.source).name}. {energy}{unused} The simulation assumes "
-        f"{format_quantity(mode.frequency, 'Hz', 4)} "
-        f"and a generalized mass of {format_quantity(mode.mass, mass_unit, 4)}, known to "
-        f"{number(100 * tolerance.frequency, 2)} and {number(100 * tolerance.mass, 2)} per cent, and its viscous "
-        f"damping to {number(100 * tolerance.viscous, 2)} per cent."
-    )
-
-
 #: Cautions of laws with less weight change nothing.
 LEAST_WEIGHT = 0.01
-
-STANDING = (
-    "The weights compare the candidates listed and no others; a law that nobody proposed has no weight.",
-    "An extrapolation holds while the same sources of damping act in the same proportion. A joint that begins to "
-    "slip, or a crack, is in no band.",
-    "Credible bands hold the uncertainty of the parameters and of the choice among the candidates; predictive bands "
-    "add the scatter of one more test. Neither holds an error of mode shape, generalized mass or force calibration.",
-    "Laws with the same power of amplitude cannot be told apart by steady tests of one mode, whose frequency hardly "
-    "changes.",
-)
 
 
 def build_cautions(study: StudyResult) -> list[Block]:
@@ -226,17 +192,10 @@ def build_cautions(study: StudyResult) -> list[Block]:
     holders: dict[str, list[str]] = {}
     for result in study.records:
         for caution in dict.fromkeys(_collect_cautions(result)):
-            holders.setdefault(caution, []).append(result.title)
+            holders.setdefault(f"{caution[:1].upper()}{caution[1:]}", []).append(result.title)
     failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
-    blocks: list[Block] = [Text("What no number on this page knows:"), List(STANDING)]
-    if failed:
-        blocks.append(Callout("Chains that failed; nothing here rests on them", failed))
-    if holders:
-        blocks += [
-            Heading("Of these records"),
-            List([_describe_sentence(caution, titles) for caution, titles in holders.items()]),
-        ]
-    return blocks
+    values = {"failed": failed, "cautions": list(holders.items())}
+    return write_blocks(Path(__file__).with_name("cautions.txt"), values)
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
@@ -251,7 +210,3 @@ def _collect_cautions(result: RecordResult) -> Iterator[str]:
     i = find_largest(result.design)
     if result.design is not None:
         yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
-
-
-def _describe_sentence(caution: str, titles: list[str]) -> str:
-    return f"{caution[:1].upper()}{caution[1:]} ({'; '.join(titles)})."

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.extrapolation.curve import Curve
 from damping.ranking import Candidate
 from damping.records.resonance import number_levels
 from damping.report import (
@@ -85,96 +84,75 @@ def _build_answer(study: StudyResult) -> list[Block]:
     return blocks
 
 
-def _describe_lead(result: RecordResult) -> str:
-    """The one answer, with its band and what it is conditional on."""
+def _describe_load(result: RecordResult) -> dict[str, str]:
+    """The prediction at the largest design force that has one, in words; empty where none has."""
     i, design, units = find_largest(result.design), result.design, result.mode.units
     if i is None or design is None:
-        return f"{result.title}: {_describe_tested_damping(result)}."
-    band, force = design.average, format_force_text(design.force[i], units.force)
-    sentence = (
-        f"{result.title}: at {force} expect {format_length(band.median[i], units.length)} ("
-        f"{format_length_band(band.low[i], band.high[i], units.length)}, {100 * design.level:g} % band)"
-    )
-    curve = result.design_curve
-    if curve is None:
-        return sentence + "."
-    ratio = curve.damping_ratio
-    return (
-        f"{sentence}, with {format_percent_ratio(ratio.median[i])} of critical damping; size loads with "
-        f"{format_percent_ratio(ratio.low[i])}, the low end of its band."
-    )
+        return {}
+    return {
+        "force": format_force_text(design.force[i], units.force),
+        "median": format_length(design.average.median[i], units.length),
+        "band": format_length_band(design.average.low[i], design.average.high[i], units.length),
+        "linear": format_length(design.linear[i], units.length),
+        "over": format_signed(design.overprediction[i]),
+    }
 
 
-def _describe_tested_damping(result: RecordResult) -> str:
-    """Damping ratio and frequency at the top of the test."""
+def _describe_top(result: RecordResult) -> dict[str, str]:
+    """Damping at the largest tested amplitude that has a ratio, in words; empty where none has."""
     curve = result.curve
-    row = None if curve is None else _find_top(curve)
-    if curve is None or row is None:
-        return "no damping ratio could be told"
-    ratio = curve.damping_ratio
-    return (
-        f"{format_percent_ratio(ratio.median[row])} of critical damping "
-        f"({format_ratio_band(curve, row)}) at {format_length(curve.amplitude.median[row], result.mode.units.length)}"
-        f", {number(curve.frequency.median[row], 4)} Hz, the top of the test"
-    )
-
-
-def _find_top(curve: Curve) -> int | None:
-    """The row of the largest tested amplitude that has a ratio."""
+    if curve is None or not (curve.tested & np.isfinite(curve.damping_ratio.median)).any():
+        return {}
     rows = np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
-    return int(rows[np.argmax(curve.amplitude.median[rows])]) if len(rows) else None
+    row, ratio = int(rows[np.argmax(curve.amplitude.median[rows])]), curve.damping_ratio
+    return {
+        "ratio": format_percent_ratio(ratio.median[row]),
+        "band": format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%"),
+        "amplitude": format_length(curve.amplitude.median[row], result.mode.units.length),
+        "frequency": f"{number(curve.frequency.median[row], 4)} Hz",
+        "q": number(0.5 / ratio.median[row]),
+    }
 
 
-def format_ratio_band(curve: Curve, row: int) -> str:
-    """The band of a damping ratio in per cent."""
-    ratio = curve.damping_ratio
-    return format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%")
+def _describe_lead(result: RecordResult) -> str:
+    """The one answer, with its band and what it is conditional on."""
+    load, top, curve, design = _describe_load(result), _describe_top(result), result.design_curve, result.design
+    if not load or design is None:
+        tested = "{ratio} of critical damping ({band}) at {amplitude}, {frequency}, the top of the test"
+        return f"{result.title}: {tested.format(**top) if top else 'no damping ratio could be told'}."
+    expected = "at {force} expect {median} ({band}, ".format(**load)
+    sentence = f"{result.title}: {expected}{100 * design.level:g} % band)"
+    i = find_largest(design)
+    if curve is None or i is None:
+        return sentence + "."
+    median, low = (format_percent_ratio(end[i]) for end in (curve.damping_ratio.median, curve.damping_ratio.low))
+    return f"{sentence}, with {median} of critical damping; size loads with {low}, the low end of its band."
 
 
 def _collect_facts(result: RecordResult) -> list[tuple[str, str]]:
-    best, units = weighted(result)[0], result.mode.units
-    facts, i, design = [], find_largest(result.design), result.design
-    if i is not None and design is not None:
-        band, force = design.average, format_force_text(design.force[i], units.force)
-        over = format_signed(design.overprediction[i])
-        facts.append((format_length(band.median[i], units.length), f"amplitude at {force}, median"))
-        facts.append((over, f"linear scaling against that ({format_length(design.linear[i], units.length)})"))
-    curve = result.curve
-    row = None if curve is None else _find_top(curve)
-    if curve is not None and row is not None:
-        zeta = curve.damping_ratio.median[row]
-        words = f"of critical at the top of the test ({format_ratio_band(curve, row)}); Q {number(0.5 / zeta)}"
-        facts.append((format_percent_ratio(zeta), words))
-    facts.append((best.name, f"leading law, weight {format_share(best.weight)} of 1"))
-    return facts
+    best, load, top = weighted(result)[0], _describe_load(result), _describe_top(result)
+    facts = []
+    if load:
+        facts.append((load["median"], f"amplitude at {load['force']}, median"))
+        facts.append((load["over"], f"linear scaling against that ({load['linear']})"))
+    if top:
+        facts.append((top["ratio"], f"of critical at the top of the test ({top['band']}); Q {top['q']}"))
+    return [*facts, (best.name, f"leading law, weight {format_share(best.weight)} of 1")]
 
 
 def _tabulate_answers(study: StudyResult) -> Table:
     """A row a record: what was tested, damping there, the law, the amplitude at the largest design force."""
     rows = []
     for result in study.records:
-        units, curve, best = result.mode.units, result.curve, weighted(result)[0]
-        row = None if curve is None else _find_top(curve)
-        ratio = NOTHING
-        if curve is not None and row is not None:
-            ratio = f"{format_percent_ratio(curve.damping_ratio.median[row])} ({format_ratio_band(curve, row)})"
-        i, design = find_largest(result.design), result.design
-        at = "none asked"
-        if i is not None and design is not None:
-            band = design.average
-            at = (
-                f"{format_length(band.median[i], units.length)} "
-                f"({format_length_band(band.low[i], band.high[i], units.length)}) "
-                f"at {format_force_text(design.force[i], units.force)}"
-            )
+        best, load, top, data = weighted(result)[0], _describe_load(result), _describe_top(result), result.data
+        tested = format_quantity(data.tested_force.max(), result.mode.units.force)
         rows.append(
             {
                 "record": result.title,
-                "tested to": f"{format_quantity(result.data.tested_force.max(), units.force)}, "
-                f"{number(result.data.tested_omega[result.data.top] / RAD_S_PER_HZ, 4)} Hz",
-                "damping ratio there": ratio,
-                "law and weight": best.name + f" {format_share(best.weight)}" if count_levels(result) > 1 else "open",
-                "at the design load": at,
+                "tested to": f"{tested}, {number(data.tested_omega[data.top] / RAD_S_PER_HZ, 4)} Hz",
+                "damping ratio there": f"{top['ratio']} ({top['band']})" if top else NOTHING,
+                "law and weight": f"{best.name} {format_share(best.weight)}" if count_levels(result) > 1 else "open",
+                "at the design load": f"{load['median']} ({load['band']}) at {load['force']}" if load else "none asked",
             }
         )
     return Table(pd.DataFrame(rows), "Every record of the study; bands in parentheses.")
@@ -210,7 +188,10 @@ def _collect_gravest(study: StudyResult) -> list[str]:
             if not caution.startswith("beyond the test"):  # the conditions say it
                 holders.setdefault(caution, []).append(result.title)
     several = len(study.records) > 1
-    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in holders.items()]
+    named = [
+        text[:1].upper() + text[1:] + (f" ({'; '.join(titles)})." if several else ".")
+        for text, titles in holders.items()
+    ]
     standing = (
         "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
         "begins to slip, or a crack, is in no band."

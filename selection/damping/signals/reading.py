@@ -13,21 +13,18 @@ correlated, which a record does not say either. Near a point without a damping f
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ValidationError
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.records.keys import TomlTable, describe_nearest, line_of, read_toml
-from damping.records.reading import read_table
+from damping.records.keys import TomlTable, describe_nearest, locate, read_schema, read_toml
+from damping.records.reading import read_table, require_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
-from damping.signals import description as schema
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 
@@ -103,15 +100,12 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
     return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
 
 
-#: What must come before a key on its line, for the line of a key in an array of tables.
-_KEY = r"^\s*{}\s*="
-
 #: How the keys that hold more than one thing are written.
-_EXPECTED: dict[tuple[str | int, ...], str] = {
-    ("sensors",): "[[sensors]], one for each reading",
-    ("yaw",): "[[yaw]], one for each node",
-    ("modes",): "[[modes]], one for each mode",
-    ("raw", "keep"): 'a list of columns, ["point"]',
+_WRITTEN = {
+    "sensors": "[[sensors]], one for each reading",
+    "yaw": "[[yaw]], one for each node",
+    "modes": "[[modes]], one for each mode",
+    "keep": 'a list of columns, ["point"]',
 }
 
 
@@ -120,22 +114,21 @@ def read_description(path: str | Path) -> Description:
     return _described(read_toml(path))
 
 
-def describe(values: Mapping[str, Any]) -> Description:
-    """A description in the keys of a CONDITION.toml, checked. InputError with the key of what is wrong."""
-    return _described(TomlTable(dict(values), (), "description", ""))
+def describe(description: object) -> Description:
+    """A description as it is, from the path of a CONDITION.toml or in its keys, checked. InputError with the key."""
+    if isinstance(description, str | Path):
+        return read_description(description)
+    if isinstance(description, Description):
+        return description
+    if not isinstance(description, Mapping):
+        raise InputError(f"description is a {type(description).__name__}", expected="a Mapping")
+    return _described(TomlTable(dict(description), (), "description", ""))
 
 
 def _described(table: TomlTable) -> Description:
-    try:
-        description = Description.model_validate(table.values)
-    except ValidationError as error:
-        # a misspelt key explains a missing one, so it comes first
-        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
-        raise _input_error(problems[0], table.file, table.content) from None
+    description = read_schema(table, Description, _WRITTEN)
     for keys, message, expected in description.problems():
-        raise InputError(
-            message, file=table.file, line=_line(table.content, keys), column=_name(keys), expected=expected
-        )
+        raise locate(table, keys, message, expected)
     return description
 
 
@@ -170,13 +163,11 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
         InputError: a column that is missing or holds no finite numbers, or a number out of range.
     """
     d = description
-    for name in dict.fromkeys([*d.columns, *([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]):
+    require_numbers(table, d.columns)
+    for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
         if name not in table.columns:
             hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r}", expected=f"{hint} or another column")
-        numbers = pd.to_numeric(table[name], errors="coerce") if name in d.columns else None
-        if numbers is not None and not np.isfinite(numbers.to_numpy(float)).all():
-            raise InputError("not a number in every row", column=name, expected="finite numbers")
     raw = table.reset_index(drop=True)
     problem = _out_of_range(raw, d)
     if problem is not None:
@@ -227,63 +218,4 @@ def check_repeats(record: pd.DataFrame, raw: Path, max_size: int) -> None:
 
 def _lines(path: Path, max_size: int) -> list[int]:
     """Line on which each data row of a CSV file starts."""
-    return [line for line, _ in CsvRows(read_bytes(path, max_size), path)][1:]
-
-
-def _input_error(problem: Any, path: str, content: str) -> InputError:
-    """Pydantic's problem as one line for people."""
-    keys = problem["loc"]
-    line = _line(content, keys)
-    if problem["type"] == "extra_forbidden":
-        known = _model(keys[:-1]).model_fields
-        expected = f"{describe_nearest(str(keys[-1]), known)} (nearest of {', '.join(known)})"
-        return InputError("unknown key", file=path, line=line, column=_name(keys), expected=expected)
-    if problem["type"] == "missing":
-        what = "key" if len(keys) > 1 else "table"
-        expected = str(keys[-1]) if len(keys) > 1 else _EXPECTED.get(keys, f"[{keys[0]}]")
-        return InputError(f"missing {what}", file=path, line=line, column=_name(keys), expected=expected)
-    if problem["type"] in ("tuple_type", "model_type"):
-        expected = _EXPECTED.get(keys) or _EXPECTED.get(keys[:1], f"a table [{keys[0]}]")
-        return InputError("another kind of value", file=path, line=line, column=_name(keys), expected=expected)
-    return InputError(problem["msg"], file=path, line=line, column=_name(keys))
-
-
-def _model(keys: tuple[str | int, ...]) -> type[BaseModel]:
-    """The table of the schema that ``keys`` lead to."""
-    tables: dict[str, type[BaseModel]] = {
-        "units": schema.SignalUnits,
-        "raw": schema.Raw,
-        "sensors": schema.Sensor,
-        "yaw": schema.Yaw,
-        "node": schema.Node,
-        "mode": schema.ModeFactor,
-        "modes": schema.OtherMode,
-        "rigid_body": schema.RigidBody,
-        "correction": schema.Correction,
-        "principal": schema.Principal,
-    }
-    return tables[str(keys[0])] if keys else Description
-
-
-def _name(keys: tuple[str | int, ...]) -> str:
-    """Keys as people count them: ``sensors 2, factor``."""
-    return "".join(f" {key + 1}" if isinstance(key, int) else f", {key}" for key in keys).removeprefix(", ")
-
-
-def _line(content: str, keys: tuple[str | int, ...]) -> int | None:
-    """Line on which a key is set, or its table begins; None where neither is in the text."""
-    if len(keys) < 2 or not isinstance(keys[1], int):
-        names = tuple(str(key) for key in keys if not isinstance(key, int))
-        return line_of(content, names) or (line_of(content, names[:-1]) if len(names) > 1 else None)
-    lines = content.split("\n")
-    headers = [i for i, line in enumerate(lines) if re.match(rf"^\s*\[\[\s*{keys[0]}\s*\]\]", line)]
-    if keys[1] >= len(headers):
-        return line_of(content, (str(keys[0]),))  # written inline
-    begin = headers[keys[1]]
-    if len(keys) > 2:
-        for i in range(begin + 1, len(lines)):
-            if lines[i].lstrip().startswith("["):
-                break
-            if re.match(_KEY.format(re.escape(str(keys[2]))), lines[i]):
-                return i + 1
-    return begin + 1
+    return [line for line, _ in CsvRows(read_bytes(path, max_size))][1:]
