@@ -42,9 +42,9 @@ def list_answers(folder: Path) -> Iterator[Answer]:
         left_out = [frozenset[str]()] + [cause] * (label["family"] == "single")
         for missing in left_out:
             library = {effect: own for effect, own in CATALOGUE.items() if effect not in missing}
-            found = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"), library)
-            doubts = describe_doubts(found.tests, found.hypotheses, found.gap, found.held_out)
-            yield np.array([1.0, not found.leading.effects, *-doubts]), cause <= set(library)
+            answer = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"), library)
+            doubts = describe_doubts(answer.tests, answer.hypotheses, answer.gap, answer.held_out)
+            yield np.array([1.0, not answer.leading.effects, *-doubts]), cause <= set(library)
 
 
 def regress(answers: list[Answer]) -> FloatArray:
@@ -63,9 +63,9 @@ def main() -> None:
     """Print the constants."""
     with tempfile.TemporaryDirectory() as name:
         make_cases(Path(name) / "cases", Path(name) / "labels.json", CASES, SEED)
-        found = regress(list(list_answers(Path(name))))
+        log_odds = regress(list(list_answers(Path(name))))
     names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_EFFECT", "PER_MAKESHIFT", "PER_FAILURE", "PER_END")
-    for constant, value in zip(names, found, strict=True):
+    for constant, value in zip(names, log_odds, strict=True):
         print(f"{constant} = {value:.2f}")
 
 
