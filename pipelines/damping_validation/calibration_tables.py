@@ -117,7 +117,7 @@ def tabulate_goals(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFra
             low, high = binomtest(int(held), int(given)).proportion_ci(SURE, "wilson")
             goal = f"{way}: holds {100 * HELD[0]:g} to {100 * HELD[1]:g} % of next tests at {ratio:g} times"
             text = f"{100 * held / given:.1f} % of {given} ({100 * low:.0f} to {100 * high:.0f})"
-            rows.append((goal, text, high >= HELD[0] and low <= HELD[1]))
+            rows.append((goal, text, bool(high >= HELD[0] and low <= HELD[1])))
             goal = f"{way}: at most {100 * ABOVE:g} % above the band at {ratio:g} times"
             rows.append((goal, f"{100 * above:.1f} %", above <= ABOVE))
         if way != "chains":  # one trial a truth says nothing of it

@@ -106,8 +106,11 @@ def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), 
     def left(x: Array) -> Array:
         return cells.distance(*predicted(*_simulated(bench, effects, x, sweeps)))
 
+    def left_and_penalty(x: Array) -> Array:
+        return np.concatenate([left(x), x[:penalised]])
+
     fit = least_squares(
-        lambda x: np.concatenate([left(x), x[:penalised]]),
+        left_and_penalty,
         np.clip(start, low + 1e-9, high - 1e-9),
         bounds=(low, high),
         max_nfev=30,
