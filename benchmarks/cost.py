@@ -15,10 +15,10 @@ import numpy as np
 from benchmarks._rows import middle, timed
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.plan import plan_loads
-from damping.infer.importance import Proposal
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_posterior
 from damping.infer.observations import Observations
+from damping.infer.proposal import Proposal
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.regression.design import design_of_arrays

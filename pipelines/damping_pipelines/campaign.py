@@ -24,7 +24,7 @@ from damping.report.text import write_sections
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import console, number, plain_table
+from damping_pipelines.terminal import PlainTable, console, number
 
 
 def campaign(
@@ -212,7 +212,7 @@ def _show(answer: Campaign, out: Path) -> None:
     for note in answer.summary.notes:
         to.print(f"- {note}")
     right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
-    table = plain_table("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
+    table = PlainTable("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
             table.add_row(*_list_row(mode.name, at))

@@ -156,10 +156,10 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
     """Records that rest on data of their own: of two studies of the same files the first."""
     different: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[str, RecordSummary]] = {}
     for study in studies:
-        of = f"{study.name}: " if len(studies) > 1 else ""
+        prefix = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
             key = (name, tuple(sorted(study.inputs.items())))
-            different.setdefault(key, (of + (record.title or name), record))
+            different.setdefault(key, (prefix + (record.title or name), record))
     return list(different.values())
 
 

@@ -23,7 +23,7 @@ from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
 from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import console, plain_table
+from damping_pipelines.terminal import PlainTable, console
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ def import_form(imported: Imported, out: Path) -> dict[str, Any]:
 
 def _print(imported: Imported, out: Path, to: Console) -> None:
     title = f"{escape_control(Path(imported.record.source).name)}: what was understood"
-    table = plain_table(title, (), ("what", "understood", "whence"))
+    table = PlainTable(title, (), ("what", "understood", "whence"))
     for row in imported.summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)

@@ -24,7 +24,7 @@ from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.records import report_findings
 from damping_pipelines.store import check_picture, refuse_inputs, refuse_twice, write_picture, write_plain
-from damping_pipelines.terminal import Notes, console, number, plain_table, progress, show_cautions, suggest
+from damping_pipelines.terminal import Notes, PlainTable, console, number, progress, show_cautions, suggest
 
 #: Laws whose coefficients are shown.
 MOST_LAWS = 3
@@ -90,7 +90,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     """The tables for people: laws, and the coefficients of the best."""
     out, notes = console(), Notes()
     numbers = ("weight", "fitted error %", "held-out error %", "score", "equal laws", "notes")
-    table = plain_table(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
+    table = PlainTable(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
     errors = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
     shown = [(c, row) for c, row in zip(result.ranking.candidates, errors, strict=True) if c.weight > LEAST_WEIGHT]
     if result.ranking.fit.sentence:
@@ -114,7 +114,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
 def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
     """Coefficients of the best laws with their units: medians and 90 % intervals."""
     numbers, names = ("median", "low", "high", "T-ratio"), ("law", "coefficient", "unit")
-    table = plain_table("Coefficients, median and 90 % interval", numbers, names)
+    table = PlainTable("Coefficients, median and 90 % interval", numbers, names)
     for c in result.ranking.candidates[:MOST_LAWS]:
         for x in c.coefficients:
             parameter = f"{x.force} {x.shape}".strip()
@@ -153,10 +153,10 @@ def print_loads(result: LoadsResult) -> None:
     named, factors = {"force": units.force, "amplitude": length}, {"force": 1.0, "amplitude": factor}
     first = f"{asked} {_bracket(named[asked])}".strip()
     band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
-    table = plain_table(f"{mode.name}: {answer} at resonance {_bracket(named[answer])}".rstrip(), (first, *band))
+    table = PlainTable(f"{mode.name}: {answer} at resonance {_bracket(named[answer])}".rstrip(), (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
-    ratios = plain_table("Damping there; the low end is the one a load is sized with", (first, *damped))
-    shares = plain_table(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
+    ratios = PlainTable("Damping there; the low end is the one a load is sized with", (first, *damped))
+    shares = PlainTable(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
         at = f"{factors[asked] * row[asked]:g}"
         ends = (factors[answer] * row[name] for name in ("median", "low", "high", "linear"))
@@ -196,7 +196,7 @@ def _print_what_if(result: LoadsResult) -> None:
     varied = result.extrapolation.vary_priors()
     factor, length = choose_length(units.length, varied["median"].max())
     headings = (f"force {_bracket(units.force)}".strip(), "prior times", "median", "low", "high")
-    table = plain_table(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
+    table = PlainTable(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
         table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
@@ -230,7 +230,7 @@ def print_curve(result: CurveResult) -> None:
         *(f"amplitude {_bracket(length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),
         *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
     )
-    table = plain_table(f"{result.mode.name}: damping of the resonance", numbers)
+    table = PlainTable(f"{result.mode.name}: damping of the resonance", numbers)
     for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
         further = [caution for caution in cautions if not caution.startswith("beyond the test")]

@@ -18,7 +18,7 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping_pipelines.store import refuse_inputs, write_json, write_text
-from damping_pipelines.terminal import console, number, plain_table, progress
+from damping_pipelines.terminal import PlainTable, console, number, progress
 
 #: Rows of a record that is computed: minutes, and far more than any analysis takes.
 MOST_ROWS = 100_000
@@ -58,7 +58,7 @@ def _print_audit(findings: Audit, mode: Mode | None) -> None:
     named = (("force", units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
-    table = plain_table("What each sweep implies at its resonance", headings, ("sweep",))
+    table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))
     for row in findings.implied.to_dict(orient="records"):
         numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
         table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))

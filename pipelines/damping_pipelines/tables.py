@@ -25,7 +25,7 @@ from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
-from damping_pipelines.terminal import console, plain_table
+from damping_pipelines.terminal import PlainTable, console
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -208,7 +208,7 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
 
 def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
     """What each step did, and where the record is."""
-    terminal, table = console(), plain_table(description.title or out.stem, (), ("step", "report", "removed, at most"))
+    terminal, table = console(), PlainTable(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
         removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
         constants = [f"{name} = {value:.4g}" for name, value in step.constants.items()]

@@ -39,8 +39,7 @@ def progress(title: str, total: int) -> Iterator[Advance]:
 
 
 def _bar(title: str, total: int) -> Iterator[Advance]:
-    from rich.console import Console  # noqa: PLC0415 - only a terminal needs rich
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - as above
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - only a terminal needs it
 
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -108,7 +107,7 @@ class PlainTable:
             name may hold several lines.
     """
 
-    def __init__(self, title: str, numbers: Sequence[str], names: Sequence[str] = ()) -> None:
+    def __init__(self, title: str, numbers: Iterable[str], names: Iterable[str] = ()) -> None:
         self.title, self.names, self.numbers = title, tuple(names), tuple(numbers)
         self.rows: list[tuple[str, ...]] = []
 
@@ -191,11 +190,6 @@ def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
 
 def _shorten(text: str, most: int) -> str:
     return text if len(text) <= most else text[: max(most - 1, 0)] + "…"
-
-
-def plain_table(title: str, right: Iterable[str], left: Iterable[str] = ()) -> PlainTable:
-    """A table of names, ``left`` their headings, and of numbers to the ``right`` of them."""
-    return PlainTable(title, tuple(right), tuple(left))
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.prediction import Loads
-from damping.infer.diagnostics import load_arviz
+from damping.infer.chains import load_arviz
 from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage

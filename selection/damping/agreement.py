@@ -6,18 +6,19 @@ simulation, which has a resonant amplitude of its own. Where that lies outside t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
-from damping.gap.diagnose import Diagnosis, conclude, explain
+from damping.gap.diagnose import Diagnosis, explain
 from damping.gap.sweeping import simulated_force
-from damping.gap.weighing import Explanation, bound_probabilities
+from damping.gap.weighing import Explanation
 from damping.predict.steady import phase_resonance
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -39,11 +40,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[st
         explained = explain(record, mode)
     except AnalysisError:  # a record that no simulation can be compared with
         return ()
-    most = bound_probabilities(explained.hypotheses, explained.setting.noise_known)
-    possible = [e for e, p in zip(explained.hypotheses, most, strict=True) if p >= ALIVE]
-    if not any(_predict_outside(explanation, loads)[1].any() for explanation in possible):
-        return ()  # whatever is still to be said of their probabilities
-    return describe_disagreement(loads, conclude(explained))
+    return describe_disagreement(loads, explained.hypotheses, mode)
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tuple[str, ...]:
@@ -53,16 +50,17 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tup
         loads = extrapolate_loads(near, [BEYOND * near.tested_force.max()], seed=seed, mode=diagnosis.mode).loads
     except AnalysisError:  # a record without rows that laws can be ranked on
         return ()
-    return describe_disagreement(loads, diagnosis)
+    return describe_disagreement(loads, diagnosis.hypotheses, diagnosis.mode)
 
 
-def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]:
+def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode: Mode) -> tuple[str, ...]:
     """The most probable living explanation whose corrected simulation leaves the band, with both numbers; or none."""
-    units, band = diagnosis.mode.units, loads.average
-    for explanation in diagnosis.hypotheses:
+    units, band = mode.units, loads.average
+    for explanation in hypotheses:
         if explanation.probability < ALIVE:
             break
-        amplitude, outside = _predict_outside(explanation, loads)
+        amplitude = simulate_resonance(corrected_mode(explanation.hypothesis.best, CATALOGUE), loads)
+        outside = (amplitude < band.low) | (amplitude > band.high)
         if outside.any():
             at = int(outside.nonzero()[0][-1])
             cause = " and ".join(explanation.effects) or "no effect"
@@ -74,12 +72,6 @@ def describe_disagreement(loads: Loads, diagnosis: Diagnosis) -> tuple[str, ...]
                 f" {amplitude[at]:.4g} {units.length}".rstrip(),
             )
     return ()
-
-
-def _predict_outside(explanation: Explanation, loads: Loads) -> tuple[FloatArray, BoolArray]:
-    """Amplitude of the simulation corrected by an explanation, and whether it leaves the band, (forces,) each."""
-    amplitude = simulate_resonance(corrected_mode(explanation.hypothesis.best, CATALOGUE), loads)
-    return amplitude, (amplitude < loads.average.low) | (amplitude > loads.average.high)
 
 
 def simulate_resonance(mode: Mode, loads: Loads) -> FloatArray:

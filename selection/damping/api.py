@@ -13,41 +13,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from damping.agreement import compare_with_diagnosis, compare_with_ranking
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.extrapolation import check_loads, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import (
-    FARTHEST,
-    join_curves,
-    list_default_amplitudes,
-    predict_forces,
-    trace_loads,
-)
+from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import near_resonance
-from damping.gap.corrected import sample_effects
-from damping.gap.diagnose import diagnose as diagnose_gap
-from damping.gap.problem import State
-from damping.gap.simulation import Simulate
-from damping.gap.sweeping import Direction, Method, simulate_sweeps
 from damping.infer.observations import observe
-from damping.predict.measured import Measured, as_driven_by_force, prepare
+from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.audit import Audit, audit
-from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
+from damping.records.reading import require_numbers
 from damping.records.record import Record
-from damping.regression import list_columns_of, parse_terms
-from damping.regression.design import list_required_columns, take_columns
-from damping.regression.program import regression
-from damping.regression.selecting import Choice
 from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 
 if TYPE_CHECKING:
+    from damping.gap.problem import State
+    from damping.gap.simulation import Simulate
+    from damping.gap.sweeping import Direction, Method
     from damping.signals.description import Description
 
 #: Seed of everything sampled, that of the command line.
@@ -55,17 +42,12 @@ SEED = 1970
 
 
 def _check_kind(value: object, kind: type, name: str) -> None:
-    """InputError unless ``value`` is of its kind."""
     if not isinstance(value, kind):
         raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
 
 
 def check(record: Record, mode: Mode | None = None) -> Audit:
-    """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says.
-
-    Raises:
-        InputError: an argument of another kind.
-    """
+    """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says."""
     _check_kind(record, Record, "record")
     if mode is not None:
         _check_kind(mode, Mode, "mode")
@@ -94,19 +76,15 @@ def rank(
         mode: where given, cautions say what is odd about it beside the record. progress: shows how far the work is.
         despite: checks of the audit whose refusal is passed over, such as ``("phase-sign",)``.
 
-    Args:
-        despite: checks of the audit whose refusal is passed over.
-
     Raises:
-        InputError: an argument of another kind.
         AnalysisError: no candidate could be fitted.
     """
     findings = _admit(record, mode, despite)
     measured = prepare(record, mode)
-    data = observe(measured.record)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        return RankingResult(rank_laws(data, seed, laws, done), measured.mode, findings, measured.said)
+        ranking = rank_laws(observe(measured.record), seed, laws, done)
+    return RankingResult(ranking, measured.mode, findings, measured.said)
 
 
 @single_threaded
@@ -131,19 +109,21 @@ def extrapolate(
         InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
-    _check_modal(record, mode)
-    by_amplitude = len(_as_asked(amplitudes, "amplitude", level)) > 0
-    if by_amplitude and len(forces):
+    from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - a ranking needs no diagnosis to load
+
+    _check_kind(mode, Mode, "mode")
+    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
+    if len(at) and len(under):
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
-    asked = _as_asked(amplitudes if by_amplitude else forces, "amplitude" if by_amplitude else "force", level)
-    if not len(asked):
+    if not len(at) and not len(under):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
-    findings, measured = _steady(record, mode, despite)
+    findings = _admit(record, mode, despite)
+    measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
-    first = [float(data.tested_force.max())] if by_amplitude else asked
+    first = under if len(under) else [float(data.tested_force.max())]
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
-    if by_amplitude:
-        predicted = replace(predicted, loads=predict_forces(predicted, asked))
+    if len(at):
+        predicted = replace(predicted, loads=predict_forces(predicted, at))
     backbone = find_backbone(measured.record, mode, findings.implied)
     against = compare_with_diagnosis(measured.record, mode, predicted.loads)
     return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said, against)
@@ -170,9 +150,10 @@ def curve(
         InputError: an amplitude, a force or a level that is none, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
-    _check_modal(record, mode)
+    _check_kind(mode, Mode, "mode")
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
-    findings, measured = _steady(record, mode, despite)
+    findings = _admit(record, mode, despite)
+    measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
     first = under if len(under) else np.array(FARTHEST) * data.tested_force.max()
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
@@ -185,20 +166,9 @@ def curve(
     return CurveResult(traced, predicted, mode, findings, measured.said)
 
 
-def _check_modal(record: object, mode: object) -> None:
-    _check_kind(record, Record, "record")
-    _check_kind(mode, Mode, "mode")
-
-
 def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:
     """Forces or amplitudes that were asked as an array, which may be empty; InputError for one that is none."""
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
-
-
-def _steady(record: Record, mode: Mode, despite: Collection[str]) -> tuple[Audit, Measured]:
-    """The audit of a record, and its steady states under a modal force."""
-    findings = _admit(record, mode, despite)
-    return findings, prepare(record, mode)
 
 
 @single_threaded
@@ -225,9 +195,12 @@ def diagnose(
             are asked for what they say against it.
 
     Raises:
-        InputError: an argument of another kind.
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
+    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - as above
+    from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
+    from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
+
     _check_kind(mode, Mode, "mode")
     findings = _admit(record, mode, despite)
     for own, state in states:
@@ -238,11 +211,11 @@ def diagnose(
     gap = diagnose_gap(record, forced, states=states, simulate=simulate)
     against = () if states or simulate or not compare else compare_with_ranking(record, gap, seed)
     gap = replace(gap, cautions=(*map(str, findings.findings), *said, *gap.cautions))
-    if not posterior:
-        return DiagnosisResult(gap, None, findings, against)
-    with progress("posterior", 1) as done:
-        sampled = sample_effects(gap.leading.best, seed)
-        done("done")
+    sampled = None
+    if posterior:
+        with progress("posterior", 1) as done:
+            sampled = sample_effects(gap.leading.best, seed)
+            done("done")
     return DiagnosisResult(gap, sampled, findings, against)
 
 
@@ -269,6 +242,11 @@ def regress(
             no numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
+    from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
+    from damping.regression.design import list_required_columns, take_columns  # noqa: PLC0415 - as above
+    from damping.regression.program import regression  # noqa: PLC0415 - as above
+    from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
+
     _check_kind(frame, pd.DataFrame, "table")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
@@ -277,23 +255,8 @@ def regress(
         raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
     table = frame.reset_index(drop=True)
-    _check_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source)
+    require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source)
     return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
-
-
-def _check_numbers(table: pd.DataFrame, names: Sequence[str], source: str) -> None:
-    """InputError for the first column that is missing, or holds what is no finite number; ``sweep`` may be text."""
-    for name in names:
-        if name not in table.columns:
-            hint = describe_nearest(name, map(str, table.columns))
-            raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
-        if name == "sweep" and not pd.api.types.is_numeric_dtype(table[name]):
-            continue
-        numbers = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
-        if not np.isfinite(numbers).all():
-            row = int(np.argmin(np.isfinite(numbers)))
-            message = f"{str(table[name].iloc[row])!r} in row {row}"
-            raise InputError(message, file=source, column=name, expected="a finite number")
 
 
 @single_threaded
@@ -307,22 +270,10 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         InputError: a description or a table that contradicts itself.
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
-    # the schema of a description takes a tenth of a second to load, which no other function needs
-    from damping.signals.description import Description  # noqa: PLC0415 - see above
-    from damping.signals.reading import (  # noqa: PLC0415 - see above
-        check_raw,
-        condition_steps,
-        describe,
-        read_description,
-    )
+    from damping.signals.reading import check_raw, condition_steps, describe  # noqa: PLC0415 - its schema loads slowly
 
     _check_kind(frame, pd.DataFrame, "table")
-    if isinstance(description, str | Path):
-        described = read_description(description)
-    else:
-        if not isinstance(description, Description):
-            _check_kind(description, Mapping, "description")
-        described = description if isinstance(description, Description) else describe(description)
+    described = describe(description)
     steps = condition_steps(check_raw(frame, described), described)
     name = described.title or "conditioned"
     return ConditionResult(Record(steps[-1].after, name), name, steps)
@@ -347,6 +298,8 @@ def sweep(
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
+    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
+
     _check_kind(mode, Mode, "mode")
     levels = [float(level) for level in np.atleast_1d(np.asarray(force, dtype=float))]
     hertz = np.asarray(frequency, dtype=float)

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from damping.arrays import plain
-from damping.regression.printout import printout
-from damping.regression.program import regress_form, tabulate_terms
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -144,14 +142,20 @@ class RegressionResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """A row a term of the selected model: ``name, coefficient, std_error, t_ratio, p_value``."""
+        from damping.regression.program import tabulate_terms  # noqa: PLC0415 - other results need no regression
+
         return tabulate_terms(self.regression.selected.fit)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``regress/1``."""
+        from damping.regression.program import regress_form  # noqa: PLC0415 - as above
+
         return regress_form(self.regression)
 
     def printout(self) -> str:
         """The print-out of the program of 1970."""
+        from damping.regression.printout import printout  # noqa: PLC0415 - as above
+
         return printout(self.regression)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:

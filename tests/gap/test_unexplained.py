@@ -10,7 +10,7 @@ import pytest
 from damping.effects import CATALOGUE
 from damping.gap.diagnose import diagnose
 from damping.gap.rows import read_rows
-from damping.gap.size import Gap, nominal_residuals
+from damping.gap.size import nominal_residuals
 from damping.gap.weighing import describe_doubts
 from damping.records.record import Record
 
@@ -48,12 +48,10 @@ def hypothesis(log_posterior: float, *effects: str) -> SimpleNamespace:
 def test_an_effect_that_pays_little_beside_others_is_doubted(monkeypatch):
     """Effects beyond one over 1 + gain/10, gain that of the explanation over the best one without some of them."""
     monkeypatch.setattr("damping.gap.weighing.list_ends", lambda fit: [])
-    tests, gap = [SimpleNamespace(p_value=0.5)], Gap(3.0, 3.0, 1.0, 1.0)
+    tests = [SimpleNamespace(p_value=0.5)]
     others = [hypothesis(-5.0, "drift"), hypothesis(-10.0, "slip"), hypothesis(-90.0)]
-    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others], gap, None)[2] == 0.0  # one effect patches nothing
-    doubts = [
-        describe_doubts(tests, [hypothesis(gain, "slip", "background"), *others], gap, None)[2] for gain in (0, 20)
-    ]
+    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others])[1] == 0.0  # one effect patches nothing
+    doubts = [describe_doubts(tests, [hypothesis(gain, "slip", "background"), *others])[1] for gain in (0, 20)]
     assert doubts == pytest.approx([0.5, 0.25], rel=1e-12)  # gains of 10 and 30; drift is not part of the explanation
 
 

@@ -9,10 +9,11 @@ from scipy.integrate import simpson
 from damping.errors import AnalysisError
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, start_at
-from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, fill_cube, importance
+from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_posterior
 from damping.infer.observations import Observations
+from damping.infer.proposal import fill_cube
 
 
 def undoubted(law: Law, data: Observations) -> Coordinates:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from damping.infer.chains import Settings, sample
-from damping.infer.diagnostics import assess_convergence
+from damping.infer.chains import Settings, assess_convergence, sample
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 

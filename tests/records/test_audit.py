@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,10 @@ from audit_cases import at_one_amplitude, clean, decay, measured, peaks, record_
 
 import damping as dp
 from damping.records.audit import NAMES, audit
+from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
+from damping.records.view import View
 
 ROOT = Path(__file__).parents[2]
 #: Measured records beside the project, or beside a folder of working trees; nothing of them is part of it.
@@ -123,17 +126,31 @@ def test_refusal_and_the_way_past():
     assert "phase-sign" in NAMES
 
 
+def beside_other_modes(residual: float, zeta: float, width: float = 10.0) -> tuple[pd.DataFrame, dp.Mode]:
+    """Rows of a mode of mass 40 whose reading has a compliance of ``residual``/K of other modes in it, and the mode."""
+    M, omega_n = 40.0, 24.0
+    omega = omega_n * (1.0 + width * zeta * np.linspace(-1.0, 1.0, 41))
+    H = 1.0 / (M * (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)) + residual / (M * omega_n**2)
+    table = {"sweep": "A", "force": 3.0, "frequency": omega / (2.0 * np.pi), "amplitude": 3.0 * np.abs(H)}
+    mode = dp.Mode(name="m", frequency=omega_n / (2.0 * np.pi), mass=M, damping={"viscous": 2.0 * zeta * M * omega_n})
+    return pd.DataFrame(table | {"phase": -np.angle(H)}), mode
+
+
 @pytest.mark.parametrize("wrong", [1.0, 9.80665])
 def test_mass_beside_rigid_body_motion_without_phases(wrong):
     """The dip of |R + 1/Y| lies 1/(R M) from its peak: the mass is that of the mode, not that of a parabola."""
-    M, omega_n, zeta = 40.0, 24.0, 0.002
-    omega = omega_n * (1.0 + 0.02 * np.linspace(-1.0, 1.0, 41))
-    Y = M * (omega_n**2 - omega**2 + 2j * zeta * omega_n * omega)
-    reading = np.abs(1.0 / Y - 200.0 / (M * omega_n**2))
-    table = pd.DataFrame({"sweep": "A", "force": 3.0, "frequency": omega / (2.0 * np.pi), "amplitude": 3.0 * reading})
-    mode = dp.Mode(name="m", frequency=omega_n / (2.0 * np.pi), mass=M * wrong, damping={"viscous": 1.0})
-    found = audit(record_of(table), mode)
-    assert found.implied["mass"].iloc[0] == pytest.approx(
-        M, rel=1e-6
-    )  # exact but for rounding of a ratio of polynomials
+    table, mode = beside_other_modes(-200.0, 0.002)
+    found = audit(record_of(table.drop(columns="phase")), replace(mode, mass=mode.mass * wrong))
+    assert found.implied["mass"].iloc[0] == pytest.approx(mode.mass, rel=1e-6)  # exact but for rounding of a ratio
     assert (found.verdict == "refuse") == (wrong != 1.0)
+
+
+def test_phases_turned_by_other_modes_are_of_no_fast_sweep():
+    """A residual turns and curves Y as a fast sweep does, but 1/Y less a compliance is straight."""
+    table, mode = beside_other_modes(0.29 / (2.0 * 0.01), 0.01, width=4.0)
+    (turn,) = View(record_of(table), mode).turns
+    assert abs(turn.offset) > DRAGGED
+    assert turn.miss > CURVED
+    found = audit(record_of(table), mode)
+    assert found.verdict != "refuse"
+    assert "sweep-rate" not in [finding.check for finding in found.findings]

@@ -52,7 +52,6 @@ def test_all_511_equal_a_loop_of_statsmodels(nine_term_design: Design) -> None:
         np.testing.assert_allclose(models.criteria.leave_one_out_error[i], press, rtol=max(1e-14 * condition, 1e-10))
         if condition < 1e4:
             np.testing.assert_allclose(models.t_ratios[i, members], other.tvalues, rtol=1e-15 * condition**2 + 1e-10)
-            np.testing.assert_allclose(models.p_values[i, members], other.pvalues, rtol=1e-13 * condition**2 + 1e-8)
 
 
 def test_all_511_equal_single_fits(nine_term_design: Design) -> None:
@@ -66,7 +65,6 @@ def test_all_511_equal_single_fits(nine_term_design: Design) -> None:
         np.testing.assert_allclose(models.std_errors[i, members], one.std_errors, rtol=1e-9)
         np.testing.assert_allclose(models.sse[i], one.sse, rtol=1e-9)
         np.testing.assert_allclose(models.rms_errors[i], one.rms_error, rtol=1e-9)
-        np.testing.assert_allclose(models.r_squared[i], one.r_squared, rtol=1e-12)
         for criterion in NAMES:
             np.testing.assert_allclose(models.scores(criterion)[i], one.criteria.score(criterion), rtol=1e-9)
     left_out = ~models.members
@@ -126,28 +124,30 @@ def test_best_is_the_best_of_all(seed: int, criterion: str, nonnegative: bool) -
         with pytest.raises(AnalysisError, match="no subset"):
             best_subsets(design, criterion, nonnegative=nonnegative)
         return
-    best = best_subsets(design, criterion, nonnegative=nonnegative, per_size=3)
+    best = best_subsets(design, criterion, nonnegative=nonnegative, number=3)
     qualified = models.take(keep)
     expected = np.sort(qualified.scores(criterion))[0]
     scores = best.scores(criterion)
     # one is recomputed from the leverages of its own decomposition
     np.testing.assert_allclose(scores[0], expected, rtol=1e-9)
     assert (np.diff(scores) >= 0).all()
-    assert max(np.bincount(best.sizes)) <= 3
+    assert len(best) <= 3
     one = fit(design.take(np.flatnonzero(best.members[0])))
     np.testing.assert_allclose(best.criteria.leave_one_out_error[0], one.criteria.leave_one_out_error, rtol=1e-9)
 
 
-@pytest.mark.parametrize("size", [1.0, 700.0])
-def test_blocks_change_nothing(random_design: Build, monkeypatch: pytest.MonkeyPatch, size: float) -> None:
-    """One model at a time, and some."""
+@pytest.mark.parametrize(("block", "size"), [(1, 2e6), (2, 2e6), (9, 30.0)])
+def test_blocks_change_nothing(random_design: Build, monkeypatch: pytest.MonkeyPatch, block: int, size: float) -> None:
     design = random_design(5, n=20, k=6)
     whole = all_subsets(design)
-    monkeypatch.setattr(subsets_module, "_TOGETHER", size)
+    monkeypatch.setattr(subsets_module, "_BLOCK", block)
+    monkeypatch.setattr(subsets_module, "_BLOCK_SIZE", size)
     parts = all_subsets(design)
+    by_members = {bytes(members): i for i, members in enumerate(parts.members)}
+    order = [by_members[bytes(members)] for members in whole.members]
     # the order of additions in a product may differ with its shape
-    np.testing.assert_allclose(parts.coefficients, whole.coefficients, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(parts.press, whole.press, rtol=1e-12)
+    np.testing.assert_allclose(parts.coefficients[order], whole.coefficients, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(parts.press[order], whole.press, rtol=1e-12)
 
 
 @pytest.mark.parametrize("criterion", ["bic", "aic", "aicc", "loo", "adjusted-r2"])
@@ -155,7 +155,7 @@ def test_the_true_terms_are_found(criterion: str) -> None:
     rng = np.random.default_rng(8)
     columns = rng.normal(size=(200, 12))
     design = design_of_arrays(columns, columns[:, [1, 4, 7]] @ [3.0, -2.0, 1.0] + 0.1 * rng.normal(size=200))
-    found = best_subsets(design, criterion, per_size=1)
+    found = best_subsets(design, criterion, number=1)
     chosen = set(found.label(0))
     assert {"column 2", "column 5", "column 8"} <= chosen
     if criterion == "bic":  # consistent; the others keep a useless term now and then

@@ -17,11 +17,13 @@ import pandas as pd
 import pytest
 
 from damping.plots import to_svg
+from damping.records.view import Finding
 from damping.report import format_force_text, format_share, format_signed, number
 from damping.report.figures import record_figures
 from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_written, render_page
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
+from damping.report.text import write_sections
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -266,3 +268,15 @@ def test_blocks_are_escaped_one_by_one() -> None:
 def test_cells_are_written_for_people() -> None:
     values = [True, False, None, float("nan"), pd.NA, "", 3, 2.5, "text"]
     assert [describe_written(value) for value in values] == ["yes", "no", "–", "–", "–", "–", "3", "2.500", "text"]
+
+
+def test_no_value_begins_a_block_of_its_own(tmp_path):
+    """Labels of a file may hold line ends and what the texts of pages mean something by."""
+    text = tmp_path / "text.txt"
+    text.write_text(
+        "# first: Title\n\n{% for value in values %}\n* {{ value }}\n{% endfor %}\n\n[table none] nothing\n"
+    )
+    hostile = Finding("outlier", "caution", "sweep a\n\n# second: Title\n\n[end]", "look")
+    (section,) = write_sections(text, {"values": [hostile, "b"]})
+    (items,) = section.blocks
+    assert items.items == ["outlier (caution): sweep a  # second: Title  [end]; look", "b"]

@@ -227,8 +227,8 @@ def _refuse_loss(kept: DataSet, tasks: Iterable[FleetTask]) -> None:
         keys.add(task.key)
     table = kept.read(["record_sha256", "model_sha256"])
     other = table[~table["key"].isin(keys)]
-    of = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
-    lost = [content[0] for content in of if content[0] not in names or content in contents]
+    contained = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
+    lost = [content[0] for content in contained if content[0] not in names or content in contents]
     if lost:
         raise InputError(
             f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}",

@@ -22,6 +22,7 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import (
     format_between,
+    format_decimals,
     format_force_text,
     format_percent,
     format_quantity,
@@ -44,6 +45,7 @@ from damping.report.page import (
     Text,
     render_page,
 )
+from damping.report.tables import tabulate_by_model
 from damping.report.text import write_sections
 from damping_pipelines.fleet.dataset import FleetTask
 
@@ -142,15 +144,11 @@ def _tabulate_laws(ranking: Ranking) -> Table:
         "average_absolute_percent": "mean |%|",
     }
     percents = dict.fromkeys(("held_out_error", "average_absolute_percent"), format_percent)
-    formats = {"weight": format_share, "score": _describe_one_decimal, **percents}
+    formats = {"weight": format_share, "score": lambda value: format_decimals(value, 1), **percents}
     frame = pd.DataFrame(rows).astype({"rank": "Int64"})
     if frame["held_out_error"].isna().all():  # not asked for, or one level
         frame = frame.drop(columns="held_out_error")
     return Table(frame, "", formats, headings)
-
-
-def _describe_one_decimal(value: float) -> str:
-    return f"{value:.1f}".replace("-", "−") if np.isfinite(value) else "–"
 
 
 def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, Block]:
@@ -169,21 +167,15 @@ def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, Block]:
     )
     headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
     formats = {"force": lambda force: f"{force:.6g}", "over": format_signed}
-    laws = pd.DataFrame(
-        {"law": [b.name for b in design.by_model], "weight": [b.weight for b in design.by_model]}
-        | {
-            f"at {format_force_text(force, units.force)}": [
-                f"{number(b.median[i])} ({format_between(b.low[i], b.high[i])})" for b in design.by_model
-            ]
-            for i, force in enumerate(design.force)
-        }
-    )
-    is_drawn = loads.bands is not None and np.isfinite(average.median).any()
-    return {
-        **({"loads": _draw_loads(record, design, loads.bands)} if is_drawn else {}),
+    laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
+    laws.insert(1, "weight", [band.weight for band in design.by_model])
+    tables = {
         "loads by force": Table(frame, "", formats, headings),
         "loads by law": Table(laws, "", {"weight": format_share}),
     }
+    if loads.bands is None or not np.isfinite(average.median).any():
+        return {**tables}
+    return {**tables, "loads": _draw_loads(record, design, loads.bands)}
 
 
 def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> FigureBlock:

@@ -109,8 +109,8 @@ def _answer_driven(
             per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
             z, high, low = (float(per_amplitude / A) for A in bands[k])
             ratio = (z, low, high)
-        drive, of = level * unit(run.drive_unit).factor, levels[k if measured else -1]
-        response = _list_responses(names, of, mode, float(frequency[k]), ratio, drive) if ratio else ()
+        drive, nearest = level * unit(run.drive_unit).factor, levels[k if measured else -1]
+        response = _list_responses(names, nearest, mode, float(frequency[k]), ratio, drive) if ratio else ()
         cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
         stated = float(levels[k].run.level or 0.0) if measured else level
         reached = None if stated == level else level
@@ -168,11 +168,13 @@ def _list_responses(
     for s, name in enumerate(names):
         if not np.isfinite(mode.residues[s]):
             continue
-        of = by_name[name]
-        size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[of.quantity]) / unit(of.unit).factor
+        sensor = by_name[name]
+        size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
         spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
         responses.append(
-            Response(name, of.quantity, of.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread))
+            Response(
+                name, sensor.quantity, sensor.unit, _widened(float(size[0]), float(size[1]), float(size[2]), spread)
+            )
         )
     return tuple(responses)
 
@@ -228,7 +230,7 @@ def find_notches(
             continue
         level, upper, ratio, frequency = (np.array([row[k] for row in rows], dtype=float) for k in range(4))
         allowed = _invert(level, upper, limit)
-        z, f = (float(np.interp(np.log(allowed), np.log(level), of)) for of in (ratio, frequency))
+        z, f = (float(np.interp(np.log(allowed), np.log(level), values)) for values in (ratio, frequency))
         half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
         low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)

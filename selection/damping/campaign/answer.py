@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
@@ -227,21 +226,6 @@ class Campaign:
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """A row a mode, level and sensor."""
-        rows = []
-        for mode in self.modes:
-            for at in mode.places:
-                for response in at.response:
-                    median, low, high = response.band
-                    row = {"mode": mode.name, "frequency": at.frequency, "level": at.level, "tested": at.tested}
-                    rows.append(
-                        row
-                        | {"sensor": response.sensor, "median": median, "low": low, "high": high, "unit": response.unit}
-                    )
-        return pd.DataFrame(rows)
 
 
 def _band(band: tuple[float, float, float] | None) -> dict[str, float | None]:

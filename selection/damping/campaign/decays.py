@@ -160,8 +160,8 @@ def _shape(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, 
 def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
     size = np.std(x, axis=1)
     out = {}
-    for name, of, part in zip(names, size, follows, strict=True):
-        if of < DEAD * np.median(size):
+    for name, motion, part in zip(names, size, follows, strict=True):
+        if motion < DEAD * np.median(size):
             out[name] = "dead: it reads next to nothing"
         elif part < FOLLOWS:
             out[name] = f"it does not move with this mode ({100.0 * part:.0f} % of its motion there)"
@@ -220,11 +220,11 @@ def _decaying(
     names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int
 ) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
-    of = {channel.name: channel for channel in run.channels}[names[mode.reference]]
+    sensor = {channel.name: channel for channel in run.channels}[names[mode.reference]]
     at_rest = float(mode.mode.frequency)
     table = mode.record.table.sort_values("amplitude")
     A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
-    to_reading = (2.0 * pi * at_rest) ** ORDERS[of.quantity] / (unit(of.unit).factor if of.unit else 1.0)
+    to_reading = (2.0 * pi * at_rest) ** ORDERS[sensor.quantity] / (unit(sensor.unit).factor if sensor.unit else 1.0)
     tops = np.sort(mode.tops)
     beyond = [level.at(at_rest) for level in design] or [float(2.0 * tops[-1] * to_reading)]
     asked = [*(float(top) for top in tops * to_reading), *beyond]
@@ -272,6 +272,6 @@ def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level:
         factor = (unit(by_name[names[mode.reference]].unit or "1").factor) / unit(by_name[name].unit or "1").factor
         size = abs(mode.shape[s]) * level * factor
         spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
-        of = by_name[name]
-        responses.append(Response(name, of.quantity, of.unit, (size, size * exp(-spread), size * exp(spread))))
+        sensor = by_name[name]
+        responses.append(Response(name, sensor.quantity, sensor.unit, (size, size * exp(-spread), size * exp(spread))))
     return tuple(responses)

@@ -58,10 +58,10 @@ class Poles:
 
     def moved(self, cluster: Sequence[int], shift: FloatArray, log_ratio: FloatArray, slope: FloatArray) -> Poles:
         """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms."""
-        of = self.frequency.copy(), self.ratio.copy(), self.slope.copy()
-        of[0][cluster] = self.frequency[cluster] * (1.0 + shift)
-        of[1][cluster], of[2][cluster] = np.exp(log_ratio), slope
-        return Poles(*of, self.sign)
+        parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy()
+        parameters[0][cluster] = self.frequency[cluster] * (1.0 + shift)
+        parameters[1][cluster], parameters[2][cluster] = np.exp(log_ratio), slope
+        return Poles(*parameters, self.sign)
 
     @property
     def clusters(self) -> list[list[int]]:
@@ -76,14 +76,14 @@ class Poles:
 
     def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
         """Rows about a cluster, and no more than half the way to its neighbours."""
-        of, first, last = self.frequency, cluster[0], cluster[-1]
-        low, high = of[first] * (1.0 - BAND), of[last] * (1.0 + BAND)
+        frequency, first, last = self.frequency, cluster[0], cluster[-1]
+        low, high = frequency[first] * (1.0 - BAND), frequency[last] * (1.0 + BAND)
         if first > 0:
-            low = max(low, 0.5 * (of[first] + of[first - 1]))
-        if last + 1 < len(of):
-            high = min(high, 0.5 * (of[last] + of[last + 1]))
+            low = max(low, 0.5 * (frequency[first] + frequency[first - 1]))
+        if last + 1 < len(frequency):
+            high = min(high, 0.5 * (frequency[last] + frequency[last + 1]))
         rows = np.flatnonzero((f >= low) & (f <= high))
-        return rows if len(rows) >= _FEWEST_ROWS else np.sort(np.argsort(np.abs(f - of[first]))[:_FEWEST_ROWS])
+        return rows if len(rows) >= _FEWEST_ROWS else np.sort(np.argsort(np.abs(f - frequency[first]))[:_FEWEST_ROWS])
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ def fit_level(
 def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
     """Damping ratio by the half-power width of the peak of the sensor that moves most there."""
     place = int(np.argmin(np.abs(f - at)))
-    of: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
+    largest: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
     low = high = place
-    while low > 0 and of[low] > of[place] / np.sqrt(2.0):
+    while low > 0 and largest[low] > largest[place] / np.sqrt(2.0):
         low -= 1
-    while high < len(f) - 1 and of[high] > of[place] / np.sqrt(2.0):
+    while high < len(f) - 1 and largest[high] > largest[place] / np.sqrt(2.0):
         high += 1
     return float(np.clip((f[high] - f[low]) / (2.0 * at), 1e-4, 0.1))
 
@@ -240,10 +240,10 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
         squares.append(0.5 * (np.abs(rest) ** 2).ravel())
     size, square = np.concatenate(sizes), np.concatenate(squares)
     parts = [part for part in np.array_split(np.argsort(size), 12) if len(part)]
-    of = np.array([np.mean(size[part]) for part in parts])
+    means = np.array([np.mean(size[part]) for part in parts])
     has = np.array([np.median(square[part]) / 0.693 for part in parts])  # of an exponential: median over mean
     weight = 1.0 / has.clip(min=1e-30)
-    design = np.column_stack([of, np.ones_like(of)]) * weight[:, None]
+    design = np.column_stack([means, np.ones_like(means)]) * weight[:, None]
     squares_of_noise = np.linalg.lstsq(design, has * weight, rcond=None)[0]
     least = np.quantile(has, 0.1)
     return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * least, 1e-20)])
@@ -266,8 +266,8 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
             residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
             ratio_sd[k] = np.sqrt(variance[sensors * width + place])
-    of = (poles.frequency, poles.ratio, poles.slope, poles.sign)
-    return ModalFit(*of, ratio_sd, residues, residues_sd, local, noise)
+    parameters = (poles.frequency, poles.ratio, poles.slope, poles.sign)
+    return ModalFit(*parameters, ratio_sd, residues, residues_sd, local, noise)
 
 
 def _covariance(
@@ -293,6 +293,6 @@ def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, f
     """The poles with one value of one mode moved, and by how much: ratios (ln), frequencies (relative), slopes."""
     for which, step in (("ratio", 1e-4), ("frequency", 1e-6), ("slope", 1e-3)):
         for k in cluster:
-            of = {name: getattr(poles, name).copy() for name in ("frequency", "ratio", "slope")}
-            of[which][k] = of[which][k] + step if which == "slope" else of[which][k] * (1.0 + step)
-            yield Poles(**of, sign=poles.sign), step
+            stepped = {name: getattr(poles, name).copy() for name in ("frequency", "ratio", "slope")}
+            stepped[which][k] = stepped[which][k] + step if which == "slope" else stepped[which][k] * (1.0 + step)
+            yield Poles(**stepped, sign=poles.sign), step

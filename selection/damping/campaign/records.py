@@ -123,9 +123,9 @@ def _accelerations(
     w = harmonic * 2.0 * pi * f
     rows = []
     for name, values in zip(names, values_of(run, names, harmonic), strict=True):
-        of = by_name[name]
-        motion = values[keep] * unit(of.unit).factor * (1j * w) ** (2 - ORDERS[of.quantity])
-        rows.append(motion / drive_unit.factor if of.per_drive else motion / drive)
+        sensor = by_name[name]
+        motion = values[keep] * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
+        rows.append(motion / drive_unit.factor if sensor.per_drive else motion / drive)
     return f, np.array(rows), np.abs(drive)
 
 

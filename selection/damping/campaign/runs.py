@@ -161,12 +161,12 @@ def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
     channels = []
     for channel in run.channels:
-        of = stated.of(channel.name)
-        if of.role == "out":
+        correction = stated.of(channel.name)
+        if correction.role == "out":
             continue
-        text = of.unit or channel.unit
-        quantity = describe_quantity(text, channel.name) if of.unit else channel.quantity
-        channels.append(replace(channel.scaled(of.scale), unit=text, quantity=quantity))
+        text = correction.unit or channel.unit
+        quantity = describe_quantity(text, channel.name) if correction.unit else channel.quantity
+        channels.append(replace(channel.scaled(correction.scale), unit=text, quantity=quantity))
     return replace(run, level=stated.levels.get(run.label, run.level), channels=tuple(channels))
 
 

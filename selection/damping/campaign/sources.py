@@ -127,10 +127,10 @@ def _function_run(label: str, group: Sequence[Function], source: Source) -> Camp
 
 
 def _channel(function: Function) -> Channel:
-    name, of = name_function(function), function.units[0]
-    quantity = function.quantity or describe_quantity(of, name)
+    name, text = name_function(function), function.units[0]
+    quantity = function.quantity or describe_quantity(text, name)
     at_drive = function.per == "force" and function.response == function.reference
-    return Channel(name, quantity, of, np.asarray(function.y), bool(function.per), at_drive)
+    return Channel(name, quantity, text, np.asarray(function.y), bool(function.per), at_drive)
 
 
 def _list_hdf(source: Source) -> list[CampaignRun]:
@@ -172,9 +172,11 @@ def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[
             what = f"{path[leaf]} is passed over: no complex spectra at {len(f)} frequencies"
             source.summary.note(f"{source.file.name}: {what}")
             continue
-        of = units[leaf] or units[drive] or (level[1] if level else "")
+        text = units[leaf] or units[drive] or (level[1] if level else "")
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
-        channels += [Channel(name, describe_quantity(of, leaf), of, row) for name, row in zip(names, rows, strict=True)]
+        channels += [
+            Channel(name, describe_quantity(text, leaf), text, row) for name, row in zip(names, rows, strict=True)
+        ]
     drive_unit = stated.unit or units[drive] or (level[1] if level else channels[0].unit if channels else "")
     values = contents.arrays[path[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)

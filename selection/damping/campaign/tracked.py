@@ -209,8 +209,8 @@ def make_decay(
     label: str, t: FloatArray, names: Sequence[str], units: Sequence[str], samples: Iterable[FloatArray]
 ) -> CampaignRun:
     """The run of motions against time that nothing drives: a free decay."""
-    of = [text.replace("m/s2", "m/s^2") for text in units]
-    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, of, samples, strict=True)]
+    texts = [text.replace("m/s2", "m/s^2") for text in units]
+    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, texts, samples, strict=True)]
     return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
 
 
@@ -231,18 +231,18 @@ def track_channels(contents: Arrays, source: Source, kind: str) -> list[Campaign
 
 
 def _track_paths(label: str, contents: Arrays, paths: Sequence[str], source: Source, kind: str) -> CampaignRun:
-    of = {path: contents.units.get(path, "") for path in paths}
+    unit_of = {path: contents.units.get(path, "") for path in paths}
     steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
     if len(steps) > 1 or len(sizes) > 1:
         raise InputError(f"channels of {label} of several rates or lengths", expected="one for all")
     start, step = next(iter(steps))
     names = [path.rpartition("/")[2] for path in paths]
-    drive = choose_drive(dict(zip(names, of.values(), strict=True)), source.stated)
+    drive = choose_drive(dict(zip(names, unit_of.values(), strict=True)), source.stated)
     if drive is not None:
-        return track_arrays(source, kind, of, drive, step, label)
+        return track_arrays(source, kind, unit_of, drive, step, label)
     arrays = read_arrays(source.file, kind, [], source.most).arrays
     t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-    return make_decay(label, t, names, list(of.values()), (arrays[path][0].reshape(-1) for path in paths))
+    return make_decay(label, t, names, list(unit_of.values()), (arrays[path][0].reshape(-1) for path in paths))
 
 
 def track_group(

@@ -118,8 +118,8 @@ def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> 
     """The arrays out of their bytes."""
     arrays: dict[str, list[Samples]] = {}
     place = 0
-    for name, of, shape in loaded:
-        pair = 2 if of == "complex" else 1
+    for name, kind, shape in loaded:
+        pair = 2 if kind == "complex" else 1
         values = np.frombuffer(body, dtype=np.float64, count=pair * math.prod(shape), offset=place)
         arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
         place += values.nbytes

@@ -138,12 +138,12 @@ def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit
     if "response" not in units:
         expected = f"--unit response={_EXAMPLES[name]}, or --consistent"
         raise InputError("the unit of the response is neither in the file nor stated", expected=expected)
-    of = units["response"]
-    if of.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
-        of = of.per(units["force"])
-    if of.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
+    whole = units["response"]
+    if whole.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
+        whole = whole.per(units["force"])
+    if whole.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
         raise InputError(f"{units['response'].text} is no unit of {name}", expected=f"such as {_EXAMPLES[name]}")
-    return of
+    return whole
 
 
 _EXAMPLES = {
@@ -217,12 +217,12 @@ def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> 
         return 1.0
     if not known.unit_of(what):
         raise InputError(f"the unit of {what} is neither in the file nor stated", expected=f"--unit {what}=...")
-    of = unit(known.unit_of(what), what=f"unit of {what}")
-    if of.powers != powers:
-        raise InputError(f"{of.text} is no unit of {what}")
+    stated = unit(known.unit_of(what), what=f"unit of {what}")
+    if stated.powers != powers:
+        raise InputError(f"{stated.text} is no unit of {what}")
     known.add_unit(what)
     force, length = (unit(name) for name in SYSTEMS[known.stated.system])
-    return of.factor / (force.factor ** powers[0] * length.factor ** powers[1])
+    return stated.factor / (force.factor ** powers[0] * length.factor ** powers[1])
 
 
 @dataclass(frozen=True)

@@ -60,12 +60,12 @@ class ColumnHeader:
 def parse_header(text: str) -> ColumnHeader:
     """Name, unit and scaling of a header."""
     match = _UNIT.match(text)
-    name, of = (match[1].strip(), match[2]) if match else (text.strip(), "")
-    scaled = _SCALING.search(of) if of else None
+    name, within = (match[1].strip(), match[2]) if match else (text.strip(), "")
+    scaled = _SCALING.search(within) if within else None
     if scaled is None:
-        return ColumnHeader(text, name, of)
+        return ColumnHeader(text, name, within)
     kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
-    return ColumnHeader(text, name, of[: scaled.start()].strip(), kind)
+    return ColumnHeader(text, name, within[: scaled.start()].strip(), kind)
 
 
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
@@ -83,9 +83,14 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
     lower = [header.name.lower() for header in headers]
     response = None
     for place, header in enumerate(headers):
-        of = next((kind for kind, names in RESPONSE_NAMES.items() if header.name.lower() in names), None)
-        if of and place not in places.values() and _may_be(of, header) and not {"response", "amplitude"} & set(places):
-            places["response" if is_time else "amplitude"], response = place, of
+        motion = next((kind for kind, names in RESPONSE_NAMES.items() if header.name.lower() in names), None)
+        if (
+            motion
+            and place not in places.values()
+            and _may_be(motion, header)
+            and not {"response", "amplitude"} & set(places)
+        ):
+            places["response" if is_time else "amplitude"], response = place, motion
         elif not is_time and "angle" not in places and _is_angle(header):
             places["angle"] = place
     if not is_time and {"x", "y"} <= set(lower) and "z" not in lower and "amplitude" not in places:

@@ -80,10 +80,10 @@ def to_series(
     is_time = role == "time"
     if response.shape[1] > 1:
         return [
-            Series(f"{name} {k + 1}", x, response[:, k], _of(force, k), is_time, phased, extra, known)
+            Series(f"{name} {k + 1}", x, response[:, k], _take_sweep(force, k), is_time, phased, extra, known)
             for k in range(response.shape[1])
         ]
-    whole = Series(name, x, response[:, 0], _of(force, 0), is_time, phased, extra, known)
+    whole = Series(name, x, response[:, 0], _take_sweep(force, 0), is_time, phased, extra, known)
     if labels is None and not is_time:
         cuts = _cuts(x, whole.force)
         if cuts:
@@ -155,7 +155,7 @@ def _in_radians(arrays: Mapping[str, Samples], facts: HeaderFacts) -> dict[str, 
     return turned
 
 
-def _of(force: Samples | None, sweep: int) -> Samples | None:
+def _take_sweep(force: Samples | None, sweep: int) -> Samples | None:
     if force is None:
         return None
     return force[:, min(sweep, force.shape[1] - 1)]

@@ -76,7 +76,7 @@ class Stated:
 
     Attributes:
         format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
-        columns: name of the column or array of each role (``named.ROLES``).
+        columns: name of the column or array of each role (``ROLES``).
         response: a name of ``RESPONSES``, or None.
         scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
         units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.

@@ -161,11 +161,11 @@ def _sets(data: bytes) -> tuple[list[_Set], list[int]]:
 def _listed(sets: list[_Set], others: list[int], summary: Summary) -> None:
     for entry in sets[:_MOST_LISTED]:
         head = entry.header
-        of = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
+        quantity = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(head.function, f"function type {head.function}")
         form = "bytes" if entry.block.binary else "text"
         title = f", {describe_shortened(head.title, 40)!r}" if head.title else ""
-        text = f"{what}, {of}, {head.points} points ({form}), {entry.point}{title}"
+        text = f"{what}, {quantity}, {head.points} points ({form}), {entry.point}{title}"
         summary.add(f"data set {entry.number}", text, "found in the file")
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")

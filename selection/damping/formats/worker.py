@@ -101,11 +101,11 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
 
     wanted = {re.split(r"[.({]", name)[0] for name in names}
     tops = []
-    for name, shape, of in whosmat(path)[:_MOST_NAMES]:
+    for name, shape, mat_class in whosmat(path)[:_MOST_NAMES]:
         contents.known[name] = [int(n) for n in shape]
-        if of in ("struct", "cell") or name in wanted:
+        if mat_class in ("struct", "cell") or name in wanted:
             tops.append(name)
-        if name in wanted and of in _MAT_CLASSES:
+        if name in wanted and mat_class in _MAT_CLASSES:
             contents.refuse_beyond(shape)
     variables = loadmat(path, variable_names=tops, struct_as_record=True) if tops else {}
     for top in (top for top in tops if top in variables):
@@ -279,8 +279,9 @@ def _readable(h5py: Any, array: Any, name: str) -> None:
         raise RefusedError(f"{name!r} has its values outside the file")
     if array.compression not in _FILTERS:
         raise RefusedError(f"{name!r} is compressed in a way that is not read")
-    of = array.dtype
-    if any(kind not in "fiucb" for kind in ([of[part].kind for part in of.names] if of.names else [of.kind])):
+    dtype = array.dtype
+    kinds = [dtype[part].kind for part in dtype.names] if dtype.names else [dtype.kind]
+    if any(kind not in "fiucb" for kind in kinds):
         raise RefusedError(f"{name!r} is no array of numbers")
 
 

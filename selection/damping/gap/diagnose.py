@@ -148,7 +148,8 @@ class Explained:
     """What effects can explain of a gap, before anything is said of it.
 
     Attributes:
-        record, mode: what is compared. setting: with the noise that was found. search: finished. hypotheses: weighed.
+        record, mode: what is compared. setting: with the noise that was found. search: finished. tests: of what the
+            leading hypothesis leaves. in_library: chance that the library holds the cause. hypotheses: weighed with it.
         library: effects that were tried. cautions: what the record cannot say.
     """
 
@@ -156,6 +157,8 @@ class Explained:
     mode: Mode
     setting: Setting
     search: Search
+    tests: tuple[Test, ...]
+    in_library: float
     hypotheses: tuple[Explanation, ...]
     library: Mapping[str, Effect]
     cautions: tuple[str, ...]
@@ -176,7 +179,12 @@ def explain(
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     known, search = search_hypotheses(start, library)
-    return Explained(record, mode, known, search, weigh_hypotheses(search.ranked()), library, tuple(cautions))
+    hypotheses = weigh_hypotheses(search.ranked())
+    leading = hypotheses[0].hypothesis
+    tests = tuple(directed_tests(leading.best))
+    in_library = estimate_in_library(describe_doubts(tests, hypotheses), leading, known.dispersion)
+    weighed = blend_probabilities(hypotheses, in_library)
+    return Explained(record, mode, known, search, tests, in_library, weighed, library, tuple(cautions))
 
 
 @np.errstate(all="ignore")  # as above
@@ -185,13 +193,10 @@ def conclude(explained: Explained) -> Diagnosis:
     record, mode, known, search = explained.record, explained.mode, explained.setting, explained.search
     library, hypotheses = explained.library, explained.hypotheses
     leading = hypotheses[0].hypothesis
-    tests = tuple(directed_tests(leading.best))
     held_out = hold_levels_out(known, search, leading.best)
     gap = measure_gap(leading.best)
     levels = describe_repeatability(known, leading.best)
-    more = known.dispersion > 1.0 or unexplained(leading.best, tests, library) or bool(levels)
-    in_library = estimate_in_library(describe_doubts(tests, hypotheses, gap, held_out), leading, known.dispersion)
-    hypotheses = blend_probabilities(hypotheses, in_library, known.noise_known)
+    more = known.dispersion > 1.0 or unexplained(leading.best, explained.tests, library) or bool(levels)
     cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     A = np.array([one.amplitude for one in local])
@@ -202,9 +207,9 @@ def conclude(explained: Explained) -> Diagnosis:
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
         groups=group_equivalent_effects([hypothesis.hypothesis for hypothesis in hypotheses], library),
-        tests=tests,
+        tests=explained.tests,
         unexplained=more,
-        in_library=in_library,
+        in_library=explained.in_library,
         levels=list_levels(leading.best),
         gap=gap,
         where=residual_cells(leading.best),

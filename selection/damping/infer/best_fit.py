@@ -12,7 +12,7 @@ weights are taken again from the fit until they stay. Shapes are searched over t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 from typing import NamedTuple
@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Floats
 from damping.errors import AnalysisError
 from damping.forces.contract import Sum
-from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Law
+from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 
@@ -34,9 +34,6 @@ NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops, at the end and while shapes are searched.
 STEADY = 1e-12
 SEARCHED = 1e-7
-#: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
-SHARE_RANGE = (0.02, 0.98)
-LARGEST_SCORE = 3.0
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 #: Prior probabilities between which a shape is refined; width at which its search ends, standard
@@ -83,26 +80,8 @@ class BestFit:
 
     @property
     def variables(self) -> FloatArray:
-        """The standard normal variables x (dimension,) of this fit: where a search for the posterior's mode begins.
-
-        Shares stay within ``SHARE_RANGE``: the prior has none at the ends.
-        """
-        x = np.zeros(self.coordinates.dimension)
-        parts = len(self.law.parts)
-        x[parts : parts + self.point.size] = self.point
-        unit = np.array([float(c) for c in self.coordinates.coefficients(x)])
-        force = self.coefficients / unit * np.asarray(self.coordinates.shares(x))
-        total = max(float(force.sum()), np.finfo(float).tiny)  # a fit may be of no damping at all
-        x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
-        left = force.sum()
-        for i in range(parts - 1):
-            fraction = np.clip(force[i] / max(left, np.finfo(float).tiny), *SHARE_RANGE)
-            x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
-            left -= force[i]
-        scatter = np.sqrt(np.mean(self.n**2)) + 0.1 * SCATTER_MEDIAN
-        scatters = 1 + self.coordinates.with_level_scatter
-        x[-scatters:] = np.clip(np.log(scatter / SCATTER_MEDIAN) / SCATTER_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
-        return x
+        """The standard normal variables x (dimension,) of this fit: where a search for the posterior's mode begins."""
+        return self.coordinates.find_variables(self.coefficients, self.point, float(np.sqrt(np.mean(self.n**2))))
 
     @property
     def parameters(self) -> int:
@@ -111,10 +90,10 @@ class BestFit:
         return int(present.sum()) + sum(len(s) for s, there in zip(self.shapes, present, strict=True) if there)
 
 
-def build_force(law: Law, coefficients: FloatArray, shapes: Sequence[dict[str, float]]) -> Sum:
-    """The force of a law from numbers in the units of the record."""
+def build_force(law: Law, coefficients: FloatArray, shapes: Sequence[Mapping[str, Floats]]) -> Sum:
+    """The force of a law in the units of the record: ``coefficients`` (parts, ...) and ``shapes`` by name, (...)."""
     parts = zip(law.parts, coefficients, shapes, strict=True)
-    return Sum(tuple(part.build(float(c), **values) for part, c, values in parts))
+    return Sum(tuple(part.build(c, **values) for part, c, values in parts))
 
 
 def fit_law(law: Law, data: Observations) -> BestFit:
@@ -158,21 +137,13 @@ def _restore_units(pure: Coordinates, searched: Searched, data: Observations) ->
     """A fit that was sought without dimension."""
     point, solved, squares = searched
     coordinates = Coordinates.of(pure.law, data)
-    x = _place(point, coordinates)
+    x = coordinates.place(point)
     per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
     pure_force = solved / np.array([float(c) for c in pure.coefficients(x)])
     coefficients = pure_force * per_force * data.reference[2]
     shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
     n = np.asarray(residuals(build_force(pure.law, coefficients, shapes), data)[0])
     return BestFit(coordinates, coefficients, shapes, point, n, squares if np.isfinite(n).all() else np.inf)
-
-
-def _place(points: FloatArray, coordinates: Coordinates) -> FloatArray:
-    """Variables x (..., dimension), zero but for the shapes (..., shapes)."""
-    x = np.zeros((*points.shape[:-1], coordinates.dimension))
-    parts = len(coordinates.law.parts)
-    x[..., parts : parts + points.shape[-1]] = points
-    return x
 
 
 def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
@@ -278,16 +249,17 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
 
 def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
     """C and dC/d ln A of each part with coefficient 1, each (points, rows, parts); C twice where amplitude is input."""
-    shapes = coordinates.shapes(_place(points, coordinates))
+    shapes = coordinates.shapes(coordinates.place(points))
     units = [
         part.build(1.0, **{name: value[:, None] for name, value in values.items()})
         for part, values in zip(coordinates.law.parts, shapes, strict=True)
     ]
     size = (len(points), len(data.A))
-    columns = np.stack([np.broadcast_to(unit.quadrature(data.A, data.omega), size) for unit in units], axis=-1)
-    if data.amplitude_is_input:
-        return columns, columns
-    return columns, np.stack([np.broadcast_to(unit.slope(data.A, data.omega), size) for unit in units], axis=-1)
+    grown = [unit.grow(data.A, data.omega) for unit in units]
+    columns, slopes = (
+        np.stack([np.broadcast_to(part, size) for part in of], axis=-1) for of in zip(*grown, strict=True)
+    )
+    return columns, columns if data.amplitude_is_input else slopes
 
 
 def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.infer.chains import Posterior
-from damping.infer.diagnostics import load_arviz
+from damping.infer.chains import Posterior, load_arviz
 from damping.infer.law import Coordinates
 from damping.infer.likelihood import by_blocks, pointwise_log_likelihood, residuals
 from damping.infer.observations import Observations

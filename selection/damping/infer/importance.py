@@ -2,200 +2,20 @@
 
     Z = int exp(log density) dx ~ mean of w,   w = exp(log density)/q,   x ~ q,
 
-with ``q`` a mixture of multivariate t that covers the posterior: one part as wide as the prior, the others started from
-the Gaussian at the mode and adapted to the weighted draws by expectation and maximisation until enough of them
-count (Cappe et al. 2008, adaptive importance sampling in general mixture classes). The draws, resampled by weight, also
-start the Markov chains, which choose among further draws of the mixture.
+with ``q`` a mixture (:mod:`damping.infer.proposal`) adapted to the weighted draws until enough of them count. The
+draws, resampled by weight, also start the Markov chains, which choose among further draws of the mixture.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.special import gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
-
-#: Heavier tails than a posterior close to normal, so that importance weights stay bounded; an integer.
-DEGREES_OF_FREEDOM = 5.0
-#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
-WIDE_SHARE = 0.3
-LEAST_WIDE = 0.2
-#: Share, beside the wide part, of one part over all that was found, and its covariance over that: tails that few draws
-#: have met (a large scatter leaves shares open) are drawn from before their weights are large.
-BROAD_SHARE = 0.3
-BROAD = 4.0
-#: Share of the first proposal beside the wide part that reaches around the mode, and its covariance over that there: a
-#: second mode of the posterior (small scatter, large doubt) lies a few standard deviations off. Of a viscous law on
-#: three resonances the ln of the evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
-FAR_SHARE = 0.4
-FAR = 9.0
-#: Shares a posterior is cut into, across its longest axis each time: enough to follow a funnel or two modes.
-PARTS = 8
-#: Draws that a proposal is fitted to.
-MOST_FITTED = 1024
-#: Share of the whole covariance added to each part's, so that few different draws still reach around themselves: this
-#: over the effective draws, and no less than the second.
-BLUR = 20.0
-LEAST_BLUR = 0.1
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """``sum_k share_k t(mean_k, root_k root_k^T)`` in d variables.
-
-    Attributes:
-        shares: (k,), adding to 1. means: (k, d). roots: lower Cholesky factors, (k, d, d).
-    """
-
-    shares: FloatArray
-    means: FloatArray
-    roots: FloatArray
-
-    @classmethod
-    def around(cls, mean: FloatArray, covariance: FloatArray) -> Proposal:
-        """A part with this mean and covariance, one that reaches farther, and the wide one."""
-        shares = np.array([1.0 - FAR_SHARE, FAR_SHARE])
-        return cls._with_wide(shares, np.array([mean, mean]), np.array([covariance, FAR * covariance]))
-
-    @classmethod
-    def through(cls, draws: FloatArray, worth: float) -> Proposal:
-        """Parts fitted to posterior draws (n, d) worth so many independent ones, and the wide one."""
-        draws = draws[:: max(1, len(draws) // MOST_FITTED)]
-        parts = [draws]
-        while len(parts) < PARTS:
-            parts += _halve(parts.pop(0))
-        whole = _covary(draws)
-        least = max(BLUR / worth, LEAST_BLUR) * whole + np.diag(1e-6 * np.diag(whole) + 1e-16)
-        # a part is cut off where the next begins: twice its covariance lets them overlap
-        covariances = np.array([2.0 * _covary(p) + least for p in parts])
-        shares = np.array([len(p) / len(draws) for p in parts])
-        return cls._with_wide(shares, np.array([p.mean(axis=0) for p in parts]), covariances)._improve(draws, least)
-
-    def _improve(self, draws: FloatArray, least: FloatArray) -> Proposal:
-        """One step of expectation and maximisation on draws (n, d); ``least`` is added to each covariance."""
-        of_part, growth = self._densities(draws)
-        of_part /= of_part.sum(axis=1, keepdims=True)
-        number = of_part.sum(axis=0)
-        kept = np.flatnonzero(number[:-1] > draws.shape[1])
-        weight = (of_part * ((1.0 + draws.shape[1] / DEGREES_OF_FREEDOM) / growth))[:, kept].T
-        means = weight @ draws / weight.sum(axis=1, keepdims=True)
-        centred = draws - means[:, None]
-        covariances = (centred * weight[..., None]).transpose(0, 2, 1) @ centred / number[kept, None, None] + least
-        shares = (1.0 - BROAD_SHARE) * number[kept] / number[kept].sum()
-        return self._with_wide(
-            np.append(shares, BROAD_SHARE),
-            np.vstack([means, draws.mean(axis=0)]),
-            np.concatenate([covariances, BROAD * (_covary(draws) + least)[None]]),
-            max(number[-1] / number.sum(), LEAST_WIDE),
-        )
-
-    @classmethod
-    def _with_wide(
-        cls, shares: FloatArray, means: FloatArray, covariances: FloatArray, wide: float = WIDE_SHARE
-    ) -> Proposal:
-        d = means.shape[1]
-        return cls(
-            np.append((1.0 - wide) * shares, wide),
-            np.vstack([means, np.zeros((1, d))]),
-            np.concatenate([np.linalg.cholesky(covariances), np.eye(d)[None, :, :]]),
-        )
-
-    def transform(self, z: FloatArray, chi_square: FloatArray, part: IntArray) -> FloatArray:
-        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and the part of each draw (n,)."""
-        t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
-        return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
-
-    @cached_property
-    def _whitening(self) -> FloatArray:
-        """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
-        inverse = np.linalg.inv(self.roots)
-        return np.asarray(inverse.transpose(2, 0, 1).reshape(len(inverse[0]), -1), dtype=np.float64)
-
-    @cached_property
-    def _white_origin(self) -> FloatArray:
-        return np.asarray(-np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel())
-
-    @cached_property
-    def _heights(self) -> FloatArray:
-        """Each part's share times its density at its centre."""
-        d, nu = self.means.shape[1], DEGREES_OF_FREEDOM
-        norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
-        log_volume = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
-        return np.asarray(np.exp(norm - log_volume + np.log(self.shares)))
-
-    def _densities(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Each part's share times its density at x (n, d), and 1 + its squared distance over nu, (n, k) each."""
-        d = x.shape[1]
-        white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
-        growth = 1.0 + np.einsum("nki,nki->nk", white, white) / DEGREES_OF_FREEDOM
-        return self._heights * _raise_root(1.0 / growth, int(DEGREES_OF_FREEDOM) + d), growth
-
-    def density(self, x: FloatArray) -> FloatArray:
-        """Density at x (n, d): above zero, the wide part has heavy tails."""
-        return np.asarray(self._densities(x)[0].sum(axis=1))
-
-    def log_density(self, x: FloatArray) -> FloatArray:
-        """Its logarithm."""
-        return np.asarray(np.log(self.density(x)))
-
-    def draw(self, number: int, seed: int) -> FloatArray:
-        """Draws (number, d) on points that fill space."""
-        rng = np.random.default_rng(seed)
-        u = fill_cube(self.means.shape[1] + 1, number, rng)
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(ndtri(u[:, 1:]), chi_square, self._part(u[:, 0]))
-
-    def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
-        """Independent draws (number, d)."""
-        z = rng.standard_normal((number, self.means.shape[1]))
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
-
-    def _part(self, u: FloatArray) -> IntArray:
-        """The part that a uniform variable falls into."""
-        edges = np.cumsum(self.shares)[:-1]
-        return np.searchsorted(edges, u).astype(np.int64)
-
-
-def _raise_root(values: FloatArray, power: int) -> FloatArray:
-    """sqrt(values)^power by products, a fifth of the work of a logarithm and an exponential."""
-    result = np.sqrt(values) if power % 2 else np.ones_like(values)
-    power //= 2
-    while power:
-        if power % 2:
-            result = result * values
-        values, power = values * values, power // 2
-    return result
-
-
-def _covary(draws: FloatArray) -> FloatArray:
-    """Covariance (d, d) of draws (n, d)."""
-    centred = draws - draws.mean(axis=0)
-    return np.asarray(centred.T @ centred / max(len(draws) - 1, 1))
-
-
-def _halve(draws: FloatArray) -> list[FloatArray]:
-    """Two equal shares of draws (n, d), cut across their longest axis."""
-    centred = draws - draws.mean(axis=0)
-    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-    order = np.argsort(centred @ axis, kind="stable")
-    return [draws[order[: len(order) // 2]], draws[order[len(order) // 2 :]]]
-
-
-def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArray:
-    """Points strictly inside the unit cube, (number, dimension): one in each of so many equal slices of every axis.
-
-    A Latin hypercube (McKay, Beckman and Conover 1979). Of the laws here it errs as little as Sobol points of
-    scipy.stats, whose import takes half a second.
-    """
-    slices = rng.permuted(np.tile(np.arange(number)[:, None], (1, dimension)), axis=0)
-    return np.clip((slices + rng.random((number, dimension))) / number, 1e-12, 1.0 - 1e-12)
-
+from damping.infer.proposal import Proposal
 
 #: Draws of each round: more where few have not sufficed.
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)

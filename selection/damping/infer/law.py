@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
 from damping.forces import Component, component
@@ -34,6 +34,9 @@ TOTAL_LOG_SD = 1.0
 #: sine in a laboratory to repeat tests of large structures.
 SCATTER_MEDIAN = 0.011
 SCATTER_LOG_SD = 0.8
+#: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
+SHARE_RANGE = (0.02, 0.98)
+LARGEST_SCORE = 3.0
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,31 @@ class Coordinates:
     def dimension(self) -> int:
         """Number of variables."""
         return len(self.names)
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """Variables x (..., dimension), zero but for the shapes ``points`` (..., shapes)."""
+        x = np.zeros((*points.shape[:-1], self.dimension))
+        x[..., len(self.law.parts) : len(self.law.parts) + points.shape[-1]] = points
+        return x
+
+    def find_variables(self, coefficients: FloatArray, point: FloatArray, scatter: float) -> FloatArray:
+        """The variables x (dimension,) of coefficients (parts,), shapes ``point`` (shapes,) and a relative scatter.
+
+        Shares stay within ``SHARE_RANGE``, others within ``LARGEST_SCORE``: the prior has none at the ends.
+        """
+        x, parts = self.place(point), len(self.law.parts)
+        unit = np.array([float(c) for c in self.coefficients(x)])
+        force = coefficients / unit * np.asarray(self.shares(x))
+        total = max(float(force.sum()), np.finfo(float).tiny)  # a fit may be of no damping at all
+        x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
+        left = force.sum()
+        for i in range(parts - 1):
+            fraction = np.clip(force[i] / max(left, np.finfo(float).tiny), *SHARE_RANGE)
+            x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
+            left -= force[i]
+        score = np.log(scatter / SCATTER_MEDIAN + 0.1) / SCATTER_LOG_SD
+        x[-1 - self.with_level_scatter :] = np.clip(score, -LARGEST_SCORE, LARGEST_SCORE)
+        return x
 
     def shares(self, x: FloatArray) -> FloatArray:
         """Shares of the components (..., parts), uniform over the simplex: Beta(1, k) fractions of what is left."""

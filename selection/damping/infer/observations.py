@@ -67,7 +67,7 @@ class Observations:
         """Whether the record gives a standard uncertainty of any row."""
         return any(bool(sd.any()) for sd in (self.sd_amplitude, self.sd_force, self.sd_phase))
 
-    @property
+    @cached_property
     def reference(self) -> tuple[float, float, float]:
         """Amplitude, frequency (rad/s) and damping force that set the scale of the priors.
 

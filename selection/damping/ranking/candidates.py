@@ -7,10 +7,11 @@ from itertools import combinations
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, IntArray
+from damping.errors import AnalysisError
 from damping.forces import CATALOGUE
 from damping.forces.contract import Force
-from damping.infer.best_fit import BestFit, fit_laws
+from damping.infer.best_fit import BestFit, build_force, fit_laws
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
@@ -120,16 +121,24 @@ def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray 
     many groups, neighbours in the record in different ones.
     """
     folds = min(len(data.sweeps), MOST_FOLDS)
-    left_out = [np.arange(len(data.sweeps)) % folds == fold for fold in range(folds)]
-    fits = fit_laws(laws, *(data.keep_sweeps(~out) for out in left_out))
-    errors: list[FloatArray | None] = []
-    for i in range(len(laws)):
-        of_law, own = fits[i :: len(laws)], np.full(len(data.sweeps), np.nan)
-        for out, fit in zip(left_out, of_law, strict=True):
-            if isinstance(fit, BestFit):
-                own[out] = percent_errors(fit.force, data.keep_sweeps(out))
-        errors.append(own if all(isinstance(fit, BestFit) for fit in of_law) else None)
-    return errors
+    fold = np.arange(len(data.sweeps)) % folds
+    fits = fit_laws(laws, *(data.keep_sweeps(fold != out) for out in range(folds)))
+    return [_predict_left_out(law, fits[i :: len(laws)], fold, data) for i, law in enumerate(laws)]
+
+
+def _predict_left_out(
+    law: Law, fits: Sequence[BestFit | AnalysisError], fold: IntArray, data: Observations
+) -> FloatArray | None:
+    """Percent errors of all sweeps at once, (sweeps,): each by the fit without its ``fold`` (sweeps,)."""
+    fitted = [fit for fit in fits if isinstance(fit, BestFit)]
+    if len(fitted) < len(fits):
+        return None
+    coefficients = np.array([fit.coefficients for fit in fitted])[fold].T
+    shapes = [
+        {name: np.array([own[name] for own in part])[fold] for name in part[0]}
+        for part in zip(*(fit.shapes for fit in fitted), strict=True)
+    ]
+    return percent_errors(build_force(law, coefficients, shapes), data)
 
 
 def root_mean_square(errors: FloatArray) -> float:

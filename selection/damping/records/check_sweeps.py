@@ -7,7 +7,7 @@ from math import log, pi
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.records.implied import INCOHERENT, NEAR, SMOOTH, Implied
+from damping.records.implied import INCOHERENT, NEAR, SMOOTH, Implied, measure_miss_beside_modes
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
 from damping.records.view import WILD, Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -120,7 +120,9 @@ def check_sweep_rate(view: View) -> Finding | None:
         advice = "sweep slower, or dwell; peaks are corrected: state sweep_rate (Hz/s) to be sure"
         return Finding("sweep-rate", "caution", what, advice, view.record.sweeps)
     beats = {run.sweep: count_beats(run) for run in view.runs}
-    turned = label_sweeps(run for run, turn in zip(view.runs, view.turns, strict=True) if turn and _is_dragged(turn))
+    turned = label_sweeps(
+        run for run, turn in zip(view.runs, view.turns, strict=True) if turn and _is_dragged(run, turn)
+    )
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
     if len(ringing) < 0.5 * len(view.record.sweeps):
         return None
@@ -138,10 +140,14 @@ def check_sweep_rate(view: View) -> Finding | None:
 DRAGGED = 0.5
 #: Misfit of Y by a straight line, relative to |Y|, beside that offset.
 CURVED = 0.25
+#: Share of that misfit that other modes beside the resonance leave at most, where it is theirs; of a fast sweep three
+#: fifths are left.
+OF_OTHER_MODES = 0.3
 
 
-def _is_dragged(turn: Implied) -> bool:
-    return turn.both_sides and DRAGGED < abs(turn.offset) < 0.75 * pi and CURVED < turn.miss < INCOHERENT
+def _is_dragged(run: Run, turn: Implied) -> bool:
+    curved = turn.both_sides and DRAGGED < abs(turn.offset) < 0.75 * pi and CURVED < turn.miss < INCOHERENT
+    return curved and measure_miss_beside_modes(run) > OF_OTHER_MODES * turn.miss
 
 
 def _measure_rates(view: View) -> dict[str, float]:

@@ -8,7 +8,7 @@ the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -64,6 +64,18 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     values = np.linalg.lstsq(design.astype(complex), run.stiffness * weight)[0]
     miss = float(np.median(np.abs(run.stiffness * weight - design @ values)))
     return complex(-values[1] / np.mean(run.omega**2)), miss
+
+
+#: Compliances of other modes that are tried, over the largest of the run.
+_RESIDUALS = np.linspace(-0.9, 0.9, 37)
+
+
+def measure_miss_beside_modes(run: Run) -> float:
+    """The least median misfit of Y by a straight line where other modes add a compliance R: 1/Y - R in place of 1/Y."""
+    assert run.phase is not None
+    compliance = run.A / run.F * np.exp(-1j * run.phase)
+    own = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
+    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in own)
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from damping.arrays import IntArray
 from damping.errors import InputError, naming
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, describe_nearest
 from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, Cells, CsvRows, describe_shortened, read_bytes, unguarded
 
@@ -191,3 +191,18 @@ def _describe_wrong(cell: str) -> str:
     except ValueError:
         return f"{describe_shortened(text)!r} is not a number"
     return f"{describe_shortened(text)!r} is not a finite number written with the digits 0-9"
+
+
+def require_numbers(table: pd.DataFrame, names: Iterable[str], source: str | None = None) -> None:
+    """InputError for the first column that is missing, or holds what is no finite number; ``sweep`` may be text."""
+    for name in names:
+        if name not in table.columns:
+            hint = describe_nearest(name, map(str, table.columns))
+            raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
+        if name == "sweep" and not pd.api.types.is_numeric_dtype(table[name]):
+            continue
+        finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
+        if not finite.all():
+            row = int(np.argmin(finite))
+            message = f"{str(table[name].iloc[row])!r} in row {row}"
+            raise InputError(message, file=source, column=name, expected="a finite number")

@@ -107,10 +107,8 @@ class _Opened:
         return taken
 
 
-def search(
-    design: Design, basis: Basis, criterion: str, *, nonnegative: bool, number: int | None, per_size: int | None
-) -> tuple[BoolArray, int]:
-    """The subsets (m, k) among the ``number`` best, at most ``per_size`` of a size, and how many nodes it took.
+def search(design: Design, basis: Basis, criterion: str, *, nonnegative: bool, number: int) -> tuple[BoolArray, int]:
+    """The subsets (m, k) among the ``number`` best, and how many nodes it took.
 
     Where rounding leaves open which of several are better all of them are returned, in no order.
 
@@ -118,10 +116,10 @@ def search(
         AnalysisError: the search would take more than ``MOST_WORK``.
     """
     problem = state_problem(design, basis, criterion, nonnegative)
-    first = Shortlist(problem, number, per_size, np.full(problem.k + 1, np.inf))
+    first = Shortlist(problem, number, np.full(problem.k + 1, np.inf))
     if not nonnegative:
         _eliminate(problem, first)
-    best = Shortlist(problem, number, per_size, first.limits)
+    best = Shortlist(problem, number, first.limits)
     most = int(MOST_WORK / problem.cost)
     largest = max(_BATCH_NUMBERS // (problem.k**2 + (design.n if problem.leaves_out else 0)), 1)
     batch, visited = min(_FIRST_BATCH, largest), 1

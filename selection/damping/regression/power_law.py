@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import statsmodels.api as sm
+from statsmodels.regression.linear_model import OLS
+from statsmodels.tools.tools import add_constant
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -80,7 +81,7 @@ def fit_power_law(
     """
     if len(np.unique(A)) < 2:
         raise AnalysisError("a power law needs at least two levels of different resonant amplitude")
-    line = sm.OLS(np.log(F), sm.add_constant(np.log(A))).fit(method="qr")
+    line = OLS(np.log(F), add_constant(np.log(A))).fit(method="qr")
     log_k, slope = (float(v) for v in line.params)
     p = slope if form == "velocity-power" else slope - 1.0
     factor = float(beta(p) if form == "velocity-power" else B(p))

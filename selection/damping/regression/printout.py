@@ -13,6 +13,7 @@ from damping.regression.program import Regression
 
 #: Columns of a terminal that a line keeps to.
 WIDTH = 80
+_MOST_MODELS = 20  # of the best subsets; all that are listed are in the JSON form
 _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 
 
@@ -161,7 +162,7 @@ def _describe_selection(result: Regression) -> str:
     return _describe_section(title, [*lines, *_describe_models(result)])
 
 
-def _describe_models(result: Regression, most: int = 20) -> list[str]:
+def _describe_models(result: Regression) -> list[str]:
     """The best subsets, where all were searched, and what proves them so."""
     models = result.selected.models
     if models is None:
@@ -169,7 +170,7 @@ def _describe_models(result: Regression, most: int = 20) -> list[str]:
     score = models.scores(result.choice.criterion) * (-1.0 if result.choice.criterion == "adjusted-r2" else 1.0)
     rows = [
         (" + ".join(models.label(i)), str(models.sizes[i]), *map(_number, (score[i], models.rms_errors[i])))
-        for i in range(min(most, len(models)))
+        for i in range(min(_MOST_MODELS, len(models)))
     ]
     proof, every = models.proof, f"all 2^{len(models.names)} - 1 subsets"
     proved = f"best of {every}, each fitted" if proof is None else f"best of {every}, proved by {proof.nodes} fits"

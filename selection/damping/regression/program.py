@@ -74,12 +74,12 @@ class DeviationBand:
     percent: float
 
 
-def breakdown(deviations: Deviations, ends: tuple[float, ...] = BANDS) -> list[DeviationBand]:
+def breakdown(deviations: Deviations) -> list[DeviationBand]:
     """The observations broken down by number and by percent, per band of percent deviation (item i).
 
     The last band is open; observations of 0, which have no percent, are in none.
     """
-    edges = (0.0, *ends, np.inf)
+    edges = (0.0, *BANDS, np.inf)
     size = np.abs(deviations.percent)
     numbers = [int(((size >= low) & (size < high)).sum()) for low, high in pairwise(edges)]
     rows = zip(pairwise(edges), numbers, strict=True)

@@ -170,7 +170,7 @@ def _describe_shown(criterion: str, before: float, after: float) -> str:
     return f"{sign * before:.6g} -> {sign * after:.6g}"
 
 
-def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
+def fit_nonnegative(design: Design) -> Fit:
     """Least-squares fit of a design under a_k >= 0 (Lawson and Hanson's active set).
 
     The solution is the free fit of the terms that the constraint does not hold at 0; statistics are of that fit, so
@@ -182,7 +182,7 @@ def fit_nonnegative(design: Design, basis: Basis | None = None) -> Fit:
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
 
-    basis = decompose(design) if basis is None else basis
+    basis = decompose(design)
     size = np.abs(design.observed).max() or 1.0
     try:
         solution, _ = nnls(basis.factor, basis.orthonormal.T @ (design.observed / size), maxiter=100 * design.k)

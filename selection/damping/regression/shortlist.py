@@ -7,7 +7,6 @@ subset has to beat so is a limit for each size, and bounds on sums of squares ne
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import comb
 
 import numpy as np
 
@@ -84,8 +83,7 @@ class Shortlist:
     that size or a larger one."""
 
     problem: SubsetProblem
-    number: int | None
-    per_size: int | None
+    number: int
     ceiling: FloatArray
     members: BoolArray = field(init=False)
     values: FloatArray = field(init=False)
@@ -115,15 +113,7 @@ class Shortlist:
         scores = self.problem.scores(self.values, sizes)
         order = np.argsort(scores, kind="stable")
         limits = np.where(np.isfinite(self.problem.scores(np.ones(k + 1), all_sizes)), np.inf, -np.inf)
-        if self.per_size is not None:
-            ranks = [order[sizes[order] == size] for size in all_sizes]
-            for size in all_sizes:
-                full = self.per_size if self.problem.nonnegative else min(self.per_size, comb(k, size))
-                if len(ranks[size]) >= full > 0:
-                    limits[size] = min(limits[size], self.values[ranks[size][full - 1]])
-            order = np.sort(np.concatenate([rank[: self.per_size] for rank in ranks]))
-            order = order[np.argsort(scores[order], kind="stable")]
-        if self.number is not None and len(order) >= self.number:
+        if len(order) >= self.number:
             limits = np.minimum(limits, self.problem.values(float(scores[order[self.number - 1]]), all_sizes))
         possible = limits > -np.inf
         limits[possible] = (np.sqrt(np.maximum(limits[possible], 0.0)) + self.problem.rounding) ** 2

@@ -1,18 +1,20 @@
 """Subsets of the terms as models with their statistics: the best of all 2^k - 1, or every one.
 
-The best are found by leaps and bounds (``leaps``). The design is decomposed once: columns = Q R. A subset's columns
-then are columns of the small R, which are decomposed for all subsets of a size together. Index bits say which terms are
-in: subset 5 has terms 0 and 2.
+The best are found by leaps and bounds (``leaps``). Where every subset is asked for, all are fitted at once. The design
+is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is subset S
+with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through the terms
+j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients, standard errors,
+deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.special import stdtr
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -21,9 +23,11 @@ from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, l
 from damping.regression.leaps import Proof, search
 from damping.regression.shortlist import rounding_of
 
-#: Of so many terms and no more every subset is fitted (2^22 models take some minutes).
+#: Of so many terms and no more every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
-_TOGETHER = 2e6  # numbers of the directions of models that are fitted together: some megabytes
+_ONE_THREAD = 2**18  # multiplications
+_BLOCK = 9  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
+_BLOCK_SIZE = 2e6
 
 _PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 
@@ -72,12 +76,6 @@ class Subsets:
             return self.coefficients / self.std_errors
 
     @cached_property
-    def p_values(self) -> FloatArray:
-        """Two-sided p-values of the T-ratios (m, k)."""
-        freedom = np.maximum(len(self.observed) - self.sizes, 1)
-        return np.asarray(2.0 * stdtr(freedom[:, None], -np.abs(self.t_ratios)))
-
-    @cached_property
     def criteria(self) -> Criteria:
         """AIC, AICc, BIC, adjusted R^2, leave-one-out error (m,)."""
         return criteria(self.sse, self.press, self.sizes, self.observed)
@@ -91,11 +89,6 @@ class Subsets:
         """sqrt(SSE/n) (m,)."""
         return np.sqrt(self.sse / len(self.observed))
 
-    @property
-    def r_squared(self) -> FloatArray:
-        """1 - SSE/sum y^2, about zero (m,)."""
-        return 1.0 - self.sse / (self.observed @ self.observed)
-
     def take(self, models: IntArray | BoolArray) -> Subsets:
         """Some of the models, in the order given."""
         chosen: dict[str, Any] = {name: getattr(self, name)[models] for name in _PER_MODEL}
@@ -106,17 +99,20 @@ class Subsets:
         return tuple(name for name, member in zip(self.names, self.members[model], strict=True) if member)
 
 
-def all_subsets(design: Design, basis: Basis | None = None) -> Subsets:
-    """All 2^k - 1 subsets with their statistics, in the order of their index bits.
+def all_subsets(design: Design) -> Subsets:
+    """All 2^k - 1 subsets with their statistics, some hundreds at a time.
 
     Raises:
         AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
     """
-    basis = decompose(design) if basis is None else basis
+    basis = decompose(design)
     if design.k > MOST_TERMS:
         raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
-    members = (np.arange(1, 2**design.k)[:, None] >> np.arange(design.k)) & 1
-    return _fit_subsets(members.astype(np.bool_), design, basis)
+    doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
+    blocks = enumerate(_blocks(_empty_set(design, basis), basis, range(design.k), doublings))
+    parts = [_finished(block, design, basis, drop=int(i == 0)) for i, block in blocks]
+    whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_MODEL}
+    return replace(parts[0], **whole)
 
 
 def best_subsets(
@@ -124,9 +120,7 @@ def best_subsets(
     criterion: str = "bic",
     *,
     nonnegative: bool = False,
-    number: int | None = 10,
-    per_size: int | None = None,
-    basis: Basis | None = None,
+    number: int = 10,
 ) -> Subsets:
     """The best subsets of all, best first, with the ``proof`` that none is better.
 
@@ -135,9 +129,7 @@ def best_subsets(
         criterion: a name of ``fit.NAMES``; models without a value of it are left out.
         nonnegative: only models with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the
             terms that it does not hold at 0, fitted freely.
-        number: how many in all, at most (None: no limit).
-        per_size: how many of each size, at most (None: no limit).
-        basis: of the design, where it is at hand.
+        number: how many, at most.
 
     Raises:
         InputError: an unknown criterion.
@@ -145,12 +137,9 @@ def best_subsets(
             qualifies.
     """
     check_criterion(criterion)
-    basis = decompose(design) if basis is None else basis
-    members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number, per_size=per_size)
-    subsets = rank_subsets(_fit_subsets(members, design, basis), criterion, nonnegative=nonnegative)
-    if per_size is not None:
-        earlier = np.tril(subsets.sizes[:, None] == subsets.sizes, -1).sum(axis=1)  # better ones of the same size
-        subsets = subsets.take(earlier < per_size)
+    basis = decompose(design)
+    members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number)
+    subsets = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
     bound = _lower_bound(subsets, criterion, rounding_of(basis, criterion))
     return replace(subsets.take(np.arange(len(subsets))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 
@@ -179,23 +168,113 @@ def _lower_bound(models: Subsets, criterion: str, rounding: float) -> float:
     return float(criteria(sse, press, int(models.sizes[0]), models.observed).score(criterion))
 
 
-def _fit_subsets(members: BoolArray, design: Design, basis: Basis) -> Subsets:
-    """The models (m, k), each decomposed by itself, in the order of their index bits."""
-    members = members[np.lexsort(members.T)]
-    sizes = members.sum(axis=1)
-    coefficients, unit_errors = np.zeros(members.shape), np.zeros(members.shape)
-    sse, press = np.empty(len(members)), np.empty(len(members))
-    most = max(int(_TOGETHER / (design.n * design.k)), 1)
-    for size in np.unique(sizes):
-        same = np.flatnonzero(sizes == size)
-        for rows in np.array_split(same, -(-len(same) // most)):
-            terms = np.nonzero(members[rows])[1].reshape(len(rows), size)
-            within, factor = np.linalg.qr(basis.factor[:, terms].transpose(1, 0, 2))
-            directions, inverse = basis.orthonormal @ within, np.linalg.inv(factor)
-            along = design.observed @ directions
-            deviations = design.observed - np.einsum("mns,ms->mn", directions, along)
-            coefficients[rows[:, None], terms] = np.einsum("mst,mt->ms", inverse, along) / basis.scale[terms]
-            unit_errors[rows[:, None], terms] = np.linalg.norm(inverse, axis=2) / basis.scale[terms]
-            sse[rows] = np.einsum("mn,mn->m", deviations, deviations)
-            press[rows] = leave_one_out(deviations, np.einsum("mns,mns->mn", directions, directions))
-    return Subsets(design.names, design.observed, members, coefficients, unit_errors, sse, press)
+def _fitted(subsets: BoolArray, design: Design, basis: Basis) -> Subsets:
+    """The models (m, k), each decomposed by itself, in the order of ``all_subsets``' index bits."""
+    subsets = subsets[np.lexsort(subsets.T)]
+    m = len(subsets)
+    coefficients, unit_errors = np.zeros((m, design.k)), np.zeros((m, design.k))
+    sse, press = np.empty(m), np.empty(m)
+    for i, members in enumerate(subsets):
+        within, factor = np.linalg.qr(basis.factor[:, members])
+        directions, inverse = basis.orthonormal @ within, np.linalg.inv(factor)
+        along = design.observed @ directions
+        deviations = design.observed - directions @ along
+        coefficients[i, members] = inverse @ along / basis.scale[members]
+        unit_errors[i, members] = np.linalg.norm(inverse, axis=1) / basis.scale[members]
+        sse[i] = deviations @ deviations
+        press[i] = leave_one_out(deviations, np.einsum("nk,nk->n", directions, directions))
+    return Subsets(design.names, design.observed, subsets, coefficients, unit_errors, sse, press)
+
+
+#: Subsets m while they grow: ``directions`` (m, slot, k) orthonormal, in the coordinates of the basis, a slot a term
+#: and zero for terms left out; ``inverse`` (m, k, slot) of their triangular factors; ``coefficients`` and unit
+#: ``variances`` (m, k) on scaled columns; ``rest`` (m, k) of the response across the directions, in the coordinates of
+#: the basis; ``leverages`` (m, n); ``members`` (m, k), 1 or 0.
+_State: TypeAlias = tuple[FloatArray, ...]
+
+
+def _empty_set(design: Design, basis: Basis) -> _State:
+    k = design.k
+    square, row = np.zeros((1, k, k)), np.zeros((1, k))
+    rest = (design.observed @ basis.orthonormal)[None]
+    return square, square, row, row, rest, np.zeros((1, design.n)), row
+
+
+def _blocks(root: _State, basis: Basis, terms: range, doublings: int) -> Iterator[_State]:
+    """The subsets that add some of ``terms`` to the one of ``root``, at most 2^doublings at a time."""
+    if len(terms) <= doublings:
+        yield _grown(root, basis, terms)
+        return
+    without_and_with = _grown(root, basis, terms[:1])
+    for i in (0, 1):
+        yield from _blocks(tuple(part[i : i + 1] for part in without_and_with), basis, terms[1:], doublings)
+
+
+def _grown(root: _State, basis: Basis, terms: range) -> _State:
+    """The 2^len(terms) subsets that add some of ``terms`` to the one of ``root``."""
+    grown = tuple(np.zeros((2 ** len(terms), *part.shape[1:])) for part in root)
+    for whole, part in zip(grown, root, strict=True):
+        whole[:1] = part
+    for doubling, j in enumerate(terms):
+        _add(grown, 2**doubling, j, basis)
+    return grown
+
+
+def _add(state: _State, m: int, j: int, basis: Basis) -> None:
+    """Fill subsets m..2m-1: the first m with term j added (their terms so far are all before j)."""
+    directions, inverse, coefficients, variances, rest, leverages, members = state
+    old, new, upto = slice(0, m), slice(m, 2 * m), slice(0, j + 1)
+    along, across = _project(directions[old, :j, :j], basis.factor[:j, j])
+    length = np.sqrt(np.einsum("mk,mk->m", across, across) + basis.factor[j, j] ** 2)[:, None]
+    direction = np.empty((m, j + 1))
+    direction[:, :j], direction[:, j] = across, basis.factor[j, j]
+    direction /= length
+    last = np.ones((m, j + 1))  # of the inverse, its new column
+    last[:, :j] = np.matmul(inverse[old, :j, :j], along[:, :, None])[:, :, 0]
+    last[:, :j] *= -1.0
+    last /= length
+    amount = np.einsum("mk,mk->m", direction, rest[old, upto])[:, None]
+    for part in (directions, inverse, coefficients, variances, rest, members):
+        part[new] = part[old]
+    directions[new, j, upto] = direction
+    inverse[new, upto, j] = last
+    coefficients[new, upto] += last * amount
+    variances[new, upto] += last**2
+    rest[new, upto] -= direction * amount
+    added = _times(direction, basis.orthonormal[:, upto].T)
+    np.add(leverages[old], np.square(added, out=added), out=leverages[new])
+    members[new, j] = 1.0
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """a @ b in pieces that BLAS does not share among threads: on a busy machine waking those takes far longer."""
+    rows = max(_ONE_THREAD // b.size, 1)
+    if len(a) <= rows:
+        return a @ b
+    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
+
+
+def _project(directions: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A column (k,) along orthonormal directions (m, slot, k), and the rest of it across them (m, k).
+
+    Twice, since what is left of a nearly dependent column still has rounding along the directions.
+    """
+    along = directions @ column
+    across = column - np.matmul(along[:, None, :], directions)[:, 0]
+    again = np.matmul(directions, across[:, :, None])[:, :, 0]
+    return along + again, across - np.matmul(again[:, None, :], directions)[:, 0]
+
+
+def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets:
+    """The models of a state without the first ``drop`` (the empty set), coefficients on columns as they are."""
+    _, _, coefficients, variances, rest, leverages, members = (part[drop:] for part in state)
+    beyond = design.observed - basis.orthonormal @ (design.observed @ basis.orthonormal)  # no subset reaches it
+    return Subsets(
+        names=design.names,
+        observed=design.observed,
+        members=members > 0.0,
+        coefficients=coefficients / basis.scale,
+        unit_errors=np.sqrt(variances) / basis.scale,
+        sse=np.einsum("mk,mk->m", rest, rest) + beyond @ beyond,
+        press=np.asarray(leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages)),
+    )

@@ -66,6 +66,11 @@ def number(value: SupportsFloat, digits: int = 3) -> str:
     return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
+def format_decimals(value: float, digits: int) -> str:
+    """``value`` with so many decimals, a dash where there is none."""
+    return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
+
+
 def format_share(value: SupportsFloat) -> str:
     """A probability with two decimals, three where small."""
     x = float(value)
@@ -99,10 +104,10 @@ def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
     return 1.0, unit
 
 
-def format_length(value: SupportsFloat, unit: str, digits: int = 3) -> str:
+def format_length(value: SupportsFloat, unit: str) -> str:
     """A length with its unit, small ones of metres in mm or µm."""
     factor, name = choose_length(unit, value)
-    return format_quantity(factor * float(value), name, digits)
+    return format_quantity(factor * float(value), name)
 
 
 def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> str:

@@ -118,7 +118,7 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
 
 
 def _draw_ranking(result: RecordResult) -> Drawn:
-    table = tables.tabulate_ranking(result).head(MOST_BARS)
+    table = forms.tabulate_candidates(result.ranking).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
     weights = format_joined(
         f"{law} {format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -17,11 +17,13 @@ from damping.extrapolation.curve import Curve
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.extrapolation.what_if import NextLevel
-from damping.gap.corrected import EffectPosterior, effect_intervals, effect_values, refitted_values
-from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
+
+if TYPE_CHECKING:
+    from damping.gap.corrected import EffectPosterior
+    from damping.gap.diagnose import Diagnosis
 
 Form = dict[str, Any]
 
@@ -235,6 +237,9 @@ def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
+    # a ranking needs no diagnosis to load
+    from damping.gap.corrected import effect_intervals, effect_values, refitted_values  # noqa: PLC0415 - see above
+
     leading = diagnosis.leading
     return {
         "format": "gap/1",

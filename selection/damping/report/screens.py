@@ -101,9 +101,9 @@ def _describe_load(result: RecordResult) -> dict[str, str]:
 def _describe_top(result: RecordResult) -> dict[str, str]:
     """Damping at the largest tested amplitude that has a ratio, in words; empty where none has."""
     curve = result.curve
-    rows = [] if curve is None else np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
-    if curve is None or not len(rows):
+    if curve is None or not (curve.tested & np.isfinite(curve.damping_ratio.median)).any():
         return {}
+    rows = np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
     row, ratio = int(rows[np.argmax(curve.amplitude.median[rows])]), curve.damping_ratio
     return {
         "ratio": format_percent_ratio(ratio.median[row]),
@@ -188,7 +188,10 @@ def _collect_gravest(study: StudyResult) -> list[str]:
             if not caution.startswith("beyond the test"):  # the conditions say it
                 holders.setdefault(caution, []).append(result.title)
     several = len(study.records) > 1
-    named = [text[:1].upper() + text[1:] + (f" ({'; '.join(of)})." if several else ".") for text, of in holders.items()]
+    named = [
+        text[:1].upper() + text[1:] + (f" ({'; '.join(titles)})." if several else ".")
+        for text, titles in holders.items()
+    ]
     standing = (
         "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
         "begins to slip, or a crack, is in no band."

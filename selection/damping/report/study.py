@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.draws import AVERAGE_DRAWS
-from damping.extrapolation.prediction import Loads
 from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
@@ -20,13 +19,12 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.plots import Drawn
 from damping.ranking import INTERVAL
 from damping.report import (
-    NOTHING,
-    format_between,
-    format_force_text,
+    format_decimals,
     format_joined,
     format_percent,
     format_quantity,
     format_share,
+    forms,
     number,
     tables,
 )
@@ -122,7 +120,7 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     if result.posteriors:
         shown |= _tabulate_posteriors(result, checks)
     if design:
-        shown["design_loads_by_model"] = Table(_tabulate_by_model(design, result.mode.units.force), "")
+        shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force), "")
 
     def take(kind: str, name: str, rest: str) -> list[Block]:
         caption = join_lines(rest)
@@ -182,11 +180,11 @@ def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str
 
 def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     """Every law with its cautions by number, coefficients and deviations."""
-    ranking = tables.tabulate_ranking(result).drop(columns="score_standard_error")
+    ranking = forms.tabulate_candidates(result.ranking).drop(columns="score_standard_error")
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats = {"weight": format_share, "score": lambda value: _format_decimals(value, 1)}
+    formats = {"weight": format_share, "score": lambda value: format_decimals(value, 1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
@@ -196,10 +194,6 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
         "coefficients": Table(tables.tabulate_coefficients(result), "", dict.fromkeys(numbers, number), ends),
         "deviations": Table(deviations, "", dict.fromkeys(map(str, deviations.columns[1:]), format_percent)),
     }
-
-
-def _format_decimals(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}".replace("-", "−") if value == value else NOTHING
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
@@ -219,7 +213,7 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
     columns = ["law", "weight", "chain", "steps", "elpd_loo", "elpd_standard_error", "p_loo", "largest_pareto_k"]
     columns += ["predictive_p_value", "caution"]
     names = {"elpd_loo": "PSIS-LOO", "elpd_standard_error": "its error", "largest_pareto_k": "largest k"}
-    formats = {"weight": format_share} | dict.fromkeys(columns[4:9], lambda value: _format_decimals(value, 2))
+    formats = {"weight": format_share} | dict.fromkeys(columns[4:9], lambda value: format_decimals(value, 2))
     intervals = tables.tabulate_posteriors(result)
     numbers = dict.fromkeys(intervals.select_dtypes("float").columns, number) | {"weight": format_share}
     convergence = tables.tabulate_convergence(result)
@@ -231,16 +225,6 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
         "posteriors": Table(intervals, "", numbers),
         "convergence": Table(convergence, "", lengths, symbols),
     }
-
-
-def _tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
-    """A row a model, a column a force: median and predictive interval."""
-    columns = {"model": [band.name for band in design.by_model]}
-    for i, force in enumerate(design.force):
-        columns[f"at {format_force_text(force, unit)}"] = [
-            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
-        ]
-    return pd.DataFrame(columns)
 
 
 def _build_method(study: StudyResult) -> list[Block]:

@@ -14,7 +14,7 @@ from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import format_parameter_unit, forms
+from damping.report import format_between, format_force_text, format_parameter_unit, forms, number
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
@@ -23,24 +23,19 @@ _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
     """All tables of a record by name; those that would be empty are left out."""
     tables = {
-        "ranking": tabulate_ranking(result),
+        "ranking": forms.tabulate_candidates(result.ranking),
         "coefficients": tabulate_coefficients(result),
         "posteriors": tabulate_posteriors(result),
         "checks": tabulate_checks(result),
         "convergence": tabulate_convergence(result),
         "design_loads": tabulate_loads(result.design),
-        "design_loads_by_model": tabulate_loads_by_model(result.design),
+        "design_loads_by_model": forms.tabulate_loads_by_model(result.design) if result.design else pd.DataFrame(),
         "power_laws": tabulate_power_laws(result),
         "predictive_check": tabulate_predictive_check(result),
         "observations": tabulate_observations(result),
         "deviations": tabulate_deviations(result),
     }
     return {name: table for name, table in tables.items() if not table.empty}
-
-
-def tabulate_ranking(result: RecordResult) -> pd.DataFrame:
-    """The candidates of a record."""
-    return forms.tabulate_candidates(result.ranking)
 
 
 def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
@@ -150,9 +145,14 @@ def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
     return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
 
 
-def tabulate_loads_by_model(loads: Loads | None) -> pd.DataFrame:
-    """A row a law and force; empty without loads."""
-    return pd.DataFrame() if loads is None else forms.tabulate_loads_by_model(loads)
+def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
+    """A row a model, a column a force: median and predictive interval."""
+    columns = {"model": [band.name for band in design.by_model]}
+    for i, force in enumerate(design.force):
+        columns[f"at {format_force_text(force, unit)}"] = [
+            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
+        ]
+    return pd.DataFrame(columns)
 
 
 def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:

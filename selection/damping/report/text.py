@@ -69,7 +69,7 @@ def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Bl
 
 @cache
 def _template(text: Path) -> Template:
-    # the page escapes what it shows; no value begins a block of its own
+    # the page escapes what it shows
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
     return environment.from_string(text.read_text("utf-8"), globals=_WORDS)
 
@@ -116,5 +116,6 @@ def join_lines(text: str) -> str:
     return re.sub(r" *\n *", " ", text)
 
 
-def _join_value(value: Any) -> Any:
-    return join_lines(value) if isinstance(value, str) else value
+def _join_value(value: object) -> str:
+    """A value in one line: none of its lines may begin a block of its own."""
+    return join_lines(str(value))

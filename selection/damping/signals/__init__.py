@@ -223,11 +223,11 @@ def _loss_fraction(M: float, F: float, omega_j: float, omega: float) -> tuple[Po
     return Polynomial([0.0, a]), Polynomial([(1.0 - r**2) ** 2, 0.0, (2.0 * r) ** 2])
 
 
-def _positive_roots(equation: Polynomial, newton_steps: int = 3) -> FloatArray:
+def _positive_roots(equation: Polynomial) -> FloatArray:
     """Positive real roots in rising order, polished by Newton's method."""
     z = equation.roots()
     roots = np.sort(z[(np.abs(z.imag) < 1e-7 * np.abs(z)) & (z.real > 0)].real)
-    for _ in range(newton_steps):
+    for _ in range(3):  # each squares what is left of the error
         roots = roots - equation(roots) / equation.deriv()(roots)
     return roots
 

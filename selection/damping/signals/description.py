@@ -178,12 +178,12 @@ class Description(_DescriptionTable):
 
     def problems(self) -> Iterator[DescriptionProblem]:
         """What contradicts itself, in the order of the schema."""
-        yield from self._of_raw()
-        yield from self._of_names()
-        yield from self._of_mode()
-        yield from self._of_removals()
+        yield from self._check_raw()
+        yield from self._check_names()
+        yield from self._check_mode()
+        yield from self._check_removals()
 
-    def _of_raw(self) -> Iterator[DescriptionProblem]:
+    def _check_raw(self) -> Iterator[DescriptionProblem]:
         if (self.raw.sweep is None) == (self.raw.sweep_label is None):
             yield DescriptionProblem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
         if self.raw.sweep in self.columns:
@@ -195,7 +195,7 @@ class Description(_DescriptionTable):
             if name in meant:
                 yield DescriptionProblem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
 
-    def _of_names(self) -> Iterator[DescriptionProblem]:
+    def _check_names(self) -> Iterator[DescriptionProblem]:
         seen = {*WORKING_COLUMNS, *self.raw.keep}
         sensors = [sensor.name for sensor in self.sensors]
         named = [(("sensors", i, "name"), sensor.name) for i, sensor in enumerate(self.sensors)]
@@ -209,14 +209,14 @@ class Description(_DescriptionTable):
             if name not in sensors:
                 yield DescriptionProblem(path, f"no sensor {name!r}", f"one of {', '.join(sensors)}")
 
-    def _of_mode(self) -> Iterator[DescriptionProblem]:
+    def _check_mode(self) -> Iterator[DescriptionProblem]:
         for key in ("phi", "phi_drive"):
             if getattr(self.mode, key) == 0.0:
                 yield DescriptionProblem(("mode", key), "is 0: the mode cannot be seen or driven there", "another node")
         if len({mode.name for mode in self.modes}) < len(self.modes):
             yield DescriptionProblem(("modes",), "two modes have one name", "different names")
 
-    def _of_removals(self) -> Iterator[DescriptionProblem]:
+    def _check_removals(self) -> Iterator[DescriptionProblem]:
         rigid = self.rigid_body
         if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
             yield DescriptionProblem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")

@@ -23,7 +23,7 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.keys import TomlTable, describe_nearest, locate, read_schema, read_toml
-from damping.records.reading import read_table
+from damping.records.reading import read_table, require_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
@@ -114,9 +114,15 @@ def read_description(path: str | Path) -> Description:
     return _described(read_toml(path))
 
 
-def describe(values: Mapping[str, Any]) -> Description:
-    """A description in the keys of a CONDITION.toml, checked. InputError with the key of what is wrong."""
-    return _described(TomlTable(dict(values), (), "description", ""))
+def describe(description: object) -> Description:
+    """A description as it is, from the path of a CONDITION.toml or in its keys, checked. InputError with the key."""
+    if isinstance(description, str | Path):
+        return read_description(description)
+    if isinstance(description, Description):
+        return description
+    if not isinstance(description, Mapping):
+        raise InputError(f"description is a {type(description).__name__}", expected="a Mapping")
+    return _described(TomlTable(dict(description), (), "description", ""))
 
 
 def _described(table: TomlTable) -> Description:
@@ -157,13 +163,11 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
         InputError: a column that is missing or holds no finite numbers, or a number out of range.
     """
     d = description
-    for name in dict.fromkeys([*d.columns, *([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]):
+    require_numbers(table, d.columns)
+    for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
         if name not in table.columns:
             hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r}", expected=f"{hint} or another column")
-        numbers = pd.to_numeric(table[name], errors="coerce") if name in d.columns else None
-        if numbers is not None and not np.isfinite(numbers.to_numpy(float)).all():
-            raise InputError("not a number in every row", column=name, expected="finite numbers")
     raw = table.reset_index(drop=True)
     problem = _out_of_range(raw, d)
     if problem is not None:

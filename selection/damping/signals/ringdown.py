@@ -157,10 +157,10 @@ def _describe_lost(t: FloatArray, x: FloatArray, since: float, size: float, wind
     largest = float(np.abs(x[peak]))
     if not (t[peak] < since and largest > LARGEST_LOSS * size):
         return []
-    of = window.omega_0**order  # to displacement
+    derived = window.omega_0**order  # to displacement
     return [
         f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
-        f"{largest / of:.4g} to {size / of:.4g}; fewer --periods (4 or more) lose less"
+        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
     ]
 
 
