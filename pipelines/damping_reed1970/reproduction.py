@@ -68,9 +68,10 @@ def reproduce() -> list[Reproduction]:
     computed = {**chapter_2.table_2_ii(), **chapter_3.computed(), **chapter_4.computed(), **chapter_5.computed()}
     corrected = {**chapter_3.after_correction(), **chapter_4.after_correction(), **chapter_5.after_correction()}
     changed = {key: value for key, value in corrected.items() if value != computed.get(key)}
+    rows = load_printed_results().to_dict("index").values()
     return [
         Reproduction(**row, computed=computed.get(row["id"]), computed_after_correction=changed.get(row["id"]))
-        for row in load_printed_results().to_dict("records")
+        for row in ({str(name): cell for name, cell in row.items()} for row in rows)
     ]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -100,7 +101,7 @@ class Studies:
             getattr(methods, name).assign(mode=mode, kept=held, picked=methods.picked)
             for (mode, held), methods in self.levels.items()
         ]
-        return pd.concat(parts, ignore_index=True)
+        return pd.DataFrame(pd.concat(parts, ignore_index=True))
 
 
 def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
@@ -227,7 +228,7 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 
     first, second = diagnoses.values()
-    values = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
+    values: dict[str, Any] = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
     values |= {"planes": _find_planes(first), "missing_forces": format_share(_sum_forces(second))}
     blocks = write_blocks(Path(__file__).with_name("gaps.txt"), values, take)
     return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)

@@ -35,6 +35,7 @@ from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
+from damping.report import forms
 from damping.report.text import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
@@ -123,26 +124,16 @@ def predict_structure(folder: Path, seed: int) -> BandResult:
     )
 
 
+#: Columns of a table of loads.
+COLUMNS = (
+    *("force", "ratio", "median", "low", "high", "credible_low", "credible_high", "linear"),
+    *("linear_over_percent", "linear_over_percent_low", "linear_over_percent_high", *PARTS, "cautions"),
+)
+
+
 def tabulate_loads(loads: Loads) -> pd.DataFrame:
     """One row per force: band, linear prediction, parts in per cent, cautions."""
-    band = loads.average
-    return pd.DataFrame(
-        {
-            "force": loads.force,
-            "ratio": loads.ratio,
-            "median": band.median,
-            "low": band.low,
-            "high": band.high,
-            "credible_low": band.credible_low,
-            "credible_high": band.credible_high,
-            "linear": loads.linear,
-            "linear_over_percent": loads.overprediction,
-            "linear_over_percent_low": loads.overprediction_low,
-            "linear_over_percent_high": loads.overprediction_high,
-            **loads.parts,
-            "cautions": ["; ".join(caution) for caution in loads.cautions],
-        }
-    )
+    return forms.tabulate_loads(loads).set_axis(COLUMNS, axis=1)
 
 
 def render_page(results: list[BandResult], seed: int) -> str:

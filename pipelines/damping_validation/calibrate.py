@@ -236,7 +236,7 @@ def draw_rank_histograms(ranks: Mapping[str, FloatArray]) -> Figure:
     for law, ax in panels.items():
         count = len(ranks[law])
         ax.axhspan(*binom.interval(0.99, count, 1.0 / tables.BINS), color=PREDICTIVE, linewidth=0)
-        bins = {"bins": tables.BINS, "range": (0, RANKED + 1)}
+        bins: dict[str, Any] = {"bins": tables.BINS, "range": (0, RANKED + 1)}
         ax.hist(ranks[law], **bins, color=MUTED, edgecolor="white", linewidth=0.5)
         ax.axhline(count / tables.BINS, color=INK, linewidth=0.7)
         ax.set_ylim(0)

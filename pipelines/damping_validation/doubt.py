@@ -36,11 +36,10 @@ def list_answers(folder: Path) -> Iterator[Answer]:
     """Of every answer what speaks for the library, (5,), and whether it holds the cause."""
     labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["cases"]
     for name, label in labels.items():
-        found = diagnose(
-            read_record(folder / "cases" / name / "data.csv"), read_mode(folder / "cases" / name / "model.toml")
-        )
-        doubts = describe_doubts(found.tests, found.hypotheses)
-        yield np.array([1.0, not found.leading.effects, *-doubts]), set(label["effects"]) <= set(CATALOGUE)
+        case = folder / "cases" / name
+        answer = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"))
+        doubts = describe_doubts(answer.tests, answer.hypotheses)
+        yield np.array([1.0, not answer.leading.effects, *-doubts]), set(label["effects"]) <= set(CATALOGUE)
 
 
 def regress(answers: list[Answer]) -> FloatArray:
@@ -59,9 +58,9 @@ def main() -> None:
     """Print the constants."""
     with tempfile.TemporaryDirectory() as name:
         make_cases(Path(name) / "cases", Path(name) / "labels.json", CASES, SEED)
-        found = regress(list(list_answers(Path(name))))
+        log_odds = regress(list(list_answers(Path(name))))
     names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_MAKESHIFT", "PER_END")
-    for constant, value in zip(names, found, strict=True):
+    for constant, value in zip(names, log_odds, strict=True):
         print(f"{constant} = {value:.2f}")
 
 

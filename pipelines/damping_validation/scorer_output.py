@@ -115,9 +115,9 @@ def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
 
 def write_markdown(table: pd.DataFrame) -> str:
     """A table for a web page."""
-    head, *rows = [list(table.columns), *table.to_numpy(dtype=object)]
-    lines = [f"| {' | '.join(map(str, cells))} |" for cells in (head, *rows)]
-    return "\n".join([lines[0], f"|{'---|' * len(head)}", *lines[1:]]) + "\n"
+    rows = [table.columns, *table.itertuples(index=False, name=None)]
+    head, *lines = (f"| {' | '.join(map(str, cells))} |" for cells in rows)
+    return "\n".join([head, f"|{'---|' * len(table.columns)}", *lines]) + "\n"
 
 
 def tabulate_confusion(cases: Sequence[Verdict]) -> pd.DataFrame:

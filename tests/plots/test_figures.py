@@ -14,6 +14,7 @@ from damping.plots import to_svg
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps, mode_over_level
 from damping.plots.fits import corner, predictive_check, ranking, sweeps
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
+from damping_validation.calibrate import draw_coverage
 
 HOSTILE = "<b>$x</b>&\"'"
 LAWS = ("viscous", "viscous + velocity-squared", "coulomb + A^4")
@@ -198,3 +199,11 @@ def test_corner_contours_hold_the_stated_shares() -> None:
         # smoothing by 1.3 bins of 0.22 sd scales radii by sqrt(1 + 0.29^2) = 1.04, which adds 0.04 r^2 exp(-r^2/2) to
         # the share: 0.02 and 0.03; the ranges drawn leave out 0.0075 of the draws on either axis
         assert abs(inside - share) < 0.04
+
+
+def test_coverage_of_a_structure_without_a_prediction_is_not_drawn() -> None:
+    counts = {"given": [0, 2] * 3, "held": [0, 2] * 3, "above": [0, 0] * 3}
+    table = pd.DataFrame({"truth": ["refused", "given"] * 3, "ratio": np.repeat([1.5, 2.0, 4.0], 2), **counts})
+    for axes, share in zip(draw_coverage(table).axes, (1.0, 0.0), strict=True):
+        marks = [np.asarray(line.get_xdata()) for line in axes.lines if str(line.get_label()).endswith("times")]
+        assert [mark.tolist() for mark in marks] == [[share]] * 3

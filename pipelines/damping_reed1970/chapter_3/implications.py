@@ -171,8 +171,11 @@ def _assess_in_phase(fits: Fits, posteriors: Posteriors) -> list[Answer]:
         "tail": f"minus C_t of Table 3.III is {-C_t:.4f} in on average",
     }
     answers: list[Answer] = [
-        {"question": f"motion in phase with the force in {data}, in", "says": text}
-        | _interval(posteriors[data, "free + in phase"], "R")
+        {
+            "question": f"motion in phase with the force in {data}, in",
+            "says": text,
+            **_interval(posteriors[data, "free + in phase"], "R"),
+        }
         for data, text in says.items()
     ]
     lag, error = float(more.model.lag), 1.645 * more.standard_errors["lag"]
@@ -217,6 +220,6 @@ def _bayes_factor(posteriors: Posteriors, variant: str) -> float:
     return float(np.exp(posteriors["A2", "free"].evidence.log_z - posteriors["A2", variant].evidence.log_z))
 
 
-def _interval(posterior: PlanarPosterior, name: str) -> Answer:
+def _interval(posterior: PlanarPosterior, name: str) -> dict[str, float]:
     low, median, high = np.quantile(posterior.parameters[name], TAILS).tolist()
     return {"value": median, "low": low, "high": high}

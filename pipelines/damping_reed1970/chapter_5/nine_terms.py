@@ -229,7 +229,7 @@ def energy_surface(cells: int = 80) -> EnergySurface:
     grid_A = np.linspace(0.02 * A.max(), 1.05 * A.max(), cells)
     grid_omega = np.linspace(omega.min() - beyond, omega.max() + beyond, cells)
     rows = [np.ravel(axis) for axis in np.meshgrid(grid_A, grid_omega, indexing="ij")]
-    terms = energy_design(NINE_TERMS, *rows, np.ones(rows[0].size)).columns
+    terms = energy_design(NINE_TERMS, rows[0], rows[1], np.ones(rows[0].size)).columns
     energies = terms[:, members] @ physical.coefficients, terms @ nine.coefficients
     surfaces = [np.asarray(energy).reshape(cells, cells) for energy in energies]
     return EnergySurface(

@@ -25,7 +25,6 @@ from damping_validation.generator.plan import (
     scatter_rows,
 )
 from damping_validation.generator.refit import (
-    KINDS,
     LIBRARY,
     OUTSIDE,
     RIG,
@@ -108,8 +107,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
         "kind": kind,
         "family": describe_family(kind),
         "conditions": "field" if field else "clean",
-        **_effects(drawn),
-        **_circumstances(drawn),
+        **_describe_truth(drawn),
         "wild_rows": np.flatnonzero(wild).tolist(),
         "sweep": table["sweep"],
         "frequency": [float(text) for text in table["frequency"]],
@@ -125,19 +123,15 @@ def describe_family(kind: str) -> str:
     return "outside" if kind in OUTSIDE else "single"
 
 
-def _effects(drawn: DrawnCase) -> dict[str, Any]:
+def _describe_truth(drawn: DrawnCase) -> dict[str, Any]:
+    """Effects with what they leave, and the circumstances under which they were measured."""
+    bench, effects = drawn.bench, drawn.effects
     return {
-        "effects": [name_effect(effect.name) for effect in drawn.effects],
-        "rig": [name_effect(effect.name) for effect in drawn.effects if effect.name in RIG],
+        "effects": [name_effect(effect.name) for effect in effects],
+        "rig": [name_effect(effect.name) for effect in effects if effect.name in RIG],
         "gap": drawn.gap,
         "left_without_each": list(drawn.without_each),
-        "sizes": [{"effect": e.name, "size": e.size, "shape": list(e.shape)} for e in drawn.effects],
-    }
-
-
-def _circumstances(drawn: DrawnCase) -> dict[str, Any]:
-    bench = drawn.bench
-    return {
+        "sizes": [{"effect": e.name, "size": e.size, "shape": list(e.shape)} for e in effects],
         "deviation": list(bench.deviation),
         "base": [name for name, _ in bench.base],
         "scatter": list(bench.scatter),
@@ -155,18 +149,14 @@ def _altered(drawn: DrawnCase) -> dict[str, list[int]]:
     """Rows whose noise-free amplitude or phase the effects move by more than one sigma (wrong parameters set right)."""
     if not drawn.effects:
         return {"amplitude": [], "phase": []}
-    change = np.abs(drawn.cells.distance(*true_record(*applied((), _without(drawn))))) > 1.0
-    n = drawn.bench.rows.omega.size
-    return {"amplitude": np.flatnonzero(change[:n]).tolist(), "phase": np.flatnonzero(change[n:]).tolist()}
-
-
-def _without(drawn: DrawnCase) -> Bench:
-    """The bench with its wrong parameters, if that is the effect, at their nominal values."""
     deviation = list(drawn.bench.deviation)
     for effect in drawn.effects:
         if effect.name in _WRONG_PARAMETER:
             deviation[_WRONG_PARAMETER[effect.name]] = 0.0
-    return replace(drawn.bench, deviation=(deviation[0], deviation[1], deviation[2]))
+    right = replace(drawn.bench, deviation=(deviation[0], deviation[1], deviation[2]))
+    change = np.abs(drawn.cells.distance(*true_record(*applied((), right)))) > 1.0
+    n = drawn.bench.rows.omega.size
+    return {"amplitude": np.flatnonzero(change[:n]).tolist(), "phase": np.flatnonzero(change[n:]).tolist()}
 
 
 def draw_further_rows(
@@ -185,9 +175,7 @@ def draw_further_rows(
     rng = np.random.default_rng((*seed, 1))
     old = [line.split(",") for line in data.strip().split("\n")]
     rows = scatter_rows(rng, _plan_further(drawn.bench, proposed), drawn.bench.scatter)
-    truth = (drawn.bench.truth(), rows)
-    for effect in drawn.effects:
-        truth = KINDS[effect.name].apply(truth, effect.size, effect.shape, drawn.bench)
+    truth = applied(drawn.effects, drawn.bench, rows)
     first, third, across = true_phasors(*truth)
     own = drawn.noise
     share, phase = (np.full(rows.omega.size, np.median(sd)) for sd in (own.share, own.phase))
@@ -212,11 +200,11 @@ def _plan_further(bench: Bench, proposed: Sequence[Mapping[str, Any]]) -> TrueRo
     """Rows of the sweeps of a proposed test, after those of the bench and in its direction."""
     last, order = int(bench.rows.sweep.max()), 1 if bench.rows.up else -1
     omega, force, sweep, added = [], [], [], []
-    for number, one in enumerate(proposed, start=1):
-        count = int(one["points"])
-        omega.append(2 * np.pi * np.linspace(one["frequency_low"], one["frequency_high"], count)[::order])
-        force.append(np.full(count, float(one["force"])))
+    for number, further in enumerate(proposed, start=1):
+        count = int(further["points"])
+        omega.append(2 * np.pi * np.linspace(further["frequency_low"], further["frequency_high"], count)[::order])
+        force.append(np.full(count, float(further["force"])))
         sweep.append(np.full(count, last + number))
-        added.append(np.full(count, float(one.get("added_mass") or 0.0)))
+        added.append(np.full(count, float(further.get("added_mass") or 0.0)))
     rows = plain_rows(np.concatenate(sweep), np.concatenate(force), np.concatenate(omega), bench.rows.up)
     return replace(rows, added=np.concatenate(added), time=bench.rows.time[-1] + rows.time)

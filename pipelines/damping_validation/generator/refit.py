@@ -55,9 +55,9 @@ def name_effect(kind: str) -> str:
     return kind.partition(":")[0]
 
 
-def applied(effects: tuple[TrueEffect, ...], bench: Bench) -> Truth:
-    """True structure and rig with the effects present."""
-    truth = bench.truth(), bench.rows
+def applied(effects: tuple[TrueEffect, ...], bench: Bench, rows: TrueRows | None = None) -> Truth:
+    """True structure and rig with the effects present, at the rows of the bench or at others."""
+    truth = bench.truth(), bench.rows if rows is None else rows
     for effect in effects:
         truth = KINDS[effect.name].apply(truth, effect.size, effect.shape, bench)
     return truth
@@ -140,8 +140,8 @@ def _simulated(bench: Bench, effects: tuple[TrueEffect, ...], x: Array, sweeps: 
 
 def unscattered(rows: TrueRows) -> TrueRows:
     """The rows with neither gain nor frequency scattered (nor changed by an effect)."""
-    one = np.ones(rows.omega.size)
-    return replace(rows, gain=one, tuning=one)
+    unit = np.ones(rows.omega.size)
+    return replace(rows, gain=unit, tuning=unit)
 
 
 #: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
@@ -192,9 +192,8 @@ def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
         bench = _bench(kind, names, field, rng)
         noise = draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
         effects = tuple(draw_effect(name, rng, bench) for name in names)
-        sized = [
-            _sized(effect, bench, noise, PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS, rng) for effect in effects
-        ]
+        gaps = PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS
+        sized = [_sized(effect, bench, noise, gaps, rng) for effect in effects]
         effects = tuple(effect for effect in sized if effect is not None)
         drawn = _integrate(bench, effects, noise) if len(effects) == len(names) else None
         if drawn is not None:

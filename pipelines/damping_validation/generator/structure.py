@@ -51,8 +51,8 @@ class Structure:
     @property
     def averaged_laws(self) -> tuple[TrueLaw, ...]:
         """The forces whose averages a first-harmonic balance takes, those of partners that are not linear included."""
-        own = (one for one in (partner.stand_in for partner in self.partners) if one)
-        return (*self.laws, *(replace(one, coefficient=one.coefficient * self.mass) for one in own))
+        laws = [partner.stand_in for partner in self.partners]
+        return (*self.laws, *(replace(law, coefficient=law.coefficient * self.mass) for law in laws if law))
 
     @property
     def bent(self) -> bool:
@@ -104,9 +104,9 @@ CYCLES_A_ROW = 200.0
 
 def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> TrueRows:
     """Rows of a faultless rig, each dwelt at for ``CYCLES_A_ROW``."""
-    one, zero = np.ones(force.size), np.zeros(force.size)
+    unit, zero = np.ones(force.size), np.zeros(force.size)
     time = np.cumsum(2 * np.pi * CYCLES_A_ROW / omega)
-    return TrueRows(sweep, force, omega, up, one, one, one, one, zero, zero.astype(complex), zero, zero, time)
+    return TrueRows(sweep, force, omega, up, unit, unit, unit, unit, zero, zero.astype(complex), zero, zero, time)
 
 
 def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
