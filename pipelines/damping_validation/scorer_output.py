@@ -5,8 +5,9 @@ The figures of the last blind run of the gap diagnosis are shipped: what may be 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -115,7 +116,7 @@ def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
 
 def write_markdown(table: pd.DataFrame) -> str:
     """A table for a web page."""
-    rows = [table.columns, *table.itertuples(index=False, name=None)]
+    rows: list[Iterable[Any]] = [table.columns, *table.itertuples(index=False, name=None)]
     head, *lines = (f"| {' | '.join(map(str, cells))} |" for cells in rows)
     return "\n".join([head, f"|{'---|' * len(table.columns)}", *lines]) + "\n"
 
