@@ -54,13 +54,13 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
     )
 
 
-#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; more
-#: where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.72
-NOTHING_BLAMED = 0.27
-PER_DECADE = 0.51
-PER_MAKESHIFT = 3.79
-PER_END = 2.49
+#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
+#: odds where nothing is blamed; less for each of the `describe_doubts`.
+IN_LIBRARY = 1.68
+NOTHING_BLAMED = -0.07
+PER_DECADE = 0.53
+PER_MAKESHIFT = 4.10
+PER_END = 2.54
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
