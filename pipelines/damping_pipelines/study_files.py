@@ -102,7 +102,7 @@ def read_settings(path: Path) -> StudySettings:
     Raises:
         InputError: with file, line and key of the first thing that is wrong, and what was expected.
     """
-    return read_schema(read_toml(path), StudySettings)
+    return read_schema(read_toml(path), StudySettings, {"records": "[[records]], one for each record"})
 
 
 def write_study(

@@ -255,7 +255,7 @@ def regress(
         raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
     table = frame.reset_index(drop=True)
-    require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source)
+    require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
     return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
 
 

@@ -219,6 +219,10 @@ def test_condition_is_the_command(capsys, tmp_path):
         dp.condition(pd.read_csv(raw), {"sensor": []})
     with pytest.raises(dp.InputError, match="no column"):
         dp.condition(pd.DataFrame({"a": [1.0]}), config)
+    text = tmp_path / "condition.toml"
+    text.write_text(config.read_text().replace('"omega_rad_s"', '"sweep"'))
+    with pytest.raises(dp.InputError, match="column sweep"):
+        dp.condition(pd.read_csv(raw).assign(sweep="abc"), text)
 
 
 GOOD = pd.DataFrame({"sweep": [1, 1, 2], "force": [1, 1, 2.0], "frequency": [1.0, 1.1, 1.0], "amplitude": [1.0, 2, 3]})

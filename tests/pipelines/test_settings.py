@@ -83,3 +83,9 @@ def test_two_records_of_one_name(write):
 def test_no_records(write):
     with pytest.raises(InputError, match="records"):
         read_settings(write('title = "t"\nrecords = []\n'))
+
+
+def test_a_study_without_records(write):
+    """Records are a list of tables."""
+    with pytest.raises(InputError, match=r"missing table; expected \[\[records\]\]"):
+        read_settings(write('title = "none"\n'))

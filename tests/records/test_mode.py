@@ -222,6 +222,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 def tables(effect):
     """Any table that an effect may have; parameters that have a default may be absent."""
     fits = {s.name: POSITIVE if s.below > 1.0 else st.floats(min_value=1e-50, max_value=0.99) for s in effect.shapes}
+    fits |= {s.name: st.sampled_from([0.0, 1.0]) for s in effect.shapes if s.switch}
     needed = {s.name for s in effect.shapes if s.default is None}
     return st.fixed_dictionaries(
         {name: fit for name, fit in fits.items() if name in needed},
@@ -303,3 +304,10 @@ def test_anything_is_a_mode_or_bad_input(content, scratch):
         assert mode.frequency > 0.0
     else:
         assert len(str(error).splitlines()) == 1
+
+
+def test_a_switch_is_on_or_off(scratch):
+    slip = "\n[effects.slip]\nstiffness = 1.0\nlimit = 0.1\nkappa = 1.0\nbounded = "
+    assert read_mode(scratch(MODE + slip + "1\n", "mode.toml")).effects["slip"]["bounded"] == 1.0
+    with pytest.raises(InputError, match=r"bounded: is 0\.5; expected 0 or 1"):
+        read_mode(scratch(MODE + slip + "0.5\n", "mode.toml"))

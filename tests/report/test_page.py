@@ -23,7 +23,7 @@ from damping.report.figures import record_figures
 from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_written, render_page
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.text import write_sections
+from damping.report.text import fill_text, write_sections
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -280,3 +280,13 @@ def test_no_value_begins_a_block_of_its_own(tmp_path):
     (section,) = write_sections(text, {"values": [hostile, "b"]})
     (items,) = section.blocks
     assert items.items == ["outlier (caution): sweep a  # second: Title  [end]; look", "b"]
+
+
+@pytest.mark.parametrize("name", ["[end] slosh", "[draft] slosh", "# slosh", "## slosh", "* slosh"])
+def test_no_value_at_the_start_of_a_block_is_taken_for_the_texts_own_words(name, tmp_path):
+    """A paragraph may begin with the name of a mode, whatever that is."""
+    text = tmp_path / "text.txt"
+    text.write_text("# first: Title\n\n{{ name }}: three points.\n\nAfter it.\n")
+    (section,) = write_sections(text, {"name": name})
+    assert section.blocks == [Text(f"{name}: three points."), Text("After it.")]
+    assert fill_text(text, {"name": name}).splitlines()[2] == f"{name}: three points."

@@ -82,6 +82,8 @@ COLUMNS = (
 )
 #: Rows of a table of the page; the data set holds the rest.
 MOST_ROWS = 200
+#: Tables that are cut there.
+_CUT = ("outliers", "failures", "left")
 #: Records of a list of the page.
 MOST_LISTED = 1000
 #: Robust standard deviations from the median of the fleet from which on a record is an outlier.
@@ -123,7 +125,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
         "all": len(table),
     }
     shown = {
-        name: replace(part, frame=part.frame.head(MOST_ROWS)) if isinstance(part, Table) and name != "records" else part
+        name: replace(part, frame=part.frame.head(MOST_ROWS)) if isinstance(part, Table) and name in _CUT else part
         for name, part in parts.items()
     }
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, shown)

@@ -138,7 +138,7 @@ SLIP = Effect(
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=_adds(joint_force),
-    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", least=0.0, default=0.0)),
+    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", default=0.0, switch=True)),
     force=joint_force,
     damping=Slip.name,
 )

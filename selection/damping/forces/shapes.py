@@ -137,6 +137,7 @@ class Shape:
         prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
         smooth: whether the averages are smooth in it, so that least squares can give it a standard error.
+        switch: whether it is 0 or 1.
     """
 
     name: str
@@ -148,6 +149,7 @@ class Shape:
     prior: Prior | None = None
     label: str = ""
     smooth: bool = True
+    switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
         """The parameter at standard normal ``x``.

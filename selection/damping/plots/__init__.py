@@ -143,7 +143,7 @@ class Drawing(Figure):
 def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes | None = None) -> tuple[Figure, Axes]:
     """A figure of ``height`` inches with one panel; ``axes`` and what they are on where they are given."""
     panel = Drawing(figsize=(WIDTH, height)).add_subplot() if axes is None else axes
-    panel.set(xlabel=x_label, ylabel=y_label)
+    panel.set(**{name: text for name, text in (("xlabel", x_label), ("ylabel", y_label)) if text})
     return cast(Figure, panel.figure), panel
 
 

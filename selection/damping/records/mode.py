@@ -205,7 +205,10 @@ def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]
 
 
 def _number(table: TomlTable, key: str, shape: Shape) -> float:
-    return table.number(key, above=shape.above, least=shape.least, below=shape.below)
+    number = table.number(key, above=shape.above, least=shape.least, below=shape.below)
+    if shape.switch and number not in (0.0, 1.0):
+        raise table.error(key, f"is {number:g}", "0 or 1")
+    return number
 
 
 def describe_mode_to_toml(mode: Mode) -> str:

@@ -6,7 +6,7 @@ Nothing that is read is ever evaluated. A cell is a number, or it is text.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -193,13 +193,15 @@ def _describe_wrong(cell: str) -> str:
     return f"{describe_shortened(text)!r} is not a finite number written with the digits 0-9"
 
 
-def require_numbers(table: pd.DataFrame, names: Iterable[str], source: str | None = None) -> None:
-    """InputError for the first column that is missing, or holds what is no finite number; ``sweep`` may be text."""
+def require_numbers(
+    table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
+) -> None:
+    """InputError for the first column that is missing, or holds what is no finite number; those of ``text`` may."""
     for name in names:
         if name not in table.columns:
             hint = describe_nearest(name, map(str, table.columns))
             raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
-        if name == "sweep" and not pd.api.types.is_numeric_dtype(table[name]):
+        if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
         if not finite.all():

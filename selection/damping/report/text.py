@@ -39,6 +39,8 @@ _WORDS = {
     "share": words.format_share,
     "signed": words.format_signed,
 }
+#: Stands before a value that begins with ``[``, ``#`` or ``*`` until blocks are cut: those are words of the text alone.
+_VALUE = "\x00"
 _DIRECTIVE = re.compile(r"\[(\w+) ?([^\]]*)\] ?(.*)", re.DOTALL)
 #: Blocks for a directive: its word, its name, and what follows on its lines.
 Take = Callable[[str, str, str], Iterable[Block]]
@@ -46,7 +48,7 @@ Take = Callable[[str, str, str], Iterable[Block]]
 
 def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind, name, rest: []) -> list[Block]:
     """The blocks of a text filled with values; ``take`` gives those of its own directives."""
-    return list(_build_blocks(_cut_parts(fill_text(text, values)), take))
+    return list(_build_blocks(_cut_parts(_fill(text, values)), take))
 
 
 def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Block] | None = None) -> list[Section]:
@@ -60,7 +62,7 @@ def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Bl
         return [] if part is None else [replace(part, caption=join_lines(rest)) if rest else part]
 
     sections = []
-    for section in re.split(r"^# ", fill_text(text, values), flags=re.MULTILINE)[1:]:
+    for section in re.split(r"^# ", _fill(text, values), flags=re.MULTILINE)[1:]:
         head, _, body = section.partition("\n")
         key, _, title = head.partition(": ")
         sections.append(Section(key, title, list(_build_blocks(_cut_parts(body), take))))
@@ -76,6 +78,10 @@ def _template(text: Path) -> Template:
 
 def fill_text(text: Path, values: Mapping[str, Any]) -> str:
     """A text filled with values, none of which begins a line of its own."""
+    return _fill(text, values).replace(_VALUE, "")
+
+
+def _fill(text: Path, values: Mapping[str, Any]) -> str:
     return _template(text).render(**values)
 
 
@@ -113,9 +119,10 @@ def _list_items(part: str) -> list[str]:
 
 def join_lines(text: str) -> str:
     """A text in one line."""
-    return re.sub(r" *\n *", " ", text)
+    return re.sub(r" *\n *", " ", text).replace(_VALUE, "")
 
 
 def _join_value(value: object) -> str:
-    """A value in one line: none of its lines may begin a block of its own."""
-    return join_lines(str(value))
+    """A value in one line that begins no block of its own."""
+    line = join_lines(str(value))
+    return _VALUE + line if line.startswith(("[", "#", "*")) else line
