@@ -242,7 +242,7 @@ class CurveResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a resonance with the keys of the form; bands as ``NAME_low, NAME_high``."""
+        """One row for each resonance, columns as in the form; the ends of a band are ``NAME_low, NAME_high``."""
         return self.curve.table
 
     @property

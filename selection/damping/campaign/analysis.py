@@ -41,7 +41,7 @@ from damping.records.audit import audit
 
 #: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
 LEAST_SPREAD = 0.01
-#: A peak is looked for within so many half-power half-widths of the resonance.
+#: Half of the range around a resonance in which its peak is sought, in half-power half-widths.
 _SEARCHED = 1.5
 #: Levels at which responses are predicted between the lowest and the design level.
 NOTCH_LEVELS = 10

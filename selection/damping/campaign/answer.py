@@ -78,9 +78,9 @@ class At:
 class Notch:
     """What a limit of a sensor asks at one mode.
 
-    ``limit`` in the sensor's ``unit``, ``level`` the largest input there that keeps it, ``depth_db`` below the
-    ``design`` level, ``low`` to ``high`` Hz (None where none is needed); ``more_db``: at most so much more than the top
-    level tested.
+    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
+    level, from ``low`` to ``high`` Hz (None where no notch is needed). ``more_db``: largest step above the top tested
+    level, in dB.
     """
 
     mode: str

@@ -29,10 +29,11 @@ from damping.signals.windows import flat_window
 
 #: Parts of a record whose spectra are averaged.
 PARTS = 8
-#: A peak rises so far above its saddles in ln of power, and stands so many times above the median of all.
+#: Least height of a peak above its saddles, in ln of power.
 PROMINENCE = 3.0
+#: Least power of a peak, over the median of the spectrum.
 ABOVE = 30.0
-#: A sensor moves with a mode where so much of its motion at that frequency is the mode's.
+#: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
 FOLLOWS = 0.9
 #: Levels that a decay is cut into.
 LEVELS = 8

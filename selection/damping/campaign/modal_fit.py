@@ -26,7 +26,7 @@ from damping.arrays import ComplexArray, FloatArray, IntArray
 CLUSTER = 0.15
 #: Rows this far away from a cluster belong to its band.
 BAND = 0.12
-#: A peak of the indicator rises so far above its saddles, in ln of power: a factor e in power.
+#: Least height of a peak of the indicator above its saddles, in ln of power: a factor e.
 PROMINENCE = 1.0
 #: A mode stays where its residue is so many standard errors at one sensor at least.
 LEAST_T = 8.0
