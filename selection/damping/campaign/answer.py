@@ -10,7 +10,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.series import Summary
+from damping.formats import Summary
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding

@@ -33,9 +33,9 @@ from damping.campaign.tracked import (
     track_table,
 )
 from damping.errors import InputError, naming
+from damping.formats import Samples, Summary
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import read_columns
-from damping.formats.series import Samples, Summary
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes, read_start
 

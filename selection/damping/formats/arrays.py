@@ -17,13 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
-from damping.formats.named import to_series
-from damping.formats.quantity import unit
-from damping.formats.series import (
+from damping.formats import (
     OWN_NAMES,
     ROLES,
     FileFacts,
-    HeaderFacts,
     Samples,
     Series,
     Stated,
@@ -31,6 +28,8 @@ from damping.formats.series import (
     list_units,
     require_response,
 )
+from damping.formats.named import to_series
+from damping.formats.quantity import unit
 from damping.records.text import describe_shortened, read_start, too_large
 
 #: Seconds after which a file that is still being read is given up.
@@ -158,7 +157,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
-    return _list_each(names, arrays, HeaderFacts(units), Path(path).stem, summary)
+    return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
 
 
 def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
@@ -172,7 +171,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
 def _list_each(
     names: Mapping[str, str],
     arrays: Mapping[str, list[Samples]],
-    facts: HeaderFacts,
+    facts: FileFacts,
     stem: str,
     summary: Summary,
 ) -> list[Series]:
