@@ -10,12 +10,13 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.formats import (
     OWN_NAMES,
@@ -102,6 +103,24 @@ def read_arrays(
     units = {name: text for name, text in answer["units"].items() if text}
     steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
     return Arrays(_unpacked(answer["loaded"], body), units, known, steps)
+
+
+def read_blocks(
+    path: str | Path, kind: str, names: Sequence[str], count: int, *, together: bool
+) -> Iterator[FloatArray]:
+    """Samples (names, n) of arrays of one length, at most ``count`` of each at a time.
+
+    ``together``: they are channels, of which all that the file has are read together.
+    """
+    first = 0
+    while True:
+        arrays = read_arrays(path, kind, [] if together else names, None, rows=(first, first + count)).arrays
+        block = np.array([arrays[name][0].real.reshape(-1) for name in names])
+        if block.shape[1]:
+            yield block
+        if block.shape[1] < count:
+            return
+        first += count
 
 
 _EXPECTED = {
