@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from damping.campaign.analysis import analyse
+from damping.campaign import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError, naming
