@@ -16,9 +16,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.forces import component, make
+from damping.forces import component, energy_per_cycle, make
 from damping.forces.contract import Sum
-from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.plots import AVERAGE, INK, LINEAR, MUTED, build_panel, draw_plain_rows, styled
