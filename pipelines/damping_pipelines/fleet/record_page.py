@@ -44,9 +44,9 @@ from damping.report.page import (
     Table,
     Text,
     render_page,
+    write_sections,
 )
 from damping.report.tables import tabulate_by_model
-from damping.report.text import write_sections
 from damping_pipelines.fleet.dataset import FleetTask
 
 #: The way back.
