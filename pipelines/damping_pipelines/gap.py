@@ -22,7 +22,6 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import digest_file, versions
-from damping_pipelines.records import report_findings
 from damping_pipelines.store import (
     check_picture,
     refuse_inputs,
@@ -32,7 +31,7 @@ from damping_pipelines.store import (
     write_plain,
     write_text,
 )
-from damping_pipelines.terminal import console, end_with_parent, progress
+from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
 
 FORMAT = "gap/1"
 

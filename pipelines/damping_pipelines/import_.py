@@ -21,9 +21,8 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
-from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import PlainTable, console
+from damping_pipelines.terminal import PlainTable, console, report_findings
 
 
 @dataclass(frozen=True)

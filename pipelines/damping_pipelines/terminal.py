@@ -2,7 +2,7 @@
 
 Tables on the terminal: numbers in columns, cautions as numbered notes below.
 
-Worker processes that end with the process that started them.
+What the audit of a record finds, said before any work on it. Worker processes that end with their parent.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import multiprocessing
 import os
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import wrap
 
@@ -20,6 +20,9 @@ from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
 from damping.progress import Advance
+from damping.records.audit import Audit, audit
+from damping.records.mode import Mode
+from damping.records.record import Record
 from damping_pipelines import QUIET
 
 
@@ -219,6 +222,19 @@ def suggest(*lines: str) -> None:
     if not QUIET.get():
         for number, line in enumerate(lines):
             console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)
+
+
+def report_findings(record: Record, mode: Mode | None, despite: Collection[str] = ()) -> Audit:
+    """The audit of a record before any work on it; its findings go to standard error.
+
+    Raises:
+        Refused: a finding refuses that is not among the checks named in ``despite``.
+    """
+    findings = audit(record, mode)
+    findings.require(despite)
+    for finding in findings.findings:
+        print(f"damping: {record.source}: {finding}", file=sys.stderr)
+    return findings
 
 
 def end_with_parent() -> None:

@@ -20,7 +20,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping_pipelines.exhibits import shipped_folder
+from damping_pipelines import shipped_folder
 
 Version = Literal["printed", "corrected", "used"]
 Run = Literal["E3", "E4"]

@@ -81,7 +81,7 @@ class BandResult:
     left_out: pd.DataFrame
 
 
-def bands_page(folder: Path, out: Path, seed: int) -> None:
+def bands_page(records: Path, out: Path, seed: int) -> None:
     """Predict for every ``NAME/record.csv`` with ``NAME/mode.toml`` under ``folder``; write page, tables and figures.
 
     Nothing of a record is copied: only predictions, resonances derived from it and figures are written.
