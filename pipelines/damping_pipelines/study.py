@@ -160,8 +160,7 @@ def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
     """Which laws predict, and with what weight; None where none can and no design load is asked for.
 
-    Raises:
-        AnalysisError: no law can carry the forces of a record with design forces.
+    AnalysisError: no law can carry the forces of a record with design forces.
     """
     near = [near_resonance(record.record) for record in inputs]
     laws = [load_candidates(data) for data in near]

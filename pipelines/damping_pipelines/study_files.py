@@ -124,8 +124,7 @@ def default_study() -> Path:
 def read_settings(path: Path) -> StudySettings:
     """Read and check a study's settings.
 
-    Raises:
-        InputError: with file, line and key of the first thing that is wrong, and what was expected.
+    InputError: with file, line and key of the first thing that is wrong, and what was expected.
     """
     return read_schema(read_toml(path), StudySettings, {"records": "[[records]], one for each record"})
 
@@ -136,10 +135,8 @@ def write_study(
     """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
-    PNG too. ``pdf``: the answer as ``report.pdf``.
-
-    Raises:
-        InputError: a file cannot be written, or is one of the inputs or a user's own.
+    PNG too. ``pdf``: the answer as ``report.pdf``. InputError: a file cannot be written, or is one of the inputs or a
+    user's own.
     """
     files = render_files(study)
     if png:

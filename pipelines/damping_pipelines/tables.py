@@ -84,9 +84,8 @@ def run_regress(
 ) -> list[RegressionResult]:
     """Every curve on every table, tables outermost; all is parsed and read before anything is fitted.
 
-    Raises:
-        InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
-        AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
+    InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
+    AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
     parsed = [parse_terms(curve) for curve in curves]
     wanted = response.strip()
@@ -177,9 +176,8 @@ def _describe_unused(stem: str, taken: Mapping[str, str]) -> str:
 def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
     """Condition a raw table, write the record and, where asked, one CSV a step; say what each step did.
 
-    Raises:
-        InputError: a description or a table that cannot be read or contradicts itself.
-        AnalysisError: the steps that are asked for cannot be done on this table.
+    InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the steps that are
+    asked for cannot be done on this table.
     """
     refuse_inputs("--out", out, raw, config)
     description = read_description(config)
@@ -264,9 +262,8 @@ def _print_audit(findings: Audit, mode: Mode | None) -> None:
 def sweep(model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
     """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
 
-    Raises:
-        InputError: a bad option, or a model file that cannot be read.
-        AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
+    InputError: a bad option, or a model file that cannot be read. AnalysisError: the model has an effect that is not
+    simulated, or no steady state somewhere in a sweep.
     """
     refuse_inputs("--out", out, model)
     hertz = _read_frequencies(frequency)

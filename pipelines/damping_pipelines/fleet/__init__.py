@@ -75,9 +75,8 @@ def fleet(
         replace: drop what ``out`` holds of other records, settings or versions.
         time_limit: seconds that a record may take.
 
-    Raises:
-        InputError: bad usage or input, or results in ``out`` that would be lost.
-        AnalysisError: every record failed, or the workers are gone.
+    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: every record failed, or the
+    workers are gone.
     """
     check_loads(force or MULTIPLES, level)
     if workers is not None and workers < 0:
@@ -205,8 +204,7 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
 def _check_code(client: Client) -> None:
     """Workers of a scheduler that was there before must compute with what this process has; so must later ones, by row.
 
-    Raises:
-        InputError: one does not.
+    InputError: one does not.
     """
     own = describe_code()
     for address, theirs in client.run(describe_code).items():

@@ -168,8 +168,7 @@ def draw_further_rows(
         kind, field, seed: as the case was drawn. proposed: ``force, frequency_low, frequency_high`` (Hz), ``points,
             added_mass`` of each further sweep. asked: columns that the new rows are to fill.
 
-    Raises:
-        NoSteadyStateError: the structure does not come to rest under that drive.
+    NoSteadyStateError: the structure does not come to rest under that drive.
     """
     drawn = draw(kind, field, np.random.default_rng(seed))
     rng = np.random.default_rng((*seed, 1))

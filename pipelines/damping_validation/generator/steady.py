@@ -215,9 +215,7 @@ def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], ste
     """Steady phasors, row by row, before gain, lag and leak: at the sensor, its third harmonic, across the axis.
 
     ``guesses`` of the main coordinate's phasor are tried in turn where those before gave no stable state.
-
-    Raises:
-        NoSteadyStateError: no stable steady state near any guess, or a record that another cycle changes.
+    NoSteadyStateError: no stable steady state near any guess, or a record that another cycle changes.
     """
     motion = TrueMotion(structure, rows, steps)
     state = steady_state(motion, guesses)
@@ -231,8 +229,7 @@ def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], ste
 def steady_state(motion: TrueMotion, guesses: Sequence[Complex]) -> TrueState:
     """State at the start of a steady cycle, on the branch that the sweep follows.
 
-    Raises:
-        NoSteadyStateError: no stable steady state near any guess.
+    NoSteadyStateError: no stable steady state near any guess.
     """
     state, stable = shoot(motion, started(motion, guesses[0]))
     for further in guesses[1:]:
