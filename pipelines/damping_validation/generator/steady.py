@@ -15,9 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.balance import guess, sensor_phasor, sweep_phasor
-from damping_validation.generator.laws import JUMPS, Array
-from damping_validation.generator.structure import Complex, Structure, TrueRows, chosen_rows, project, recorded
+from damping_validation.generator.balance import (
+    TrueRows,
+    chosen_rows,
+    guess,
+    project,
+    recorded,
+    sensor_phasor,
+    sweep_phasor,
+)
+from damping_validation.generator.laws import JUMPS, Array, Complex, Structure
 
 STEPS = 256
 _SMOOTHED = 1.5  # steps on either side of a change of sign
