@@ -39,9 +39,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    Raises:
-        InputError: bad usage, or files that are not understood.
-        AnalysisError: no mode that can be followed over the levels.
+    InputError: bad usage, or files that are not understood. AnalysisError: no mode that can be followed over the
+    levels.
     """
 
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))

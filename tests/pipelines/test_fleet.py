@@ -24,9 +24,9 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
-from damping_pipelines.fleet import command, runners
+from damping_pipelines import fleet as command
+from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import (
     DataSet,
     FleetResult,
@@ -160,7 +160,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tm
 def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd):
     """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
     script = (
-        "import sys; from pathlib import Path; from damping_pipelines.fleet import command\n"
+        "import sys; from pathlib import Path; from damping_pipelines import fleet as command\n"
         "command.BATCH, command.PERIOD = 2, 600.0\n"
         "records, out = map(Path, sys.argv[1:3])\n"
         f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
