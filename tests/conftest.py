@@ -348,6 +348,7 @@ class Forking:
         """``given`` and ``out`` are the files (or pipes) of standard input and output."""
         self.count += 1
         out, err = out or self.folder / f"{self.count}.out", self.folder / f"{self.count}.err"
+        err.touch()
         order = {
             "code": code,
             "words": [str(word) for word in words],
