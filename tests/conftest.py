@@ -41,7 +41,7 @@ from damping_reed1970.exhibit import source_tables
 from damping_reed1970.studies import Studies, compute_studies
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Dialog, Page
 
 assert damping_pipelines.__doc__  # imported for its effect
 typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
@@ -144,23 +144,43 @@ class Opened:
     requests: list[str] = field(default_factory=list)
 
 
+@pytest.fixture(scope="session")
+def open_page(browser: Browser) -> Callable[[bool], Page]:
+    """A page with or without scripts, opened once: a new one is a new process of the browser."""
+    return cache(lambda scripts: browser.new_context(java_script_enabled=scripts).new_page())
+
+
 @pytest.fixture
-def opened(browser: Browser) -> Callable[..., AbstractContextManager[Opened]]:
+def opened(open_page: Callable[[bool], Page]) -> Callable[..., AbstractContextManager[Opened]]:
     """``with opened(path, width=390, scheme="dark") as one``: a page loaded from its file."""
 
     @contextmanager
     def opening(path: Path, width: int = 1280, scheme: str = "light", scripts: bool = True) -> Iterator[Opened]:
-        size = {"width": width, "height": 900}
-        context = browser.new_context(viewport=size, color_scheme=scheme, java_script_enabled=scripts)
-        page = context.new_page()
+        page = open_page(scripts)
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(media="null", color_scheme=scheme)
+        page.mouse.move(0, 0)
         one = Opened(page)
-        page.on("console", lambda said: one.complaints.append(said.text) if said.type in ("error", "warning") else None)
-        page.on("pageerror", lambda error: one.complaints.append(str(error)))
-        page.on("dialog", lambda dialog: one.complaints.append(f"dialog {dialog.message}"))
-        page.on("request", lambda request: one.requests.append(request.url))
-        page.goto(path.as_uri())
-        yield one
-        context.close()
+
+        def refuse(dialog: Dialog) -> None:
+            one.complaints.append(f"dialog {dialog.message}")
+            dialog.dismiss()
+
+        listeners = {
+            "console": lambda said: one.complaints.append(said.text) if said.type in ("error", "warning") else None,
+            "pageerror": lambda error: one.complaints.append(str(error)),
+            "dialog": refuse,
+            "request": lambda request: one.requests.append(request.url),
+        }
+        for event, listener in listeners.items():
+            page.on(event, listener)
+        try:
+            page.goto(path.as_uri())
+            yield one
+        finally:
+            for event, listener in listeners.items():
+                page.remove_listener(event, listener)
+            page.goto("about:blank")
 
     return opening
 

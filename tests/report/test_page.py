@@ -25,6 +25,7 @@ from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
 from damping.report.text import fill_text, write_sections
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 
@@ -54,11 +55,6 @@ class Reader(HTMLParser):
 
     def count(self, tag: str) -> int:
         return sum(name == tag for name, _ in self.elements)
-
-
-@pytest.fixture(scope="module")
-def rendered(study: StudyResult) -> Rendered:
-    return render(study)
 
 
 @pytest.fixture(scope="module")
@@ -161,8 +157,8 @@ def test_files_named_on_the_page_exist(rendered: Rendered) -> None:
     assert set(named) <= set(rendered.tables)
 
 
-def test_hostile_text_is_text(hostile: StudyResult) -> None:
-    out = render(hostile)
+def test_hostile_text_is_text(rendered_hostile: Rendered) -> None:
+    out = rendered_hostile
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0
