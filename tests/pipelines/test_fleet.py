@@ -28,7 +28,7 @@ from damping_pipelines import fleet as command
 from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
 from damping_pipelines.fleet.dataset import (
-    DataSet,
+    FleetDataSet,
     FleetResult,
     FleetSettings,
     FleetTask,
@@ -205,7 +205,10 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
     monkeypatch.setattr(runners, "DEATHS", 0)
     tasks = list(tasks_of(find_cases(records), settings()))
     # each worker after a dead one is forked from a process that has imported what it needs
-    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}), runners.connected(None, 1) as client:
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        runners.connected(None, 1) as client,
+    ):
         results = list(runners.distributed(client, tasks, harmless_or_deadly))
     assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
     failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}
@@ -306,7 +309,7 @@ def test_a_record_that_lost_its_workers_is_tried_again(tmp_path, one_law):
     write_bytes(source / "bad.toml", MODE.encode())
     run = {"fast": True, "workers": 0, "max_size": SIZE}
     fleet(source, out, **run)
-    before, kept = rows_of(out), DataSet(out / "records")
+    before, kept = rows_of(out), FleetDataSet(out / "records")
     lost = failed(next(task for task in tasks_of(find_cases(source), settings())), f"{runners.DIED} under it")
     kept.keep({before[0]["key"]})
     kept.add([lost.row | {"key": before[1]["key"], "name": "good"}])
@@ -511,7 +514,7 @@ def test_outliers_are_what_stands_apart():
 
 def test_a_key_counts_once(tmp_path):
     task = next(iter(tasks_of(find_cases(_one(tmp_path)), settings())))
-    kept = DataSet(tmp_path / "set")
+    kept = FleetDataSet(tmp_path / "set")
     row = row_of(task)
     kept.add([row])
     kept.add([row, row | {"key": "other"}])

@@ -167,7 +167,7 @@ def find_prominent(values: FloatArray, least: float) -> tuple[IntArray, FloatArr
     begin = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     level, end = values[begin], np.append(begin[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
-    stand_out = np.array([_measure_prominence(level, top) for top in tops])
+    stand_out = np.array([_measure_prominence(level, int(top)) for top in tops])
     kept = stand_out >= least
     return ((begin + end) // 2)[tops[kept]], stand_out[kept]
 
