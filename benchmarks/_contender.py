@@ -6,7 +6,7 @@ The model: resonances of Configuration II, first mode, by viscous + displacement
     C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
 
 g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of
-``damping.infer``, written here once in plain Python, once for PyMC and nutpie and once for NumPyro. Ours draw until they
+``damping.infer``, written here in plain Python, for PyMC and nutpie, and for NumPyro. Ours draw until they
 are worth NUMBER; the others twice NUMBER draws a chain, and tell how many effective ones a second more would give.
 Effective size: the least bulk one (arviz) of x1, x2, x3; importance draws are worth (sum w)^2/sum w^2.
 """

@@ -2,8 +2,8 @@
 
 Run ``python -m benchmarks.steady_states``. The peers integrate from rest through a number of periods that leaves
 exp(-13.8) = 1e-6 of the transient, at the linear decay rate of the state's own equivalent viscous damping:
-`scipy.integrate.solve_ivp` (DOP853, rtol 1e-8), and diffrax (Dopri8, the same tolerances), compiled by JAX before. Their
-steady states must be the same within what one harmonic can tell.
+`scipy.integrate.solve_ivp` (DOP853, rtol 1e-8), and diffrax (Dopri8, the same tolerances), compiled by JAX before.
+Their steady states must be the same within what one harmonic can tell.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def measure() -> list[Row]:
     rows = []
     for peer, integrate in (("solve_ivp", integrated), ("diffrax, compiled before", compile_integrator())):
         amplitudes: list[float] = []
-        times = [timed(lambda state=state, by=integrate: amplitudes.append(by(*state))) for state in chosen]  # type: ignore[misc]  # bound now
+        times = [timed(lambda state=state, by=integrate, to=amplitudes: to.append(by(*state))) for state in chosen]  # type: ignore[misc]  # bound now
         worst = float(np.max(np.abs(np.array(amplitudes) / states.amplitude[:PEERS] - 1.0)))
         mean = Time(*(float(np.mean([getattr(t, part) for t in times])) for part in ("processor", "wall")))
         remark = f"{missing} not found; amplitudes differ by {worst:.0e} at most"
