@@ -23,8 +23,8 @@ from damping.formats import Summary
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
+from damping.signals.histories import flat_window
 from damping.signals.ringdown import Decay, ring_down
-from damping.signals.windows import flat_window
 
 #: Parts of a record whose spectra are averaged.
 PARTS = 8

@@ -28,7 +28,7 @@ from damping.errors import InputError
 from damping.formats import Samples, Summary
 from damping.formats.quantity import unit
 from damping.records.keys import TomlTable, describe_nearest, read_toml
-from damping.signals.tracking import track_sine
+from damping.signals.histories import track_sine
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
