@@ -13,7 +13,7 @@ import typer
 import damping
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv

@@ -17,7 +17,7 @@ from damping.infer.observations import Observations
 from damping.plots import identifier, to_svg
 from damping.plots.curves import design_loads
 from damping.ranking import Ranking
-from damping.records.audit import Audit
+from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import (

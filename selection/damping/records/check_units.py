@@ -57,14 +57,11 @@ def check_energy(view: View) -> Finding | None:
     table = view.record.table
     most = pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64)
     share = energy_per_cycle(view.record) / most
-    share[[row for row in view.wild]] = np.nan
+    share[list(view.wild)] = np.nan
     beyond = share > ENERGY
-    small = all(
-        np.nanmax(share[run.rows]) < 1.0 / ENERGY_SHORT
-        for run, seen in zip(view.runs, view.resonant, strict=True)
-        if seen
-    )
-    if not beyond.any() and not (small and any(view.resonant)):
+    resonant = [leg.run.rows for leg in view.legs if leg.resonant]
+    small = bool(resonant) and all(np.nanmax(share[rows]) < 1.0 / ENERGY_SHORT for rows in resonant)
+    if not beyond.any() and not small:
         return None
     row = int(np.nanargmax(share))
     what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
@@ -171,7 +168,7 @@ def check_beyond_model(view: View) -> Finding | None:
     frequency = float(table["frequency"].iloc[0])
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    far_mass = FAR_MASS if all(lag is not None for lag in view.lags) else FAR_MASS_WITHOUT_PHASE
+    far_mass = FAR_MASS if all(leg.lag is not None for leg in view.legs) else FAR_MASS_WITHOUT_PHASE
     base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
@@ -230,7 +227,7 @@ OFFSET_ERRORS = 3.0
 
 def check_phase_offset(view: View) -> Finding | None:
     """A constant that all phases carry: they are not pi/2 where rows of like amplitude say the resonance is."""
-    turns = [(run, turn) for run, turn in zip(view.runs, view.turns, strict=True) if turn and turn.both_sides]
+    turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
     turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
     if not turns:
         return None
@@ -238,17 +235,14 @@ def check_phase_offset(view: View) -> Finding | None:
     middle = float(np.median(offsets))
     spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
     other_law = float(np.median([turn.damping for _, turn in turns]))
-    if (
-        abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread)
-        or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5
-    ):
+    in_most = np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) >= 0.5
+    if abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread) or not in_most:
         return None
     sweeps = label_sweeps(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
     way = "large" if middle > 0.0 else "small"
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
     what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
     far = abs(middle) > 0.25 * pi
-    advice = (
-        f"correct the delay of the channels (lead_deg = {np.degrees(middle):.1f}), or look for a second mode beside"
-    )
+    lead = f"lead_deg = {np.degrees(middle):.1f}"
+    advice = f"correct the delay of the channels ({lead}), or look for a second mode beside"
     return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)

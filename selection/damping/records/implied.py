@@ -104,7 +104,7 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
         return None
     fitted = fit_parabola(run.omega, run.F / run.A)
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return None
     x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
     near = NO_PARABOLA + 2.0 * run.noise
@@ -139,12 +139,6 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
 
 
-def count_quarter_turns(angle: float) -> int:
-    """The nearest number of quarter turns to an angle: 0, 1, 2 (half a turn) or -1."""
-    turns = round(angle / (0.5 * pi))
-    return 2 if abs(turns) == 2 else turns
-
-
 #: Phases miss a straight line in Y by so much of |Y| (median) where they have nothing to do with the amplitudes.
 INCOHERENT = 0.5
 #: Mean cosine of the steps of phase from row to row below which they are no curve.
@@ -162,10 +156,8 @@ def is_incoherent(run: Run, turn: Implied) -> bool:
         return True
     if len(run) < 6:
         return False
-    smooth = float(np.mean(np.cos(np.diff(run.phase))))
-    if np.ptp(np.unwrap(run.phase)) > MOST_RADIANS:
-        return True
-    return turn.miss > INCOHERENT and smooth < SMOOTH
+    jumps = float(np.mean(np.cos(np.diff(run.phase)))) < SMOOTH
+    return bool(np.ptp(np.unwrap(run.phase)) > MOST_RADIANS) or (turn.miss > INCOHERENT and jumps)
 
 
 #: The lag that a phase of each kind should have been.
@@ -179,7 +171,7 @@ AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 def classify_phase(turn: Implied) -> str:
     """What a phase is that is no lag: negated, minus pi, the lead of the acceleration; nothing where it may be one."""
-    half = count_quarter_turns(turn.offset) == 2
+    half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is half a turn rather than a quarter or none
     if turn.taken < -CERTAIN:
         return "acceleration" if half else "negated"
     return "minus pi" if half and turn.taken > CERTAIN else ""

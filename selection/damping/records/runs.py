@@ -107,11 +107,13 @@ def _run(table: pd.DataFrame) -> Run:
 
 
 def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike."""
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike.
+
+    None with fewer than three frequencies, or where it has no minimum.
+    """
     x = (omega / np.mean(omega)) ** 2 - 1.0
-    if len(np.unique(x)) < 3:
-        return None
-    return np.asarray(np.polyfit(x, size**2, 2, w=size**-2.0))
+    fitted = np.polyfit(x, size**2, 2, w=size**-2.0) if len(np.unique(x)) >= 3 else np.zeros(3)
+    return np.asarray(fitted) if fitted[0] > 0.0 else None
 
 
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
@@ -128,7 +130,7 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
         return True
     near = np.argsort(-g)[: max(5, len(run) // 3)]
     fitted = fit_parabola(run.omega[near], (run.F / run.A)[near])
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return False
     least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
     return bool(least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * least)
@@ -235,7 +237,7 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     size = run.F / run.A
     near = rest[np.argsort(size[rest], kind="stable")[:6]]
     fitted = fit_parabola(run.omega[near], size[near])
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return True
     least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
     x = (run.omega[near] / np.mean(run.omega[near])) ** 2 - 1.0
