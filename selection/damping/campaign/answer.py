@@ -11,7 +11,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import Summary
+from damping.formats.series import Summary
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record

@@ -19,8 +19,8 @@ from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAn
 from damping.campaign.records import DEAD, modal_loads
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
-from damping.formats import Summary
 from damping.formats.quantity import unit
+from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.signals.histories import flat_window

@@ -25,8 +25,8 @@ import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
 from damping.errors import InputError
-from damping.formats import Samples, Summary
 from damping.formats.quantity import unit
+from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, describe_nearest, read_toml
 from damping.signals.histories import track_sine
 

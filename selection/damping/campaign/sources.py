@@ -29,10 +29,9 @@ from damping.campaign.runs import (
     summarise_runs,
 )
 from damping.errors import InputError, naming
-from damping.formats import Summary
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
-from damping.formats.columns import read_columns
-from damping.formats.headers import ABSCISSAS, DELIMITERS, ROLE_NAMES, ColumnHeader, Layout, find_layout, parse_header
+from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
+from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes, read_start
 

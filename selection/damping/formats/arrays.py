@@ -18,19 +18,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats import (
-    OWN_NAMES,
-    ROLES,
-    FileFacts,
-    Samples,
-    Series,
-    Stated,
-    Summary,
-    list_units,
-    require_response,
-)
-from damping.formats.named import to_series
+from damping.formats.named import list_units, to_series
 from damping.formats.quantity import unit
+from damping.formats.series import OWN_NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
 #: Seconds after which a file that is still being read is given up.

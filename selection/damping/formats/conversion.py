@@ -12,9 +12,20 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import RESPONSES, SCALINGS, FileFacts, Series, Stated, Summary
 from damping.formats.quantity import SYSTEMS, Unit, unit
+from damping.formats.series import FileFacts, Series, Stated, Summary
 
+#: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
+RESPONSES: dict[str, tuple[int, bool]] = {
+    "receptance": (0, True),
+    "mobility": (1, True),
+    "accelerance": (2, True),
+    "displacement": (0, False),
+    "velocity": (1, False),
+    "acceleration": (2, False),
+}
+#: What an amplitude may be, and its size in amplitudes of the sine.
+SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
 # Where a value came from, as the summary of an import says it.
 _STATED = "stated"
 _FOUND = "found in the file"

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats import FileFacts, Samples, Series, Summary
-from damping.formats.headers import ABSCISSAS
+from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Stated, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -77,13 +76,15 @@ def to_series(
         force_scaling=facts.force_scaling or ("peak" if own else None),
         turn="angle" in arrays,
     )
-    is_time = role == "time"
-    if response.shape[1] > 1:
-        return [
-            Series(f"{name} {k + 1}", x, response[:, k], _take_sweep(force, k), is_time, phased, extra, known)
-            for k in range(response.shape[1])
-        ]
-    whole = Series(name, x, response[:, 0], _take_sweep(force, 0), is_time, phased, extra, known)
+    is_time, many = role == "time", response.shape[1] > 1
+    series = []
+    for k, column in enumerate(response.T):
+        own_force = None if force is None else force[:, min(k, force.shape[1] - 1)]
+        label = f"{name} {k + 1}" if many else name
+        series.append(Series(label, x, column, own_force, is_time, phased, extra, known))
+    if many:
+        return series
+    whole = series[0]
     if labels is None and not is_time:
         cuts = _cuts(x, whole.force)
         if cuts:
@@ -94,19 +95,17 @@ def to_series(
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
-    return [_rows(whole, label or name, rows) for label, rows in by_label.items()]
-
-
-def _rows(whole: Series, label: str, rows: list[int]) -> Series:
-    """Some rows of a series."""
-    return replace(
-        whole,
-        label=label,
-        abscissa=whole.abscissa[rows],
-        response=whole.response[rows],
-        force=None if whole.force is None else whole.force[rows],
-        extra={key: column[rows] for key, column in whole.extra.items()},
-    )
+    return [
+        replace(
+            whole,
+            label=label or name,
+            abscissa=x[rows],
+            response=whole.response[rows],
+            force=None if whole.force is None else whole.force[rows],
+            extra={key: column[rows] for key, column in extra.items()},
+        )
+        for label, rows in by_label.items()
+    ]
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
@@ -153,12 +152,6 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
         if not role.endswith("_deg") and (degrees or large):
             turned[role] = values * (pi / 180.0)
     return turned
-
-
-def _take_sweep(force: Samples | None, sweep: int) -> Samples | None:
-    if force is None:
-        return None
-    return force[:, min(sweep, force.shape[1] - 1)]
 
 
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
@@ -291,3 +284,20 @@ def _column(values: Samples, n: int, role: str) -> FloatArray:
     if column.shape[1] != 1:
         raise InputError(f"array of {role} has {column.shape[1]} columns", expected="one")
     return column[:, 0]
+
+
+#: What the unit in the header of a role's column belongs to.
+UNIT_OF = (
+    dict.fromkeys(("force", "force_x", "force_y"), "force")
+    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
+    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
+)
+
+
+def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
+    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
+    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
+    for role, text in of_roles.items():
+        if role in UNIT_OF:
+            units.setdefault(UNIT_OF[role], text)
+    return units

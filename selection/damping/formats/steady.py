@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,22 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError, naming
-from damping.formats import Imported, Series, Stated, Summary
 from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
+from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A record and what was understood on the way."""
+
+    record: Record
+    summary: Summary
 
 
 def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Imported:

@@ -14,9 +14,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import FileFacts, Samples, Series, Summary
-from damping.formats.headers import ABSCISSAS
 from damping.formats.quantity import unit
+from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Summary
 from damping.formats.uff_blocks import DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened

@@ -15,8 +15,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats import Samples
 from damping.formats.named import cartesian
+from damping.formats.series import Samples
 from damping.formats.uff_blocks import D_TO_E, DataSet
 from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
 from damping.records.record import Record
