@@ -86,11 +86,7 @@ def analyse(
 
 
 def _answer_driven(
-    levels: Sequence[Level],
-    mode: DrivenMode,
-    design: Sequence[DesignLevel],
-    seed: int,
-    limits: Mapping[str, float],
+    levels: Sequence[Level], mode: DrivenMode, design: Sequence[DesignLevel], seed: int, limits: Mapping[str, float]
 ) -> ModeAnswer:
     """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
     run = levels[0].run

@@ -178,11 +178,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
 
 
 def _list_each(
-    names: Mapping[str, str],
-    arrays: Mapping[str, list[Samples]],
-    facts: FileFacts,
-    stem: str,
-    summary: Summary,
+    names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
     """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
     count = max(len(arrays[name]) for name in names.values())

@@ -23,15 +23,7 @@ from damping.records.implied import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
-from damping.records.runs import (
-    FEWEST_ROWS,
-    WHITE,
-    Run,
-    find_wild_rows,
-    has_resonance,
-    measure_whiteness,
-    runs_of,
-)
+from damping.records.runs import FEWEST_ROWS, WHITE, Run, find_wild_rows, has_resonance, measure_whiteness, runs_of
 
 #: Relative scatter beyond which the mass of pairs of rows is not known.
 SURE = 0.2
