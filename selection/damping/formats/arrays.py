@@ -85,14 +85,19 @@ def read_arrays(
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])
     if answer["missing"]:
-        raise AnalysisError(
-            f"{path}: a {kind.upper()} file needs the package {answer['missing']}, which is not installed "
-            "(pip install 'damping-selection[formats]')"
-        )
+        needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
+        raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
     units = {name: text for name, text in answer["units"].items() if text}
     steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
-    return Arrays(_unpacked(answer["loaded"], body), units, known, steps)
+    arrays: dict[str, list[Samples]] = {}
+    place = 0
+    for name, form, shape in answer["loaded"]:
+        dtype = np.complex128 if form == "complex" else np.float64
+        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=place)
+        arrays.setdefault(name, []).append(values.reshape(shape))
+        place += values.nbytes
+    return Arrays(arrays, units, known, steps)
 
 
 def read_blocks(
@@ -122,18 +127,6 @@ _EXPECTED = {
 }
 
 
-def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:
-    """The arrays out of their bytes."""
-    arrays: dict[str, list[Samples]] = {}
-    place = 0
-    for name, kind, shape in loaded:
-        pair = 2 if kind == "complex" else 1
-        values = np.frombuffer(body, dtype=np.float64, count=pair * math.prod(shape), offset=place)
-        arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
-        place += values.nbytes
-    return arrays
-
-
 def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
@@ -150,7 +143,9 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
-        names = _with_setting(names, known)
+        abscissas = {"frequency", "omega", "time"}
+        if not abscissas & set(names):  # the file may have one by its own name
+            names |= {role: role for role in ("frequency", "omega", "time") if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
@@ -167,14 +162,6 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
     return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
-
-
-def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
-    """The roles with the abscissa that the file has by its own name, where none is stated."""
-    abscissas = ("frequency", "omega", "time")
-    if set(abscissas) & set(names):
-        return names
-    return names | {role: role for role in abscissas if known.get(role)}
 
 
 def _list_each(
@@ -209,14 +196,9 @@ def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[S
     for name in names:
         if name not in contents.steps:
             raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
-        summary.add(
-            f"channel {describe_shortened(name)!r}",
-            f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s",
-            "found in the file",
-        )
-    kinds = (
-        {unit(contents.units[name]).powers for name in names if name in contents.units} if not stated.units else set()
-    )
+        found = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
+        summary.add(f"channel {describe_shortened(name)!r}", found, "found in the file")
+    kinds = {unit(contents.units[name]).powers for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")

@@ -115,7 +115,7 @@ def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
             raise InputError(f"response type {name!r}", expected=", ".join(RESPONSES))
         if facts.per_force is not None and facts.per_force != RESPONSES[name][1]:
             kind = "a ratio to force" if facts.per_force else "no ratio to force"
-            raise InputError(f"the response is {kind} and {name} is stated", expected=_describe_choices(facts))
+            raise InputError(f"the response is {kind} and {name} is stated", expected=" or ".join(_list_fitting(facts)))
         return name
     if "response" in units:
         powers, possible = units["response"].powers, _list_fitting(facts)
@@ -126,16 +126,12 @@ def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
             fits = [n for n in possible if _powers(n) == ratio]
         if len(fits) == 1:
             return fits[0]
-    expected = f"--response {_describe_choices(facts)}"
+    expected = f"--response {' or '.join(_list_fitting(facts))}"
     raise InputError("the type of the response is neither in the file nor stated", expected=expected)
 
 
 def _list_fitting(facts: FileFacts) -> list[str]:
     return [name for name, (_, per) in RESPONSES.items() if facts.per_force is None or per == facts.per_force]
-
-
-def _describe_choices(facts: FileFacts) -> str:
-    return " or ".join(_list_fitting(facts))
 
 
 def _powers(name: str) -> tuple[int, int, int]:
@@ -176,7 +172,7 @@ def ask(known: Statements, *, force: bool | None) -> None:
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response
     if typed is None and (stated.consistent or not known.unit_of("response")):
-        missing["type of the response"] = f"--response {_describe_choices(known.facts)}"
+        missing["type of the response"] = f"--response {' or '.join(_list_fitting(known.facts))}"
     examples = {"response": _EXAMPLES.get(typed or "", "m/s^2"), **({} if force is None else {"force": "N"})}
     for what, example in examples.items():
         if not stated.consistent and not known.unit_of(what):
@@ -204,9 +200,8 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
         if own != facts.scaling or stated.scaling:
             known.summary.add("amplitudes of force", own, _STATED if stated.force_scaling else _OF_ROLE)
             if stated.scaling not in (None, own) and not stated.force_scaling:
-                known.summary.note(
-                    f"--scaling is that of the response; the force is {own} (--scaling force=... to say so)"
-                )
+                remark = f"the force is {own} (--scaling force=... to say so)"
+                known.summary.note(f"--scaling is that of the response; {remark}")
         return SCALINGS[own]
     expected = " or ".join(SCALINGS)
     if name is None:

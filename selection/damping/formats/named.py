@@ -65,7 +65,12 @@ def to_series(
     n = len(x)
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
-    extra = {key: _column(arrays[key], n, key) for key in _EXTRA if key in arrays}
+    extra = {}
+    for key in (key for key in _EXTRA if key in arrays):
+        columns = _real(_matrix(arrays[key], n, key), key)
+        if columns.shape[1] != 1:
+            raise InputError(f"array of {key} has {columns.shape[1]} columns", expected="one")
+        extra[key] = columns[:, 0]
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
@@ -185,18 +190,17 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
         raise InputError("x and y need each other", expected="--column x=NAME and y=NAME")
     if phase and main != "amplitude":
         raise InputError(f"{phase} beside a {main}", expected="a phase only beside an amplitude")
-    if main == "x" and is_time:
-        message = "x and y against time are no parts of a complex response"
-        raise InputError(message, expected="--column response=NAME of the signal")
     if main == "x":
+        if is_time:
+            message = "x and y against time are no parts of a complex response"
+            raise InputError(message, expected="--column response=NAME of the signal")
         y = _same(arrays["y"], n, values, "y")
         return cartesian(_real(values, "x"), _real(y, "y")), True
     if main == "response":
         if np.iscomplexobj(values) == is_time:
             kind = "a time history of complex values" if is_time else "a response of real values"
-            raise InputError(
-                f"{kind}", expected="a real signal" if is_time else "complex values, or the role amplitude or x"
-            )
+            expected = "a real signal" if is_time else "complex values, or the role amplitude or x"
+            raise InputError(kind, expected=expected)
         return values, not is_time
     if is_time:
         raise InputError("amplitudes against time", expected="--column response=NAME of the signal")
@@ -249,10 +253,8 @@ def _matrix(values: Samples, n: int, role: str) -> Samples:
         matrix = squeezed if squeezed.shape[0] == n else squeezed.T
         if matrix.shape[1] <= _MOST_SWEEPS:
             return matrix
-    raise InputError(
-        f"array of {role} has the shape {tuple(values.shape)}",
-        expected=f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps",
-    )
+    expected = f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps"
+    raise InputError(f"array of {role} has the shape {tuple(values.shape)}", expected=expected)
 
 
 def _same(values: Samples, n: int, like: Samples, role: str) -> Samples:
@@ -277,13 +279,6 @@ def _magnitude(values: Samples, role: str) -> FloatArray:
         where = f"row {row + 1}" + (f" of sweep {sweep + 1}" if sizes.shape[1] > 1 else "")
         raise InputError(f"{role} {sizes[row, sweep]:g} in {where}", expected=f"{role} >= 0, an amplitude")
     return sizes
-
-
-def _column(values: Samples, n: int, role: str) -> FloatArray:
-    column = _real(_matrix(values, n, role), role)
-    if column.shape[1] != 1:
-        raise InputError(f"array of {role} has {column.shape[1]} columns", expected="one")
-    return column[:, 0]
 
 
 #: What the unit in the header of a role's column belongs to.

@@ -196,16 +196,13 @@ class Cells:
         elif self._is_numbers:
             values = floats(cells)
             for row in map(int, np.flatnonzero(~np.isfinite(values))):
-                if not self._noted(cells[row]):
+                blank = not cells[row].strip()
+                if all(bool(noted.strip()) == blank for _, noted in self.bad):  # the first of each kind
                     self.bad.append((self._rows + row, cells[row]))
             self._floats.append(values)
         else:
             self._undecided(cells)
         self._rows += len(cells)
-
-    def _noted(self, cell: str) -> bool:
-        """Whether a wrong cell like this one, blank or not, is noted already."""
-        return any(bool(noted.strip()) == bool(cell.strip()) for _, noted in self.bad)
 
     def _undecided(self, cells: Sequence[str]) -> None:
         self._joined.append(_BETWEEN.join(cells))
