@@ -43,10 +43,8 @@ from damping.formats.quantity import unit
 
 #: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
 LEAST_SPREAD = 0.01
-#: Half of the range around a resonance in which its peak is sought, in half-power half-widths.
-_SEARCHED = 1.5
-#: Levels at which responses are predicted between the lowest and the design level.
-NOTCH_LEVELS = 10
+_SEARCHED = 1.5  #: half of the range around a resonance in which its peak is sought, in half-power half-widths
+NOTCH_LEVELS = 10  #: levels at which responses are predicted between the lowest and the design level
 
 
 def analyse(

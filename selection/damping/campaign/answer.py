@@ -18,8 +18,7 @@ from damping.records.record import Record
 from damping.records.view import Finding
 
 FORMAT = "campaign/1"
-#: Half of a 90 % band in standard deviations.
-NORMAL_90 = 1.645
+NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 
 
 @dataclass(frozen=True)
@@ -134,8 +133,7 @@ class Outcome:
         )
 
 
-#: Modes of two campaigns are one where their frequencies differ by no more than this share.
-SAME_MODE = 0.05
+SAME_MODE = 0.05  #: modes of two campaigns are one where their frequencies differ by no more than this share
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:

@@ -35,13 +35,10 @@ from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary,
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes, read_start
 
-#: Bytes of a table, and samples of all channels, that are read together.
-BLOCK = 8_000_000
-SAMPLES = 2_000_000
-#: First bytes of a table by which its layout is told.
-LOOKED_AT = 100_000
-#: Steps of time that differ by more than this share of one are no even sampling.
-UNEVEN = 0.02
+BLOCK = 8_000_000  #: bytes of a table that are read together
+SAMPLES = 2_000_000  #: samples of all channels that are read together
+LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
+UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
 def read_runs(

@@ -23,8 +23,7 @@ from damping.formats.quantity import unit
 from damping.formats.series import OWN_NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
-#: Seconds after which a file that is still being read is given up.
-LONGEST = 60.0
+LONGEST = 60.0  #: seconds after which a file that is still being read is given up
 _WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its own size
 _BLOCKWISE = 200_000_000  # of a file that is read in blocks no more counts as its size
 _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside three times the file

@@ -31,8 +31,7 @@ _SETTING = ("frequency", "omega", "time")
 
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
-#: Marks that separate the decimals of a number.
-DECIMALS = ("point", "comma")
+DECIMALS = ("point", "comma")  #: marks that separate the decimals of a number
 _COMMENTS = ("#", "%")
 _NUMBER = {
     "point": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|"),

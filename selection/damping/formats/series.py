@@ -120,8 +120,7 @@ def _may_be(role: str, header: ColumnHeader) -> bool:
     return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))
 
 
-#: Real or complex numbers.
-Samples: TypeAlias = npt.NDArray[Any]
+Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
 
 
 @dataclass(frozen=True)

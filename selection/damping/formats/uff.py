@@ -34,8 +34,7 @@ _FUNCTIONS = {
 }
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-#: Data type of an abscissa that is frequency (field 1 of record 8 of data set 58).
-_FREQUENCY = 18
+_FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
 

@@ -59,8 +59,7 @@ def check_edge(view: View) -> Finding | None:
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
 
 
-#: Peaks farther apart than this ratio of frequencies are of different modes for certain.
-SEPARATE = 1.08
+SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies are of different modes for certain
 
 
 def _find_further_peaks(view: View) -> list[tuple[Run, FloatArray]]:
@@ -84,8 +83,7 @@ def check_several_modes(view: View) -> Finding | None:
 
 #: Half-power bandwidths in the time one takes, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state.
 FAST = 0.3
-#: The same beyond which no answer holds.
-TOO_FAST = 3.0
+TOO_FAST = 3.0  #: the same beyond which no answer holds
 
 
 def check_sweep_rate(view: View) -> Finding | None:
@@ -121,10 +119,8 @@ def check_sweep_rate(view: View) -> Finding | None:
     return Finding("sweep-rate", verdict, what, "sweep slower, or dwell; state sweep_rate (Hz/s)", tuple(ringing))
 
 
-#: A phase offset, rad, that with ``CURVED`` only a sweep faster than the mode could follow has.
-DRAGGED = 0.5
-#: Misfit of Y by a straight line, relative to |Y|, beside that offset.
-CURVED = 0.25
+DRAGGED = 0.5  #: a phase offset, rad, that with ``CURVED`` only a sweep faster than the mode could follow has
+CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, beside that offset
 #: Share of that misfit that other modes beside the resonance leave at most, where it is theirs; of a fast sweep three
 #: fifths are left.
 OF_OTHER_MODES = 0.3
@@ -203,10 +199,8 @@ def check_repeats(view: View) -> Finding | None:
     return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
 
 
-#: Proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded.
-COPY = 2e-4
-#: And where the noise of their rows is larger than that by this factor.
-NOISE_OF_COPY = 5.0
+COPY = 2e-4  #: proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded
+NOISE_OF_COPY = 5.0  #: and where the noise of their rows is larger than that by this factor
 
 
 def _find_factor(first: Run, second: Run) -> float | None:
@@ -228,10 +222,8 @@ def _find_factor(first: Run, second: Run) -> float | None:
     return float(np.exp(np.median(ratio))) if noisy and same_phase and np.ptp(ratio) < COPY else None
 
 
-#: Levels are compared where their forces differ by this factor.
-FORCE_STEP = 1.1
-#: A resonant amplitude has fallen below this share of that at less force.
-FALLEN = 0.87
+FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
+FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
 
 
 def check_amplitude_falls(view: View) -> Finding | None:

@@ -72,20 +72,14 @@ def check_energy(view: View) -> Finding | None:
     return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if beyond[run.rows].any()))
 
 
-#: Energy beyond pi F A by this factor is no noise.
-ENERGY = 1.25
-#: A resonance whose energy is smaller than pi F A by this factor is none: there they are equal.
-ENERGY_SHORT = 3.0
+ENERGY = 1.25  #: energy beyond pi F A by this factor is no noise
+ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
 
 
-#: Least damping ratio of a structure: single crystals in a vacuum have more.
-LEAST_RATIO = 1e-6
-#: Largest damping ratio of a structure that has a resonance to sweep over.
-LARGEST_RATIO = 0.5
-#: A mass is of another system of units beyond this factor.
-OTHER_SYSTEM = 3.0
-#: Between 2 and that, where it is so near (in the logarithm) to a known factor.
-NEAR_FACTOR = 0.05
+LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
+LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
+OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
+NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
 #: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
 LARGEST_PARTICIPATION = 3.0
 SMALLEST_PARTICIPATION = 0.003
@@ -147,16 +141,11 @@ def name_damping_factor(view: View, zeta: float) -> str:
     return min(UNIT_FACTORS, key=lambda key: abs(abs(log(zeta / simulated)) - log(UNIT_FACTORS[key])))
 
 
-#: A mass farther than this factor from the mode file's is far.
-FAR_MASS = 1.27
-#: The same of the frequency of the lowest level, where a resonance is bent least.
-FAR_FREQUENCY = 1.1
-#: The same of the damping ratio, which simulations know least.
-FAR_DAMPING = 5.0
-#: Without phases the mass is that of a parabola, which a bent resonance is not.
-FAR_MASS_WITHOUT_PHASE = 1.8
-#: Farther than this outside the rows no mode of the record is the one described.
-OTHER_MODE = 1.25
+FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
+FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
+FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
+FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
+OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
 
 
 def check_beyond_model(view: View) -> Finding | None:
@@ -218,8 +207,7 @@ def check_phase_sign(view: View) -> Finding | None:
 
 #: A constant offset is one beyond this, rad, in the mean and in most sweeps: phase meters are good to 2 degrees.
 OFFSET = 0.04
-#: It is one beyond so many standard errors, too.
-OFFSET_ERRORS = 3.0
+OFFSET_ERRORS = 3.0  #: it is one beyond so many standard errors, too
 
 
 def check_phase_offset(view: View) -> Finding | None:

@@ -66,8 +66,7 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     return complex(-values[1] / np.mean(run.omega**2)), miss
 
 
-#: Compliances of other modes that are tried, over the largest of the run.
-_RESIDUALS = np.linspace(-0.9, 0.9, 37)
+_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: compliances of other modes that are tried, over the largest of the run
 
 
 def measure_miss_beside_modes(run: Run) -> float:
@@ -141,12 +140,9 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
 
 #: Phases miss a straight line in Y by so much of |Y| (median) where they have nothing to do with the amplitudes.
 INCOHERENT = 0.5
-#: Mean cosine of the steps of phase from row to row below which they are no curve.
-SMOOTH = 0.75
-#: More radians than a phase can pass in a sweep over a few modes; degrees pass 180.
-MOST_RADIANS = 6.0 * pi
-#: A mean sine of the phase is below 0 where it is so many standard errors.
-CERTAIN = 4.0
+SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which they are no curve
+MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a few modes; degrees pass 180
+CERTAIN = 4.0  #: a mean sine of the phase is below 0 where it is so many standard errors
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:
@@ -181,14 +177,10 @@ def classify_phase(turn: Implied) -> str:
 NEAR = 0.35
 #: Slopes of the phase are taken over a row on either side, and one more for every so many rows of a run.
 ROWS_A_SIDE = 30
-#: Fewest rows of all runs, beside those that the fit takes.
-FREE_ROWS = 8
-#: A rate is one where it is so many standard errors ...
-CERTAIN_RATE = 8.0
-#: ... leaves at most this share of the squares that no rate leaves ...
-OF_STEADY = 0.35
-#: ... and this share of those that a spring leaves whose stiffness changes with amplitude.
-OF_SPRING = 0.6
+FREE_ROWS = 8  #: fewest rows of all runs, beside those that the fit takes
+CERTAIN_RATE = 8.0  #: a rate is one where it is so many standard errors ...
+OF_STEADY = 0.35  #: ... leaves at most this share of the squares that no rate leaves
+OF_SPRING = 0.6  #: ... and this share of those that a spring leaves whose stiffness changes with amplitude
 
 
 def sense_rate(runs: Sequence[Run]) -> float | None:

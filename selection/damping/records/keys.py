@@ -32,8 +32,7 @@ OPTIONAL_COLUMNS = (
     *("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd"),
     *("amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time"),
 )
-#: Columns of a record that hold text.
-TEXT_COLUMNS = ("sweep",)
+TEXT_COLUMNS = ("sweep",)  #: columns of a record that hold text
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = ("mass", "amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time")
 
@@ -86,8 +85,7 @@ def record_schema() -> pa.DataFrameSchema:
     )
 
 
-#: Largest TOML file that is read, bytes (a mode takes less than one thousand).
-MAX_TOML_SIZE = 1_000_000
+MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)
 
 _LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a key is looked for
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")

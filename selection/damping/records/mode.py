@@ -17,8 +17,7 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: What shakes a structure: a force, or the motion of its base.
-DRIVES = ("force", "base")
+DRIVES = ("force", "base")  #: what shakes a structure: a force, or the motion of its base
 
 
 @dataclass(frozen=True)

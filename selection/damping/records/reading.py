@@ -19,10 +19,8 @@ from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUM
 from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, Cells, CsvRows, describe_shortened, read_bytes, unguarded
 
-#: Most rows of a table: a bound on memory and time.
-MOST_ROWS = 250_000
-#: Most columns of a header: the same.
-MOST_COLUMNS = 2000
+MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
+MOST_COLUMNS = 2000  #: most columns of a header: the same
 _BLOCK = 100_000  # cells that are looked at together
 
 

@@ -25,13 +25,11 @@ ROWS_FOR_FIT = 5
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
-#: Rows that a phase offset needs on either side of resonance.
-ROWS_ASIDE = 4
+ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
-#: Relative difference of tested forces up to which two sweeps are repeats of one level.
-SAME_LEVEL = 0.10
+SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
 
 @dataclass(frozen=True)

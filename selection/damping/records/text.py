@@ -19,8 +19,7 @@ from damping.errors import InputError
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
 
-#: Longest row of a CSV file, characters.
-LONGEST_ROW = 1_000_000
+LONGEST_ROW = 1_000_000  #: longest row of a CSV file, characters
 
 #: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)

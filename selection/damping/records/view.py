@@ -25,10 +25,8 @@ from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import FEWEST_ROWS, WHITE, Run, find_wild_rows, has_resonance, measure_whiteness, runs_of
 
-#: Relative scatter beyond which the mass of pairs of rows is not known.
-SURE = 0.2
-#: An amplitude is wild where its neighbours say less than a third or more than three times as much.
-WILD = 3.0
+SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
+WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
 #: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
 FAR_LEVEL = log(3.0)
 #: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.

@@ -25,8 +25,7 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 
-#: Samples a period that are enough: longer records are averaged in groups.
-ENOUGH = 32
+ENOUGH = 32  #: samples a period that are enough: longer records are averaged in groups
 _BESIDE = 4.5  # where noise is looked for, in 1/length above the mode: outside the main lobe of the window used there
 _LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
 _UNEVEN = 0.02  # relative deviation of time steps that counts as rounding of printed times
@@ -34,19 +33,15 @@ _PARTS = 10  # of a record whose mean steps are compared
 _STRETCHED = 5.0  # standard errors of a mean step by which it is another
 _FEWEST_OF_DECAY = 8  # samples a period of a decay must have
 
-#: Samples of all channels within which a window must fit: as many as memory holds with ease.
-MOST_KEPT = 20_000_000
-#: Cycles of a window, and from one window to the next.
-CYCLES = 8
-HOP = 4
+MOST_KEPT = 20_000_000  #: samples of all channels within which a window must fit: as many as memory holds with ease
+CYCLES = 8  #: cycles of a window
+HOP = 4  #: cycles from one window to the next
 #: Rows whose frequency differs by less than this share are one: of a dwell the last counts, where it has settled.
 SAME_FREQUENCY = 5e-4
-#: Most that a window of the drive may hold beside its sine, as a share of it: more is no one frequency.
-PURITY = 0.2
+PURITY = 0.2  #: most that a window of the drive may hold beside its sine, as a share of it: more is no one frequency
 _HYSTERESIS = 0.1  # of the amplitude, by which a crossing of zero must be left again to count
 _FEWEST_SAMPLES = 4.0  # a cycle of a drive
-#: Rows before and after one over which the rate of a sweep is told.
-ROWS_A_SIDE = 5
+ROWS_A_SIDE = 5  #: rows before and after one over which the rate of a sweep is told
 _REFINED = 2  # times that the phase of a window is made exact
 
 

@@ -27,8 +27,7 @@ from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 
-#: Part of an uncertainty by which a column is moved: errors of the difference are of the square of it.
-_PART = 1e-3
+_PART = 1e-3  #: part of an uncertainty by which a column is moved: errors of the difference are of the square of it
 
 
 def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:

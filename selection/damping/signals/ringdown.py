@@ -29,22 +29,14 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
 
-#: Periods of the window: what is further than some 2/periods of the frequency away is rejected.
-PERIODS = 6.0
-#: Levels of amplitude that a decay is cut into, at most.
-LEVELS = 16
-#: A level is kept where the amplitude is so many times the noise.
-ABOVE_NOISE = 10.0
-#: Fall of ln A over a level, least: less says little of the slope.
-LEAST_FALL = 0.05
-#: Fall of ln A over a level, most: more smears the slope.
-MOST_FALL = 0.4
-#: A level is kept where the slope is known so well (standard error over slope) ...
-WORST_SLOPE = 0.3
-#: ... and ln A is so straight (its bend over half a window) that the window does not smear it.
-LARGEST_BEND = 0.15
-#: A loss of the start is said where the motion was so many times larger.
-LARGEST_LOSS = 1.1
+PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
+LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
+ABOVE_NOISE = 10.0  #: a level is kept where the amplitude is so many times the noise
+LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
+MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
+WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
+LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
+LARGEST_LOSS = 1.1  #: a loss of the start is said where the motion was so many times larger
 
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
