@@ -179,7 +179,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     drive_unit = stated.unit or of_drive or (level[1] if level else channels[0].unit if channels else "")
     values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
-    control = source.stated.join_controls(rows)
+    control = source.stated.join_controls(list(rows))
     return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)
 
 

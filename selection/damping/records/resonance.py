@@ -115,8 +115,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
             return Resonance(sweep, *passage, offset, "interpolated", row)
     peak = int(np.argmax(amplitude))
-    at_peak = (float(column[peak]) for column in (force, frequency, amplitude))
-    return Resonance(sweep, *at_peak, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
+    F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
+    return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
 
 
 def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> float:
