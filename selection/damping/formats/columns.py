@@ -29,7 +29,6 @@ _LOOKED_AT = 60  # lines by which the layout is told
 #: Roles that the names of columns give even where others are stated: what a row belongs to.
 _SETTING = ("frequency", "omega", "time")
 
-
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 DECIMALS = ("point", "comma")  #: marks that separate the decimals of a number
 _COMMENTS = ("#", "%")

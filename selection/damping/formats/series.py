@@ -250,13 +250,11 @@ ROLES: dict[str, str] = {
     "force_sd": "standard uncertainty of the force",
 }
 
-
 #: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
 OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
     "x": ("x", "real", "re"),
     "y": ("y", "imag", "im"),
 }
-
 
 #: Names of a column beside x and y that make them readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}

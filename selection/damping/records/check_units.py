@@ -75,7 +75,6 @@ def check_energy(view: View) -> Finding | None:
 ENERGY = 1.25  #: energy beyond pi F A by this factor is no noise
 ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
 
-
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
 OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
