@@ -93,8 +93,9 @@ def _answer_driven(
     tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
     wanted = [level.at(float(mode.frequency[-1])) for level in design]
     # levels at which responses are needed for notches
-    between = np.geomspace(0.5 * min(tested), max(*tested, *wanted), NOTCH_LEVELS) if limits else []
-    asked = [*tested, *wanted, *map(float, between)]
+    asked = [*tested, *wanted]
+    if limits:
+        asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
     loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))

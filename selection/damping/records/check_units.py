@@ -98,30 +98,30 @@ def check_units(view: View) -> Finding | None:
                 return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
-    wrong = None if bent else guess_unit(ratio)
-    if view.mode.drive == "base" and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION:
-        wrong = None
+    base = view.mode.drive == "base"
+    participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
+    wrong = not bent and not participates and is_other_unit(ratio)
     impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
-    if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
+    if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
-    implied = f"{ratio:.4g} times the mass of the mode file"
-    if view.mode.drive == "base":
-        implied = f"a participation of {1.0 / ratio:.4g}, shape included"
+    participation = f"a participation of {1.0 / ratio:.4g}, shape included"
+    implied = participation if base else f"{ratio:.4g} times the mass of the mode file"
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    name = name_factor(ratio) if wrong else name_damping_factor(view, zeta)
+    if wrong:
+        name = name_factor(ratio)
+    else:  # the unit factor that brings the damping ratio back to a structure's, by the simulated damping if any
+        off = abs(log(zeta / (view.simulated or 0.01)))
+        name = min(UNIT_FACTORS, key=lambda key: abs(off - log(UNIT_FACTORS[key])))
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
 
-def guess_unit(ratio: float) -> float | None:
-    """The factor by which force over amplitude is too large, where no structure but only a unit explains it."""
+def is_other_unit(ratio: float) -> bool:
+    """Whether no structure but only a unit explains a factor by which force over amplitude is too large."""
     size = abs(log(ratio)) if ratio > 0.0 else float("nan")
-    if size > log(OTHER_SYSTEM) or (
-        size > log(2.0) and any(abs(size - log(x)) < NEAR_FACTOR for x in UNIT_FACTORS.values())
-    ):
-        return ratio
-    return None
+    near = any(abs(size - log(factor)) < NEAR_FACTOR for factor in UNIT_FACTORS.values())
+    return size > log(OTHER_SYSTEM) or (size > log(2.0) and near)
 
 
 def name_factor(ratio: float) -> str:
@@ -130,14 +130,6 @@ def name_factor(ratio: float) -> str:
     names = {**UNIT_FACTORS, **SCALING_FACTORS}
     name = min(names, key=lambda key: abs(size - log(names[key])))
     return name if abs(size - log(names[name])) < 0.1 else ""
-
-
-def name_damping_factor(view: View, zeta: float) -> str:
-    """What the unit factor means that brings a damping ratio back to a structure's, by the simulated damping if any."""
-    assert view.mode is not None
-    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
-    simulated = viscous / (2.0 * view.mode.mass * view.mode.omega_n) or 0.01
-    return min(UNIT_FACTORS, key=lambda key: abs(abs(log(zeta / simulated)) - log(UNIT_FACTORS[key])))
 
 
 FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
@@ -161,8 +153,7 @@ def check_beyond_model(view: View) -> Finding | None:
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
-    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
-    simulated, zeta = viscous / (2.0 * view.mode.mass * view.mode.omega_n), float(table["damping_ratio"].iloc[0])
+    simulated, zeta = view.simulated, float(table["damping_ratio"].iloc[0])
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
     if not differences:
