@@ -98,17 +98,15 @@ def to_series(
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
-    return [
-        replace(
-            whole,
-            label=label or name,
-            abscissa=x[rows],
-            response=whole.response[rows],
-            force=None if whole.force is None else whole.force[rows],
-            extra={key: column[rows] for key, column in extra.items()},
-        )
-        for label, rows in by_label.items()
-    ]
+    return [_take_rows(whole, label or name, rows) for label, rows in by_label.items()]
+
+
+def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
+    """Some rows of a series."""
+    force = None if whole.force is None else whole.force[rows]
+    extra = {key: column[rows] for key, column in whole.extra.items()}
+    x, response = whole.abscissa[rows], whole.response[rows]
+    return replace(whole, label=label, abscissa=x, response=response, force=force, extra=extra)
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
