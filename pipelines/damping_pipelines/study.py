@@ -27,7 +27,7 @@ from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit
+from damping.records import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record

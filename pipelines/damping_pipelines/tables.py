@@ -19,7 +19,7 @@ import typer
 import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record, read_table
 from damping.records.record import record_to_csv

@@ -12,7 +12,7 @@ import pytest
 from audit_cases import at_one_amplitude, clean, decay, measured, peaks, record_of, right_benches, wrong_cases
 
 import damping as dp
-from damping.records.audit import NAMES, audit
+from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import read_mode
@@ -150,7 +150,7 @@ def test_mass_beside_rigid_body_motion_without_phases(wrong):
 def test_phases_turned_by_other_modes_are_of_no_fast_sweep():
     """A residual turns and curves Y as a fast sweep does, but 1/Y less a compliance is straight."""
     table, mode = beside_other_modes(0.29 / (2.0 * 0.01), 0.01, width=4.0)
-    (turn,) = View(record_of(table), mode).turns
+    ((_, turn),) = View(record_of(table), mode).turns
     assert abs(turn.offset) > DRAGGED
     assert turn.miss > CURVED
     found = audit(record_of(table), mode)

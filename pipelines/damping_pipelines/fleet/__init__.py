@@ -15,7 +15,7 @@ from distributed import Client
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
-from damping.records.audit import require_checks
+from damping.records import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import (
     MULTIPLES,

@@ -27,7 +27,7 @@ from damping.plots.curves import design_loads
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import forms, number, page
