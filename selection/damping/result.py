@@ -106,15 +106,15 @@ class DiagnosisResult(Result):
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
         from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - as above
-        from damping.report.gap_figures import tabulate_probability  # noqa: PLC0415 - as above
+        from damping.report.gap import MOST_BARS, tabulate_hypotheses  # noqa: PLC0415 - as above
 
-        figure = gap_probabilities(tabulate_probability(self.diagnosis), axes=ax)
+        figure = gap_probabilities(tabulate_hypotheses(self.diagnosis).head(MOST_BARS), axes=ax)
         return ax or figure
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report.gap_page import describe_diagnosis  # noqa: PLC0415 - as above
+        from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as above
 
         told = describe_diagnosis(self.diagnosis)
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)

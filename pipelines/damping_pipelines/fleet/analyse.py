@@ -29,7 +29,7 @@ from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.forms import gap_form, loads_form, rank_form
-from damping.report.gap_page import render_gap_page
+from damping.report.gap import render_gap_page
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, row_of
 from damping_pipelines.fleet.record_page import FleetLoads, FleetRecord, describe_failed_page, record_page
 from damping_pipelines.store import to_json

@@ -31,7 +31,7 @@ from damping.report import (
     forms,
     number,
 )
-from damping.report.gap_page import describe_diagnosis
+from damping.report.gap import describe_diagnosis
 from damping.report.page import (
     Block,
     Callout,
