@@ -125,12 +125,10 @@ class RankingResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Weights as bars, beside the errors of each law where the figure is its own."""
-        from damping.plots.fits import draw_weights, ranking  # noqa: PLC0415 - only drawing needs matplotlib
+        from damping.plots.fits import ranking  # noqa: PLC0415 - only drawing needs matplotlib
 
-        if ax is None:
-            return ranking(self.table)
-        draw_weights(ax, self.table)
-        return ax
+        figure = ranking(self.table, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

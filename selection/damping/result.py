@@ -160,14 +160,12 @@ class RegressionResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Deviations against the fitted response."""
-        from damping.plots.fits import deviations_figure, draw_deviations  # noqa: PLC0415 - as above
+        from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
 
         d, response = self.regression.deviations, self.regression.design.response
-        label = f"fitted {response}"
-        if ax is None:
-            return deviations_figure(d.fitted, d.deviation, d.percent, x_label=label, response=response)
-        draw_deviations(ax, d.fitted, d.deviation, x_label=label, response=response)
-        return ax
+        labels = {"x_label": f"fitted {response}", "response": response}
+        figure = deviations_figure(d.fitted, d.deviation, d.percent, **labels, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

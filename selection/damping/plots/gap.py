@@ -10,20 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
-from damping.plots import (
-    ALERT,
-    AVERAGE,
-    INK,
-    MEASURED,
-    MUTED,
-    WIDTH,
-    build_panel,
-    describe_with_unit,
-    draw_plain_rows,
-    plain_log,
-    styled,
-    weight_text,
-)
+from damping import plots as look
+from damping.plots import build_panel, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
 
 #: Title and description of each figure of a diagnosis.
 DESCRIBED = {
@@ -70,7 +58,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     """
     quantities = list(rows["quantity"].unique())
     sweeps = list(rows["sweep"].unique())
-    figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(sweeps)))
+    figure = Figure(figsize=(look.WIDTH, 1.5 + 0.24 * len(sweeps)))
     axes = figure.subplots(1, len(quantities), sharey=True, squeeze=False)[0]
     reach = max(3.0, float(np.nanquantile(rows["value"].abs(), 0.99)))
     norm = SymLogNorm(linthresh=2.0, vmin=-reach, vmax=reach)
@@ -92,7 +80,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     return figure
 
 
-LINES = {"nominal": (MUTED, (0, (1, 1.2))), "refitted": (MUTED, "-"), "explained": (ALERT, "-")}
+LINES = {"nominal": (look.MUTED, (0, (1, 1.2))), "refitted": (look.MUTED, "-"), "explained": (look.ALERT, "-")}
 NAMES = {
     "nominal": "simulation as given",
     "refitted": "refitted within its tolerance",
@@ -114,7 +102,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
     bands = -(-len(sweeps) // per_row)
     kinds = 2 if with_phase else 1
     ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
-    figure = Figure(figsize=(WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
+    figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
     axes = figure.subplots(bands * kinds, min(per_row, len(sweeps)), squeeze=False, height_ratios=ratios)
     for ax in axes.flat:
         ax.set_visible(False)
@@ -143,8 +131,10 @@ def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: 
         rows = curves[curves["model"] == model]
         ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=NAMES[model])
     regular, wild = points[~points["wild"]], points[points["wild"]]
-    ax.plot(regular["frequency"], regular[quantity], "o", color=MEASURED, markersize=2.6, label="measured", zorder=3)
-    ax.plot(wild["frequency"], wild[quantity], "x", color=AVERAGE, markersize=4, zorder=3)
+    ax.plot(
+        regular["frequency"], regular[quantity], "o", color=look.MEASURED, markersize=2.6, label="measured", zorder=3
+    )
+    ax.plot(wild["frequency"], wild[quantity], "x", color=look.AVERAGE, markersize=4, zorder=3)
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
 
@@ -164,16 +154,18 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
             ``frequency_low`` and so on.
         length: unit of the amplitude.
     """
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = Figure(figsize=(look.WIDTH, 5.0))
     axes = figure.subplots(2, 1)
     for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
-        for model, colour in (("refitted", MUTED), ("explained", ALERT)):
+        for model, colour in (("refitted", look.MUTED), ("explained", look.ALERT)):
             rows = curves[curves["model"] == model]
             ax.plot(rows["amplitude"], rows[quantity], color=colour, label=_NAMES[model])
         free = curves[curves["model"] == "free"]
         if len(free):
             low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
-            ax.fill_between(free["amplitude"], low, high, color=ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"])
+            ax.fill_between(
+                free["amplitude"], low, high, color=look.ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"]
+            )
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
@@ -216,7 +208,7 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
         rows = predicted[predicted["model"] == model].sort_values("force")
         ax.plot(rows["force"], rows["amplitude"], color=colour, linestyle=line, label=NAMES[model])
     bars = measured["sd"] * measured["amplitude"]
-    style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "markersize": 3.5, "label": "measured"}
+    style: dict[str, Any] = {"fmt": "o", "color": look.MEASURED, "markersize": 3.5, "label": "measured"}
     ax.errorbar(measured["force"], measured["amplitude"], bars, **style)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -231,9 +223,9 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
     """
     figure, ax = build_panel(0.7 + 0.24 * len(table), "probability", axes=axes)
     draw_plain_rows(ax, table["explanation"].tolist())
-    colours = [ALERT if listed else MUTED for listed in table["listed"]]
+    colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
+    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": look.INK}
     for row, probability in enumerate(table["probability"].tolist()):
         ax.annotate(weight_text(probability), (probability, row), (4, 0), **beside)
     ax.set_xlim(0.0, 1.12)
