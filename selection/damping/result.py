@@ -6,6 +6,7 @@ Those of laws (ranking, loads, curve) stand in :mod:`damping.answers`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -74,9 +75,11 @@ class Result(ABC):
         return f"<div><p><b>{escape(self.title)}</b></p>{html}{f'<ul>{remarks}</ul>' if remarks else ''}</div>"
 
 
-def list_findings(audit: Audit | None) -> list[dict[str, Any]]:
-    """The findings of an audit as the forms carry them."""
-    return list(audit.to_json()["findings"]) if audit else []
+def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
+    """A form as plain Python values, with the findings of the audit and the cautions."""
+    findings = audit.to_json()["findings"] if audit else []
+    completed: dict[str, Any] = plain({**form, "audit": findings, "cautions": list(cautions)})
+    return completed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,9 +102,7 @@ class DiagnosisResult(Result):
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""
         form = forms.gap_form(self.diagnosis, self.posterior)
-        cautions = [*self.against, *self.diagnosis.cautions]
-        values: dict[str, Any] = plain({**form, "audit": list_findings(self.audit), "cautions": cautions})
-        return values
+        return complete_form(form, self.audit, (*self.against, *self.diagnosis.cautions))
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""

@@ -173,8 +173,8 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
     data, units = result.data, result.mode.units
     design, bands = forms.tabulate_loads(result.design), forms.tabulate_loads(result.bands)
     factor, length = choose_length(units.length, bands["median"].max())
-    amplitude = factor * data.tested_amplitude
-    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": amplitude})
+    tested = forms.tabulate_tested(data)
+    tested["amplitude"] *= factor
     for table in (design, bands):
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)

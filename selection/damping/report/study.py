@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from damping.extrapolation.draws import AVERAGE_DRAWS
@@ -165,16 +164,7 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
 
 def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str, Table]:
     """Tested levels, and the points used."""
-    data = result.data
-    levels = pd.DataFrame(
-        {
-            "sweep": data.sweeps,
-            "points": data.rows_per_sweep,
-            "force": data.tested_force,
-            "frequency": data.tested_omega / (2.0 * np.pi),
-            "amplitude": data.tested_amplitude,
-        }
-    )
+    levels = forms.tabulate_tested(result.data)
     points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
     return {"levels": Table(levels, ""), "observations": Table(points.head(MOST_POINTS), "")}
 

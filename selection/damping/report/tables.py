@@ -192,22 +192,12 @@ def _posterior_exponent(result: RecordResult, form: str) -> FloatArray:
 
 def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
     """Predictive resonant amplitude of each tested sweep, per cent of the measured; laws whose chain converged."""
-    data = result.data
-    parts = [
-        pd.DataFrame(
-            {
-                "law": sampled.law.name,
-                "sweep": data.sweeps,
-                "force": data.tested_force,
-                "amplitude": data.tested_amplitude,
-                "median": sampled.check.median,
-                "low": sampled.check.low,
-                "high": sampled.check.high,
-            }
-        )
-        for sampled in result.posteriors
-        if sampled.posterior.converged
-    ]
+    parts = []
+    for sampled in result.posteriors:
+        if sampled.posterior.converged:
+            part = forms.tabulate_tested(result.data)[["sweep", "force", "amplitude"]]
+            part.insert(0, "law", sampled.law.name)
+            parts.append(part.assign(median=sampled.check.median, low=sampled.check.low, high=sampled.check.high))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
