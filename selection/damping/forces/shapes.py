@@ -136,7 +136,6 @@ class Shape:
         default: its value in a file that does not name it; None where a file must.
         prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
-        smooth: whether the averages are smooth in it, so that least squares can give it a standard error.
         switch: whether it is 0 or 1.
     """
 
@@ -148,7 +147,6 @@ class Shape:
     default: float | None = None
     prior: Prior | None = None
     label: str = ""
-    smooth: bool = True
     switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:

@@ -251,13 +251,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "levels": [asdict(level) for level in diagnosis.levels],
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
-        "gap": {
-            "nominal": diagnosis.gap.nominal,
-            "before": diagnosis.gap.before,
-            "after": diagnosis.gap.after,
-            "shrinkage": diagnosis.gap.shrinkage,
-            "held_out": _held_out(diagnosis),
-        },
+        "gap": {**asdict(diagnosis.gap), "held_out": _held_out(diagnosis)},
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
         "intervals": {
             effect: {name: list(interval) for name, interval in values.items()}

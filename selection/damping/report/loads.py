@@ -22,6 +22,7 @@ from damping.report import (
     format_length,
     format_length_band,
     format_percent,
+    format_percent_ratio,
     format_quantity,
     format_signed,
     number,
@@ -29,11 +30,6 @@ from damping.report import (
 from damping.report.page import Block, FigureBlock, Format, Heading, Row, Table, Text
 from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, name_record
 from damping.report.tables import tabulate_loads
-
-
-def format_percent_ratio(ratio: float) -> str:
-    """A damping ratio in per cent: ``0.287 %``."""
-    return f"{number(100.0 * ratio)} %" if np.isfinite(ratio) else NOTHING
 
 
 def build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
@@ -197,30 +193,24 @@ _WHAT = {
 
 
 def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
-    """What the page says at each force, written as in the tables."""
-    rows = table.to_dict("records")
-    return {
-        "force": [format_quantity(row["force"], force_unit, 4) for row in rows],
-        "ratio": [number(row["extrapolation_ratio"]) for row in rows],
-        "median": [_describe_given(row, format_quantity(row["median"], length_unit)) for row in rows],
-        "predictive": [_describe_given(row, format_between(row["low"], row["high"], length_unit)) for row in rows],
-        "credible": [
-            _describe_given(row, format_between(row["credible_low"], row["credible_high"], length_unit)) for row in rows
-        ],
-        "linear": [format_quantity(row["linear"], length_unit) for row in rows],
-        "over": [
-            _describe_given(
-                row,
-                f"{format_signed(row['overprediction'])} "
-                f"({format_signed(row['overprediction_low'])} to {format_signed(row['overprediction_high'])})",
-            )
-            for row in rows
-        ],
-    }
-
-
-def _describe_given(row: dict[Any, Any], text: str) -> str:
-    return text if np.isfinite(row["median"]) else NOTHING
+    """What the page says at each force, written as in the tables; a dash where no prediction is given."""
+    texts: dict[str, list[str]] = {name: [] for name in _WHAT}
+    for row in table.to_dict("records"):
+        over, low, high = (format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
+        said = {
+            "median": format_quantity(row["median"], length_unit),
+            "predictive": format_between(row["low"], row["high"], length_unit),
+            "credible": format_between(row["credible_low"], row["credible_high"], length_unit),
+            "over": f"{over} ({low} to {high})",
+        }
+        if not np.isfinite(row["median"]):
+            said = dict.fromkeys(said, NOTHING)
+        said["force"] = format_quantity(row["force"], force_unit, 4)
+        said["ratio"] = number(row["extrapolation_ratio"])
+        said["linear"] = format_quantity(row["linear"], length_unit)
+        for name, text in said.items():
+            texts[name].append(text)
+    return texts
 
 
 def _round_numbers(column: pd.Series) -> list[float | None]:

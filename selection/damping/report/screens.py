@@ -22,12 +22,13 @@ from damping.report import (
     format_length_band,
     format_parameter_unit,
     format_percent,
+    format_percent_ratio,
     format_quantity,
     format_share,
     format_signed,
     number,
 )
-from damping.report.loads import build_loads, format_percent_ratio
+from damping.report.loads import build_loads
 from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
 from damping.report.results import (
     RecordResult,

@@ -15,7 +15,6 @@ from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
-from damping.plots import Drawn
 from damping.ranking import INTERVAL
 from damping.report import (
     format_decimals,
@@ -66,7 +65,13 @@ class Rendered:
 
 def render(study: StudyResult) -> Rendered:
     """Render a study; equal studies give equal text."""
-    figures, tables = _figures(study), _tables(study)
+    figures: dict[str, str] = {}
+    tables: dict[str, pd.DataFrame] = {}
+    for result in study.records:
+        for name, drawn in record_figures(result, study.level).items():
+            stem = describe_file_stem(result, name)
+            figures[stem] = drawn.to_svg(stem)
+        tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
     further = [section for exhibit in study.exhibits for section in exhibit.sections]
     sections = [*build_screens(study, figures), *further, _build_details(study, figures)]
     for exhibit in study.exhibits:
@@ -76,22 +81,6 @@ def render(study: StudyResult) -> Rendered:
     further_pages = [page for exhibit in study.exhibits for page in exhibit.pages]
     pages = {page.file: render_page(page.title, page.sections, footer) for page in further_pages}
     return Rendered(render_page(study.title, sections, footer), tables, figures, pages)
-
-
-def _figures(study: StudyResult) -> dict[str, str]:
-    drawn: dict[str, Drawn] = {}
-    for result in study.records:
-        drawn |= {
-            describe_file_stem(result, name): figure for name, figure in record_figures(result, study.level).items()
-        }
-    return {name: figure.to_svg(name) for name, figure in drawn.items()}
-
-
-def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
-    tables: dict[str, pd.DataFrame] = {}
-    for result in study.records:
-        tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
-    return tables
 
 
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
