@@ -80,16 +80,24 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     return figure
 
 
-LINES = {"nominal": (look.MUTED, (0, (1, 1.2))), "refitted": (look.MUTED, "-"), "explained": (look.ALERT, "-")}
-NAMES = {
-    "nominal": "simulation as given",
-    "refitted": "refitted within its tolerance",
-    "explained": "with the explanation",
+#: Colour, line and name of each model that is drawn.
+MODELS = {
+    "nominal": (look.MUTED, (0, (1, 1.2)), "simulation as given"),
+    "refitted": (look.MUTED, "-", "refitted within its tolerance"),
+    "explained": (look.ALERT, "-", "with the explanation"),
 }
+#: Sweeps beside one another.
+_PER_ROW = 2
+
+
+def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
+    for model, (colour, line, name) in MODELS.items():
+        rows = curves[curves["model"] == model]
+        ax.plot(rows[x], rows[y], color=colour, linestyle=line, label=name)
 
 
 @styled
-def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, per_row: int = 2) -> Figure:
+def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) -> Figure:
     """Draw one pair of panels a sweep: amplitude above phase, over frequency.
 
     Args:
@@ -99,15 +107,15 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
     """
     sweeps = list(measured["sweep"].unique())
     with_phase = bool(measured["phase"].notna().any())
-    bands = -(-len(sweeps) // per_row)
+    bands = -(-len(sweeps) // _PER_ROW)
     kinds = 2 if with_phase else 1
     ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
     figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
-    axes = figure.subplots(bands * kinds, min(per_row, len(sweeps)), squeeze=False, height_ratios=ratios)
+    axes = figure.subplots(bands * kinds, min(_PER_ROW, len(sweeps)), squeeze=False, height_ratios=ratios)
     for ax in axes.flat:
         ax.set_visible(False)
     for number, sweep in enumerate(sweeps):
-        band, column = divmod(number, per_row)
+        band, column = divmod(number, _PER_ROW)
         points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
         upper = axes[band * kinds, column]
         _draw_panel(upper, points, curves, "amplitude")
@@ -127,9 +135,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
 
 def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
     ax.set_visible(True)
-    for model, (colour, line) in LINES.items():
-        rows = curves[curves["model"] == model]
-        ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=NAMES[model])
+    _draw_models(ax, curves, "frequency", quantity)
     regular, wild = points[~points["wild"]], points[points["wild"]]
     ax.plot(
         regular["frequency"], regular[quantity], "o", color=look.MEASURED, markersize=2.6, label="measured", zorder=3
@@ -157,15 +163,14 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
     figure = Figure(figsize=(look.WIDTH, 5.0))
     axes = figure.subplots(2, 1)
     for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
-        for model, colour in (("refitted", look.MUTED), ("explained", look.ALERT)):
+        for model, name in (("refitted", "simulation, refitted"), ("explained", "with the explanation")):
             rows = curves[curves["model"] == model]
-            ax.plot(rows["amplitude"], rows[quantity], color=colour, label=_NAMES[model])
+            ax.plot(rows["amplitude"], rows[quantity], color=MODELS[model][0], label=name)
         free = curves[curves["model"] == "free"]
         if len(free):
             low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
-            ax.fill_between(
-                free["amplitude"], low, high, color=look.ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"]
-            )
+            style: dict[str, Any] = {"color": look.ALERT, "alpha": 0.15, "linewidth": 0.0}
+            ax.fill_between(free["amplitude"], low, high, **style, label="with a curve of free form, 90 % band")
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
@@ -188,13 +193,6 @@ def _range(*values: pd.Series[float]) -> tuple[float, float]:
     return float(every.min()) - margin, float(every.max()) + margin
 
 
-_NAMES = {
-    "refitted": "simulation, refitted",
-    "explained": "with the explanation",
-    "free": "with a curve of free form, 90 % band",
-}
-
-
 @styled
 def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, length: str) -> Figure:
     """Draw amplitude at phase resonance over force.
@@ -204,9 +202,7 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
             nominal, refitted, explained. force, length: units.
     """
     figure, ax = build_panel(3.0, describe_with_unit("force", force), describe_with_unit("resonant amplitude", length))
-    for model, (colour, line) in LINES.items():
-        rows = predicted[predicted["model"] == model].sort_values("force")
-        ax.plot(rows["force"], rows["amplitude"], color=colour, linestyle=line, label=NAMES[model])
+    _draw_models(ax, predicted.sort_values("force"), "force", "amplitude")
     bars = measured["sd"] * measured["amplitude"]
     style: dict[str, Any] = {"fmt": "o", "color": look.MEASURED, "markersize": 3.5, "label": "measured"}
     ax.errorbar(measured["force"], measured["amplitude"], bars, **style)

@@ -130,25 +130,18 @@ def _draw_ranking(result: RecordResult) -> Drawn:
     return Drawn(ranking(table), f"{result.title}: candidate laws ranked", description)
 
 
-def _labelled(result: RecordResult, sampled: LawPosterior) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Prior and posterior draws under labels with units."""
-    units = result.mode.units
-    prior, posterior = prior_draws(sampled.posterior.coordinates), posterior_draws(sampled)
-    labels = {name: format_parameter_label(name, units) for name in posterior}
-    return {labels[name]: prior[name] for name in posterior}, {labels[name]: posterior[name] for name in posterior}
-
-
-def _describe_intervals(draws: dict[str, np.ndarray]) -> str:
-    quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in draws.items()}
-    return format_joined(f"{name} {number(q[1])} ({number(q[0])} to {number(q[2])})" for name, q in quantiles.items())
-
-
 def _draw_corner(result: RecordResult) -> Drawn | None:
     best = leading(result)
     if best is None:
         return None
-    prior, posterior = _labelled(result, best)
-    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_describe_intervals(posterior)}."
+    draws, prior_of = posterior_draws(best), prior_draws(best.posterior.coordinates)
+    posterior = {format_parameter_label(name, result.mode.units): values for name, values in draws.items()}
+    prior = dict(zip(posterior, (prior_of[name] for name in draws), strict=True))
+    quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in posterior.items()}
+    intervals = format_joined(
+        f"{name} {number(median)} ({number(low)} to {number(high)})" for name, (low, median, high) in quantiles.items()
+    )
+    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {intervals}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
 
 
