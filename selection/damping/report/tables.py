@@ -17,6 +17,10 @@ from damping.ranking.sharing import tabulate_rows
 from damping.report import format_between, format_force_text, format_parameter_unit, forms, number
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
+#: Attributes that are columns of the same name: of a posterior, of the convergence of a quantity, of a power law.
+_CHAIN = ("converged", "failure", "steps", "acceptance", "log_z")
+_CONVERGENCE = ("mean", "sd", "monte_carlo_error", "r_hat", "effective_size", "autocorrelation", "lengths")
+_POWER_LAW = ("form", "p", "std_error", "degrees_of_freedom", "level", "p_low", "p_high")
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
 
@@ -91,11 +95,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
             "law": sampled.law.name,
             "weight": sampled.weight,
             "of_source": sampled.of_source,
-            "converged": sampled.posterior.converged,
-            "failure": sampled.posterior.failure,
-            "steps": sampled.posterior.steps,
-            "acceptance": sampled.posterior.acceptance,
-            "log_z": sampled.posterior.log_z,
+            **{name: getattr(sampled.posterior, name) for name in _CHAIN},
             "elpd_loo": sampled.leave_one_out.elpd,
             "elpd_standard_error": sampled.leave_one_out.standard_error,
             "p_loo": sampled.leave_one_out.p,
@@ -112,17 +112,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
 def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     """A row a sampled law and reported quantity."""
     rows = [
-        {
-            "law": sampled.law.name,
-            "quantity": d.name,
-            "mean": d.mean,
-            "sd": d.sd,
-            "monte_carlo_error": d.monte_carlo_error,
-            "r_hat": d.r_hat,
-            "effective_size": d.effective_size,
-            "autocorrelation": d.autocorrelation,
-            "lengths": d.lengths,
-        }
+        {"law": sampled.law.name, "quantity": d.name, **{name: getattr(d, name) for name in _CONVERGENCE}}
         for sampled in result.posteriors
         for d in sampled.posterior.diagnoses
     ]
@@ -162,13 +152,7 @@ def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
         low, median, high = _posterior_exponent(result, law.form)
         rows.append(
             {
-                "form": law.form,
-                "p": law.p,
-                "std_error": law.std_error,
-                "degrees_of_freedom": law.degrees_of_freedom,
-                "level": law.level,
-                "p_low": law.p_low,
-                "p_high": law.p_high,
+                **{name: getattr(law, name) for name in _POWER_LAW},
                 "posterior_p": median,
                 "posterior_p_low": low,
                 "posterior_p_high": high,
