@@ -10,11 +10,24 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import format_between, format_force_text, format_parameter_unit, forms, number
+from damping.report import (
+    NOTHING,
+    format_between,
+    format_force_text,
+    format_gravity,
+    format_length,
+    format_length_band,
+    format_parameter_unit,
+    format_percent_ratio,
+    format_quantity,
+    format_signed,
+    forms,
+    number,
+)
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
 #: Attributes that are columns of the same name: of a posterior, of the convergence of a quantity, of a power law.
@@ -228,3 +241,39 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
     assert candidate.fit is not None
     force = candidate.fit.force
     return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)
+
+
+def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
+    """Amplitude and damping at the design forces as the page says them: a row a force, texts but ``times tested``."""
+    units, curve = result.mode.units, result.design_curve
+    table = pd.DataFrame(
+        {
+            "force": [format_force_text(force, units.force) for force in design.force],
+            "times tested": design.ratio,
+            "median": [format_length(value, units.length) for value in design.average.median],
+            "band": [
+                format_length_band(a, b, units.length)
+                for a, b in zip(design.average.low, design.average.high, strict=True)
+            ],
+            "linear": [
+                f"{format_length(value, units.length)} ({format_signed(over)})"
+                for value, over in zip(design.linear, design.overprediction, strict=True)
+            ],
+        }
+    )
+    if curve is None:
+        return table
+    ratio, frequency = curve.damping_ratio, curve.frequency.median
+    table["damping ratio"] = [format_percent_ratio(value) for value in ratio.median]
+    table["low end"] = [format_percent_ratio(value) for value in ratio.low]
+    table["frequency"] = [format_quantity(value, "Hz", 4) for value in frequency]
+    gravities = [format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)]
+    if any(text != NOTHING for text in gravities):
+        table.insert(3, "peak acceleration", gravities)
+    return table
+
+
+def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
+    """What the band is made of: a row a force, a column a part, standard deviations in per cent of amplitude."""
+    force = [format_force_text(force, result.mode.units.force) for force in design.force]
+    return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
