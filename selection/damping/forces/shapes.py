@@ -130,13 +130,11 @@ class Shape:
     """One parameter of a force or an effect.
 
     Attributes:
-        name: as in files.
-        unit: its dimension.
+        name: as in files. unit: its dimension. switch: whether it is 0 or 1.
         above: it is larger than this. least: it is not less than this. below: it is less than this.
         default: its value in a file that does not name it; None where a file must.
         prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
-        switch: whether it is 0 or 1.
     """
 
     name: str

@@ -50,11 +50,10 @@ _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
 
 @styled
 def gap_map(rows: pd.DataFrame, label: str) -> Figure:
-    """Draw one coloured mark a row of the record, sweeps one below the other.
+    """Draw one coloured mark a row of the record, sweeps one below the other; ``label``: what the colour is.
 
     Args:
         rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.
-        label: what the colour is.
     """
     quantities = list(rows["quantity"].unique())
     sweeps = list(rows["sweep"].unique())
