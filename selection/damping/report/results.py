@@ -102,7 +102,7 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A whole study; ``inputs``: file name to SHA-256, ``versions``: package to version, ``exhibits``: what joins it."""
+    """A whole study; ``inputs``: file name to SHA-256, ``versions``: package to version, ``exhibits``: joining it."""
 
     title: str
     seed: int
