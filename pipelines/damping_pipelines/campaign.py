@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from damping.campaign.analysis import analyse
+from damping.campaign import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError, naming
@@ -39,9 +39,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    Raises:
-        InputError: bad usage, or files that are not understood.
-        AnalysisError: no mode that can be followed over the levels.
+    InputError: bad usage, or files that are not understood. AnalysisError: no mode that can be followed over the
+    levels.
     """
 
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))

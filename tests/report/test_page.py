@@ -35,6 +35,7 @@ from damping.report.page import (
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 
@@ -64,11 +65,6 @@ class Reader(HTMLParser):
 
     def count(self, tag: str) -> int:
         return sum(name == tag for name, _ in self.elements)
-
-
-@pytest.fixture(scope="module")
-def rendered(study: StudyResult) -> Rendered:
-    return render(study)
 
 
 @pytest.fixture(scope="module")
@@ -171,8 +167,8 @@ def test_files_named_on_the_page_exist(rendered: Rendered) -> None:
     assert set(named) <= set(rendered.tables)
 
 
-def test_hostile_text_is_text(hostile: StudyResult) -> None:
-    out = render(hostile)
+def test_hostile_text_is_text(rendered_hostile: Rendered) -> None:
+    out = rendered_hostile
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0
