@@ -130,7 +130,7 @@ def import_simulator(name: str) -> Simulate:
 
 
 def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
-    from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - as above, matplotlib
+    from damping.report.gap import render_gap_page  # noqa: PLC0415 - as above, matplotlib
 
     digests = {path.name: digest_file(path) for path in inputs}
     return render_gap_page(diagnosis, sampled, seed, versions(), digests)
