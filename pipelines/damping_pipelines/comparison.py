@@ -10,20 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from damping import report
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
-from damping.report import (
-    NOTHING,
-    count,
-    format_between,
-    format_joined,
-    format_length,
-    format_percent,
-    format_quantity,
-    format_share,
-    format_signed,
-    number,
-)
 from damping.report.page import Block, Footer, Table, render_page
 from damping.report.text import write_sections
 
@@ -125,7 +114,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         | _describe_top(record.top, record.units[1])
         | {
             "leading law": _describe_best(record.ranking),
-            "weight": format_share(max((weight for _, weight in record.groups), default=float("nan"))),
+            "weight": report.format_share(max((weight for _, weight in record.groups), default=float("nan"))),
             "exponent": _describe_exponent(record.exponent),
         }
         for study in studies
@@ -136,18 +125,18 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
 
 def _describe_top(top: TopOfTest | None, unit: str) -> dict[str, str]:
     if top is None:
-        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), NOTHING)
-    between = format_between(100.0 * top.low, 100.0 * top.high, "%")
+        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), report.NOTHING)
+    between = report.format_between(100.0 * top.low, 100.0 * top.high, "%")
     return {
-        "tested to": format_length(top.amplitude, unit),
-        "frequency": format_quantity(top.frequency, "Hz", 4),
-        "damping ratio there": f"{number(100.0 * top.ratio)} % ({between})",
+        "tested to": report.format_length(top.amplitude, unit),
+        "frequency": report.format_quantity(top.frequency, "Hz", 4),
+        "damping ratio there": f"{report.number(100.0 * top.ratio)} % ({between})",
     }
 
 
 def _describe_exponent(exponent: tuple[float, float | None] | None) -> str:
     if exponent is None:
-        return NOTHING
+        return report.NOTHING
     p, error = exponent
     return f"{p:.2f}" if error is None else f"{p:.2f} ± {error:.2f}"
 
@@ -174,10 +163,10 @@ def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[s
     shapes = share_shapes(groups, observed) if complete else {}
     odds, table = weigh_sharing(groups, shapes)
     values |= {"odds": odds, "weighed": np.isfinite(odds), "complete": complete}
-    values["among"] = f"{count(len(records), 'record')} ({format_joined(names)})"
+    values["among"] = f"{report.count(len(records), 'record')} ({report.format_joined(names)})"
     parts: dict[str, Block] = {}
     if len(table):
-        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": format_share})
+        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": report.format_share})
     if shapes:
         parts["shapes"] = _tabulate_shapes(names, shapes)
     return values, parts
@@ -187,8 +176,8 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     """One row for each shared shape: its value if all records share it, its value in each, and the odds of sharing."""
     interval = "{0:.2f} ({1:.2f} to {2:.2f})"
     rows = [
-        {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
-        | {"one value": interval.format(*shape.pooled)}
+        {"law": law, "shared": shape.name.removeprefix(f"{law} ")}
+        | {"odds of one value": report.number(np.exp(shape.log_odds)), "one value": interval.format(*shape.pooled)}
         | {f"alone: {name}": interval.format(*alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
@@ -203,7 +192,8 @@ def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> lis
         if len(set(best.values())) == 1:
             lines.append(f"{name}: {best[studies[0].name]} leads in every study.")
         else:
-            lines.append(f"{name}: " + format_joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
+            leading = report.format_joined(f"{law} leads in {study}" for study, law in best.items())
+            lines.append(f"{name}: {leading}.")
     return lines
 
 
@@ -220,7 +210,7 @@ def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
         names = dict.fromkeys(name for table in tables for name in table)
         other = [name for name in names if len({table.get(name) for table in tables}) > 1]
         if other:
-            differences.append(f"Not the same {what} in every study: {format_joined(other)}.")
+            differences.append(f"Not the same {what} in every study: {report.format_joined(other)}.")
     other = [what for what in ("seed", "level") if len({getattr(study, what) for study in studies}) > 1]
     return [*differences, *(f"Not the same {what} in every study." for what in other)]
 
@@ -247,19 +237,19 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
     if len(posteriors):
         columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
         order = posteriors.sort_values(["law", "parameter"], kind="stable")[columns]
-        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or NOTHING})
+        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or report.NOTHING})
     return tables
 
 
 def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
     table = _tabulate_stacked(name, having, "ranking")
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
-    wide = pd.DataFrame({"law": order.index})
+    wide, formats = pd.DataFrame({"law": order.index}), {}
     for study in having:
         ranking = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
-        wide[f"weight: {study.name}"] = ranking["weight"].to_numpy(float)
-        wide[f"held-out error (%): {study.name}"] = ranking["held_out_error"].to_numpy(float)
-    formats = {column: format_share if column.startswith("weight") else format_percent for column in wide.columns[1:]}
+        weight, error = f"weight: {study.name}", f"held-out error (%): {study.name}"
+        wide = wide.assign(**{weight: ranking["weight"].to_numpy(), error: ranking["held_out_error"].to_numpy()})
+        formats |= {weight: report.format_share, error: report.format_percent}
     return Table(wide, "", formats)
 
 
@@ -272,8 +262,8 @@ def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
     columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
     formats = {
-        "linear_overprediction_percent": format_percent,
-        "difference": lambda value: format_signed(value).removesuffix(" %"),
+        "linear_overprediction_percent": report.format_percent,
+        "difference": lambda value: report.format_signed(value).removesuffix(" %"),
     }
     return Table(table[columns], "", formats, headings)
 

@@ -21,16 +21,8 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
+from damping_pipelines import store
 from damping_pipelines.manifest import digest_file, versions
-from damping_pipelines.store import (
-    check_picture,
-    refuse_inputs,
-    refuse_twice,
-    write_json,
-    write_picture,
-    write_plain,
-    write_text,
-)
 from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
 
 FORMAT = "gap/1"
@@ -76,12 +68,12 @@ def gap(
         _folder(model, report, model_out, json_out, jobs, seed, despite)
         return
     if plot is not None:
-        check_picture(plot)
+        store.check_picture(plot)
     targets = {"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}
     inputs = (model, record, *chain.from_iterable(further))
     for option, target in targets.items():
-        refuse_inputs(option, target, *inputs)
-    refuse_twice(targets)
+        store.refuse_inputs(option, target, *inputs)
+    store.refuse_twice(targets)
     measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
     report_findings(measured, mode, despite)
     result = damping.diagnose(
@@ -96,13 +88,13 @@ def gap(
     )
     diagnosis = result.diagnosis
     if json_out is not None:
-        write_plain(json_out, result.to_json())
+        store.write_plain(json_out, result.to_json())
     if model_out is not None:
-        write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
+        store.write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
     if plot is not None:
-        write_picture(plot, result.plot(), result.title)
+        store.write_picture(plot, result.plot(), result.title)
     if report is not None:
-        write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
+        store.write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
@@ -172,7 +164,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
             answer = (
                 future.result() if error is None else {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}
             )
-            write_json(out / f"{name}.json", answer)
+            store.write_json(out / f"{name}.json", answer)
             failed += "error" in answer
             advance(f"{name} failed: {answer['error']}" if "error" in answer else name)
     return 1 if failed else 0

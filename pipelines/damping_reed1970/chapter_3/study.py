@@ -213,8 +213,9 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     Columns ``question, value, low, high`` (interval where there is one, else NaN) and ``says``.
     """
     answers = [*_assess_angle(fits, posteriors), *_assess_planes(posteriors), *_assess_in_phase(fits, posteriors)]
-    table = pd.DataFrame([*answers, *_assess_yaw(fits)], columns=["question", "says", "value", "low", "high"])
-    return table[["question", "value", "low", "high", "says"]]
+    names = ("question", "says", "value", "low", "high")
+    rows = [dict(zip(names, answer, strict=False)) for answer in (*answers, *_assess_yaw(fits))]
+    return pd.DataFrame(rows, columns=["question", "value", "low", "high", "says"])
 
 
 def _assess_angle(fits: Fits, posteriors: Posteriors) -> Iterator[Answer]:
