@@ -90,12 +90,7 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
         rows = _tabulate_named(rows.sort_values("spread_percent", kind="stable"))
         of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
         least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
-    return {
-        "least": least,
-        "held": HELD,
-        "kept": list(studies.levels),
-        "cautions": "; ".join(cautions).capitalize(),
-    }
+    return {"least": least, "held": HELD, "kept": list(studies.levels), "cautions": "; ".join(cautions).capitalize()}
 
 
 def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:

@@ -29,13 +29,7 @@ OUTSIDE = tuple(FOREIGN_KINDS)
 #: Kinds whose fault is the rig's.
 RIG = (*RIG_KINDS, *FOREIGN_RIG)
 #: Members of pairs.
-FORCES = (
-    "displacement",
-    "velocity-squared",
-    "displacement-velocity",
-    "quadratic-displacement",
-    "coulomb-friction",
-)
+FORCES = ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement", "coulomb-friction")
 INSTRUMENT = ("amplitude-scale", "phase-lag", "force-dropout", "level-offset", "sensor-saturation", "background")
 STRUCTURE = ("slip", "stiffness-hardening", "stiffness-softening", *PATH_KINDS)
 
