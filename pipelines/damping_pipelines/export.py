@@ -81,7 +81,11 @@ def export(
         names = Units(*SYSTEMS[units], "s")
         described = None if described is None else convert_mode(described, by, units)
     if mode_out is not None:
-        _write_mode(described, units, mode_out)
+        if described is None or units is None:
+            raise InputError(
+                "--mode-out without a mode to convert", file=mode_out, expected="--mode MODE.toml and --units"
+            )
+        write_text(mode_out, describe_mode_to_toml(described))
     _write_record(record, names, out, notes, text=text)
 
 
@@ -154,12 +158,6 @@ def _export_form(
         show.print("- numbers within cautions are text and kept as they are")
 
 
-def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
-    if mode is None or units is None:
-        raise InputError("--mode-out without a mode to convert", file=out, expected="--mode MODE.toml and --units")
-    write_text(out, describe_mode_to_toml(mode))
-
-
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
     if out.suffix.lower() in _UFF:
         content, lost = write_uff(record, names.length, names.force, binary=not text)
@@ -181,11 +179,7 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
 
 
 def tabulate_form(form: RankForm | LoadsForm) -> pd.DataFrame:
-    """A form as a table.
-
-    A ranking has a row for each parameter of each force of each candidate; loads have one for each design force and
-    law, the average over laws first (``model`` empty).
-    """
+    """A form as a table."""
     return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
 
 

@@ -56,10 +56,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Task:
-    """One law to sample on one record, in a process of its own.
-
-    ``of_source`` marks a law of the source report.
-    """
+    """One law to sample on one record, in a process of its own. ``of_source`` marks a law of the source report."""
 
     record: int
     candidate: Candidate

@@ -198,14 +198,12 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     ax.plot(force, bands["linear"], color=plots.LINEAR, linestyle=(0, (7, 2)), label="linear")
     points = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
     ax.plot(data.tested_force, data.tested_amplitude, "o", **points)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(lambda value, position: f"{value:g}")
         axis.set_minor_locator(NullLocator())
-    ax.set_xlim(force.min(), force.max())
-    ax.set_title("beyond the test")
+    ax.set(xlim=(force.min(), force.max()), title="beyond the test")
     ax.set_xlabel(plots.describe_with_unit("force at resonance", band.mode.units.force))
     ax.set_ylabel(plots.describe_with_unit("resonant amplitude", band.mode.units.length))
     ax.legend()
@@ -224,10 +222,8 @@ def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     ax.axhline(1.0, color=plots.MEASURED, linewidth=0.8)
     labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
     ax.set_xticks(place, labels, fontsize=6.5)
-    ax.set_xlim(-0.6, len(left_out) - 0.4)
     ax.grid(visible=False, axis="x")
-    ax.set_ylabel("predicted over measured")
-    ax.set_title("higher levels left out")
+    ax.set(xlim=(-0.6, len(left_out) - 0.4), ylabel="predicted over measured", title="higher levels left out")
 
 
 def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
@@ -236,9 +232,7 @@ def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
         ax.plot(bands["ratio"], bands[name], color=colour, label=label)
     whole = np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1))
     ax.plot(bands["ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
-    ax.set_xscale("log")
+    ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
     plots.plain_log(ax.xaxis)
-    ax.set_xlabel("force over largest tested")
-    ax.set_ylabel("standard deviation, % of amplitude")
     ax.set_title("four parts")
     ax.legend()

@@ -50,14 +50,8 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
         axes.plot([-1.0, 1.0], [-1.0, 1.0], color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
         axes.set_title(_TITLES.get(name, name), fontsize=7.5)
         axes.set(xlim=(-1.25, 1.25), ylim=(-1.9, 1.9), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-        if place % columns:
-            axes.set_yticklabels([])
-        else:
-            axes.set_ylabel("force / K A")
-        if place < len(loops) - columns:
-            axes.set_xticklabels([])
-        else:
-            axes.set_xlabel("q / A")
+        axes.set(**({"yticklabels": []} if place % columns else {"ylabel": "force / K A"}))
+        axes.set(**({"xticklabels": []} if place < len(loops) - columns else {"xlabel": "q / A"}))
     return figure
 
 
@@ -89,9 +83,8 @@ def _draw_errors(axes: Axes, error: pd.DataFrame) -> None:
     axes.axhline(0.0, color=INK, linewidth=0.7)
     axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
     axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
-    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0))
+    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0), title="Error of the equivalence")
     axes.set(xlabel="amplitude A / A₁", ylabel="error (per cent)")
-    axes.set_title("Error of the equivalence")
     axes.legend(loc="lower right", fontsize=7)
 
 
