@@ -39,16 +39,7 @@ def export(
 ) -> None:
     """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
 
-    Args:
-        source: a record (CSV) or a form (JSON, by its first character).
-        out: ``.uff`` or ``.unv`` (records alone), ``.csv`` or ``.parquet``.
-        units: ``si`` or ``us``: convert the record (and the mode) or the loads; None: as they are.
-        given: ``si`` or ``us``: the units the record or the loads are in, where no mode names them.
-        mode: mode whose ``[units]`` are those of the record or the loads.
-        mode_out: where the converted mode goes.
-        text: values of a universal file as text, not as bytes.
-        to: structural code for which damping is written, in its own format; a form is asked for then.
-
+    Options as ``damping export --help`` says them; ``given`` is ``--from``. A form is known by its first character.
     InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things, or of a
     ranking, which is not converted. AnalysisError: a record that a universal file cannot hold, or a mode that cannot be
     converted.

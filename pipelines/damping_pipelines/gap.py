@@ -64,7 +64,12 @@ def gap(
     if record is None:
         if further or simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
-        _folder(model, report, model_out, json_out, jobs, seed, despite)
+        if report is not None or model_out is not None:
+            raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
+        if json_out is None or json_out == "-":
+            raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
+        if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
+            raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
     if plot is not None:
         store.check_picture(plot)
@@ -120,23 +125,6 @@ def import_simulator(name: str) -> Simulate:
         raise InputError(f"--simulator: {module} has no function {function}", expected="MODULE:FUNCTION")
     simulate: Simulate = named
     return simulate
-
-
-def _folder(
-    cases: Path,
-    report: Path | None,
-    model_out: Path | None,
-    json_out: str | None,
-    jobs: int | None,
-    seed: int,
-    despite: Collection[str] = (),
-) -> None:
-    if report is not None or model_out is not None:
-        raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
-    if json_out is None or json_out == "-":
-        raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed, despite=despite):
-        raise AnalysisError("some cases could not be diagnosed; their answers say why")
 
 
 def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:

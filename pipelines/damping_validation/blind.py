@@ -48,39 +48,36 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
     with sole_writer(out, SCORES):
-        print(_blind(out, cases, seed, jobs, follow))
+        folder, labels = out / "cases", out / "labels.sealed.json"
+        strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
+        if strangers:
+            raise InputError(
+                "holds cases of another run", file=folder, expected="an empty --out, or the same run again"
+            )
+        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
+        sealed = _describe_sealed_before(out, run)
+        if sealed is None:
+            sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
+            write_json(out / "sealed.json", {**run, "sha256": sealed})
+        from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
-
-def _blind(out: Path, cases: int, seed: int, jobs: int | None, follow: bool) -> str:
-    """The verdict in one sentence."""
-    folder, labels = out / "cases", out / "labels.sealed.json"
-    strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
-    if strangers:
-        raise InputError("holds cases of another run", file=folder, expected="an empty --out, or the same run again")
-    run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
-    sealed = _describe_sealed_before(out, run)
-    if sealed is None:
-        sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
-        write_json(out / "sealed.json", {**run, "sha256": sealed})
-    from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
-
-    before = _processor_time()
-    diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
-    spent = _processor_time() - before
-    verdicts = read_sealed(labels, out / "answers", sealed)
-    followed = None
-    if follow:
-        names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
-        if names:
-            diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
-        again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
-        followed = [verdict for verdict in again if verdict.name in names]
-    figures = score(verdicts, spent, followed)
-    kept = [labels, out / "sealed.json", *(path for path in out.glob("**/cases/*/*.*"))]
-    kept += list(out.glob("**/answers/*.json"))
-    names_kept = sorted(path.relative_to(out).as_posix() for path in kept)
-    publish(out, render_scores(figures, verdicts, seed), seed=seed, versions=versions(), inputs={}, kept=names_kept)
-    return describe_verdict(figures, verdicts)
+        before = _processor_time()
+        diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+        spent = _processor_time() - before
+        verdicts = read_sealed(labels, out / "answers", sealed)
+        followed = None
+        if follow:
+            names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
+            if names:
+                diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+            again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
+            followed = [verdict for verdict in again if verdict.name in names]
+        figures = score(verdicts, spent, followed)
+        kept = [labels, out / "sealed.json", *(path for path in out.glob("**/cases/*/*.*"))]
+        kept += list(out.glob("**/answers/*.json"))
+        names_kept = sorted(path.relative_to(out).as_posix() for path in kept)
+        publish(out, render_scores(figures, verdicts, seed), seed=seed, versions=versions(), inputs={}, kept=names_kept)
+        print(describe_verdict(figures, verdicts))
 
 
 def make_proposed_tests(out: Path, tasks: Iterable[_Task], jobs: int | None) -> list[str]:
