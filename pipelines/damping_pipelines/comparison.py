@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -131,7 +131,7 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
     known = pd.DataFrame(rows, columns=["amplitude", "frequency", "ratio", "low", "high"]).astype(float).dropna()
     if known.empty:
         return dict.fromkeys(("tested to", "frequency", "damping ratio there"), report.NOTHING)
-    top = known.loc[known["amplitude"].idxmax()]
+    top = known.iloc[int(known["amplitude"].argmax())]
     between = report.format_between(100.0 * top["low"], 100.0 * top["high"], "%")
     return {
         "tested to": report.format_length(top["amplitude"], record.units.length),
@@ -252,7 +252,8 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
 def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
     table = _tabulate_stacked(name, having, "ranking")
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
-    wide, formats = pd.DataFrame({"law": order.index}), {}
+    wide = pd.DataFrame({"law": order.index})
+    formats: dict[str, Callable[[float], str]] = {}
     for study in having:
         ranking = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
         weight, error = f"weight: {study.name}", f"held-out error (%): {study.name}"

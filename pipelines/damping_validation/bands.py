@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -196,7 +197,7 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
         ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
     ax.plot(force, bands["median"], color=plots.AVERAGE, label="median")
     ax.plot(force, bands["linear"], color=plots.LINEAR, linestyle=(0, (7, 2)), label="linear")
-    points = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
+    points: dict[str, Any] = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
     ax.plot(data.tested_force, data.tested_amplitude, "o", **points)
     ax.set(xscale="log", yscale="log")
     for axis in (ax.xaxis, ax.yaxis):

@@ -50,8 +50,14 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
         axes.plot([-1.0, 1.0], [-1.0, 1.0], color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
         axes.set_title(_TITLES.get(name, name), fontsize=7.5)
         axes.set(xlim=(-1.25, 1.25), ylim=(-1.9, 1.9), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-        axes.set(**({"yticklabels": []} if place % columns else {"ylabel": "force / K A"}))
-        axes.set(**({"xticklabels": []} if place < len(loops) - columns else {"xlabel": "q / A"}))
+        if place % columns:
+            axes.set_yticklabels([])
+        else:
+            axes.set_ylabel("force / K A")
+        if place < len(loops) - columns:
+            axes.set_xticklabels([])
+        else:
+            axes.set_xlabel("q / A")
     return figure
 
 
