@@ -13,8 +13,7 @@ import pandas as pd
 from damping import report
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
-from damping.report.page import Block, Footer, Table, render_page
-from damping.report.text import write_sections
+from damping.report.page import Block, Footer, Table, render_page, write_sections
 from damping_pipelines.forms import PowerLawForm, StudyForm, StudyRecordForm
 from damping_pipelines.manifest import Manifest
 

@@ -12,10 +12,10 @@ import pandas as pd
 from rich.console import Console
 
 from damping.errors import InputError, escape_control, naming
+from damping.formats import Imported, Series, Stated, Summary
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.reading import read_file
-from damping.formats.series import Imported, Series, Stated, Summary
 from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv

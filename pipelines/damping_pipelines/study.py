@@ -31,7 +31,7 @@ from damping.records.audit import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.regression.power_law import PowerLaw, fit_power_law
+from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, sole_writer, versions

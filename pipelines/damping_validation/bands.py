@@ -24,7 +24,7 @@ from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report import forms
-from damping.report.text import fill_text
+from damping.report.page import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress

@@ -20,7 +20,7 @@ from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import (
     MULTIPLES,
     TIME_LIMIT,
-    DataSet,
+    FleetDataSet,
     FleetResult,
     FleetSettings,
     FleetTask,
@@ -85,7 +85,7 @@ def fleet(
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
-        kept = DataSet(out / "records")
+        kept = FleetDataSet(out / "records")
         for path in kept.set_broken_aside():
             told = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
             print(f"damping: {told}", file=sys.stderr)
@@ -112,7 +112,7 @@ def fleet(
 class _Book:
     """What is there, what is wanted, and results not written yet."""
 
-    kept: DataSet
+    kept: FleetDataSet
     out: Path
     there: set[str]
     wanted: set[str] = field(default_factory=set)
@@ -155,7 +155,7 @@ class _Book:
         self.results, self.written = [], time.monotonic()
 
 
-def _final(kept: DataSet) -> set[str]:
+def _final(kept: FleetDataSet) -> set[str]:
     """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
     table = kept.read(["reason"])
     chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME))
@@ -193,7 +193,7 @@ def _check_code(client: Client) -> None:
                 )
 
 
-def _refuse_loss(kept: DataSet, tasks: Iterable[FleetTask]) -> None:
+def _refuse_loss(kept: FleetDataSet, tasks: Iterable[FleetTask]) -> None:
     """InputError where rows are there that this run does not want, though nothing says that their record changed."""
     names, contents, keys = set(), set(), set()
     for task in tasks:
@@ -212,7 +212,7 @@ def _refuse_loss(kept: DataSet, tasks: Iterable[FleetTask]) -> None:
         )
 
 
-def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
+def _drop(out: Path, wanted: set[str], kept: FleetDataSet) -> None:
     """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
     table = kept.read(["report"])
     for report in table.loc[~table["key"].isin(wanted), "report"]:
@@ -222,7 +222,7 @@ def _drop(out: Path, wanted: set[str], kept: DataSet) -> None:
     kept.keep(wanted)
 
 
-def _seal(out: Path, kept: DataSet, page: bytes, settings: FleetSettings) -> None:
+def _seal(out: Path, kept: FleetDataSet, page: bytes, settings: FleetSettings) -> None:
     """The page and the manifest, which names every file of the run."""
     rows = kept.read(["report", "record_sha256", "model_sha256"])
     stems = [f"reports/{Path(report).stem}" for report in rows["report"]]
@@ -241,7 +241,7 @@ def _seal(out: Path, kept: DataSet, page: bytes, settings: FleetSettings) -> Non
     )
 
 
-def _finish(out: Path, kept: DataSet, settings: FleetSettings) -> None:
+def _finish(out: Path, kept: FleetDataSet, settings: FleetSettings) -> None:
     """The page of the fleet, and what to say at the end."""
     table = kept.read(COLUMNS)
     asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"

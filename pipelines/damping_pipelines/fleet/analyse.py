@@ -33,7 +33,6 @@ from damping.records.record import Record
 from damping.report import forms, number, page
 from damping.report.gap_page import describe_diagnosis, render_gap_page
 from damping.report.tables import tabulate_by_model
-from damping.report.text import write_sections
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 from damping_pipelines.terminal import OutOfTimeError, limit_time
@@ -222,7 +221,7 @@ def record_page(record: FleetRecord) -> str:
         parts["explanations"] = page.Table(explanations, "", {"p": report.format_share}, {"p": "probability"})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
-    return _describe_page(record.task, write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
+    return _describe_page(record.task, page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
 
 
 def describe_failed_page(task: FleetTask, reason: str) -> str:

@@ -242,7 +242,7 @@ def row_of(task: FleetTask) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class DataSet:
+class FleetDataSet:
     """Rows kept under ``folder``. A row is known by its ``key``."""
 
     folder: Path
