@@ -20,8 +20,16 @@ from damping.gap.corrected import corrected_mode
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines import store
 from damping_pipelines.manifest import digest_file, versions
+from damping_pipelines.store import (
+    check_picture,
+    refuse_inputs,
+    refuse_twice,
+    write_json,
+    write_picture,
+    write_plain,
+    write_text,
+)
 from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
 
 FORMAT = "gap/1"
@@ -72,12 +80,12 @@ def gap(
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
     if plot is not None:
-        store.check_picture(plot)
+        check_picture(plot)
     targets = {"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}
     inputs = (model, record, *chain.from_iterable(further))
     for option, target in targets.items():
-        store.refuse_inputs(option, target, *inputs)
-    store.refuse_twice(targets)
+        refuse_inputs(option, target, *inputs)
+    refuse_twice(targets)
     measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
     report_findings(measured, mode, despite)
     result = damping.diagnose(
@@ -91,16 +99,16 @@ def gap(
         progress=progress,
     )
     if json_out is not None:
-        store.write_plain(json_out, result.to_json())
+        write_plain(json_out, result.to_json())
     if model_out is not None:
-        store.write_text(model_out, describe_mode_to_toml(corrected_mode(result.diagnosis.leading.best, CATALOGUE)))
+        write_text(model_out, describe_mode_to_toml(corrected_mode(result.diagnosis.leading.best, CATALOGUE)))
     if plot is not None:
-        store.write_picture(plot, result.plot(), result.title)
+        write_picture(plot, result.plot(), result.title)
     if report is not None:
         from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
 
         digests = {path.name: digest_file(path) for path in inputs}
-        store.write_text(report, render_gap_page(result.diagnosis, result.posterior, seed, versions(), digests))
+        write_text(report, render_gap_page(result.diagnosis, result.posterior, seed, versions(), digests))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
@@ -145,7 +153,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
             name, error = futures[future], future.exception()
             failure = {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}
             answer = future.result() if error is None else failure
-            store.write_json(out / f"{name}.json", answer)
+            write_json(out / f"{name}.json", answer)
             failed += "error" in answer
             advance(f"{name} failed: {answer['error']}" if "error" in answer else name)
     return 1 if failed else 0

@@ -1,6 +1,6 @@
 """A guard of accuracy, in a few minutes: coverage of the bands and the blind diagnosis in small, against floors.
 
-``python -m damping_validation.guard``; with ``--doubts`` it prints the constants of `damping.gap.weighing` instead: how
+``python -m damping_validation.guard``; with ``doubts`` it prints the constants of `damping.gap.weighing` instead: how
 much each doubt speaks against the library, a regression on answers whose cause is known to be in it, or not.
 
 The seeds are fixed, so that a change of the answers is a change of the code. A floor lies three standard errors below
@@ -143,7 +143,7 @@ def print_doubts() -> None:
 
 def main() -> int:
     """Print what was measured; 1 where a limit is not kept."""
-    if sys.argv[1:] == ["--doubts"]:
+    if sys.argv[1:] == ["doubts"]:
         print_doubts()
         return 0
     guarded: Sequence[Guarded] = [*guard_coverage(), *guard_diagnosis()]
