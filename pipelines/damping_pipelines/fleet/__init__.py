@@ -121,18 +121,15 @@ class _Book:
 
     def new(self, tasks: Iterable[FleetTask], done: Advance) -> Iterator[FleetTask]:
         """Tasks whose results are not there."""
-        known = 0
-        for task in tasks:
-            self.wanted.add(task.key)
-            if task.key in self.there:
-                known += 1
-                continue
+        for known, run in itertools.groupby(tasks, lambda task: task.key in self.there):
             if known:
-                done("done in an earlier run", known)
-                known = 0
-            yield task
-        if known:
-            done("done in an earlier run", known)
+                keys = [task.key for task in run]
+                self.wanted.update(keys)
+                done("done in an earlier run", len(keys))
+            else:
+                for task in run:
+                    self.wanted.add(task.key)
+                    yield task
 
     def keep(self, results: Iterator[FleetResult], done: Callable[[str], None]) -> None:
         """Write results in batches as they come; what has come is written even when the run is interrupted."""

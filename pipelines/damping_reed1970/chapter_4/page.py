@@ -29,7 +29,7 @@ KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
     studies, every, named = results.studies, results.studies.tables(4), results.tables
-    lines, variations = named["linear_coefficients"], every["level_variations"]
+    lines, variations, laws = named["linear_coefficients"], every["level_variations"], named["power_laws"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
         "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
@@ -42,7 +42,9 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "line_squared": _find_line(lines, V, 1),
         **_collect_response_values(every, studies.curves),
         **_collect_level_values(studies, variations),
-        **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
+        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
+        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
+        "needed": every["chance_of_exponent"]["needed_percent"],
         **_collect_example_values(named["section_4_3_example"]),
     }
     figures = collect_figures(studies)
@@ -91,15 +93,6 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
         of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
         least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
     return {"least": least, "held": HELD, "kept": list(studies.levels), "cautions": "; ".join(cautions).capitalize()}
-
-
-def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
-    """Exponents of both modes, and how likely linear damping is to give them."""
-    return {
-        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
-        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
-        "needed": chance["needed_percent"],
-    }
 
 
 def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
