@@ -12,7 +12,7 @@ from damping.report.forms import rank_form
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, read_inputs, sample_law
 from damping_pipelines.study_files import default_study, read_settings
-from damping_reed1970.chapter_3.implications import fit_table, planar_fits
+from damping_reed1970.chapter_3.planar_fit import fit_table, planar_fits
 from damping_reed1970.exhibit import source_tables
 from damping_reed1970.reproduction import reproduce
 from damping_reed1970.studies import compute_studies
