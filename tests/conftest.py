@@ -34,11 +34,12 @@ from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
+from damping_pipelines.study import Input, read_inputs
+from damping_pipelines.study_files import StudySettings, default_study, read_settings
 from damping_reed1970 import data_folder
 from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.chapter_6 import printed_laws
 from damping_reed1970.exhibit import source_tables
-from damping_reed1970.studies import Studies, compute_studies
+from damping_reed1970.studies import Gaps, Studies, compute_studies, diagnose_gaps
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Dialog, Page
@@ -100,24 +101,39 @@ def chapter_3() -> Chapter3:
 
 
 @pytest.fixture(scope="session")
-def short_studies() -> Studies:
-    """Studies of the other chapters with few simulated tests."""
-    return compute_studies(replicates=(60, 40))
+def study_settings() -> StudySettings:
+    """Settings of the Saturn V study."""
+    return read_settings(default_study())
 
 
 @pytest.fixture(scope="session")
-def rankings_of_printed_laws(saturn: Callable[[str], Observations]) -> dict[str, Ranking]:
-    """Rankings of the laws of section 6.1 by record."""
-    laws: dict[str, list[Law]] = {}
-    for law in printed_laws():
-        laws.setdefault(law.record, []).append(Law(law.forces))
-    return {name: rank_laws(saturn(name), 0, tuple(dict.fromkeys(wanted))) for name, wanted in laws.items()}
+def study_inputs(study_settings: StudySettings) -> list[Input]:
+    """The records of that study."""
+    return read_inputs(study_settings, default_study().parent)
 
 
 @pytest.fixture(scope="session")
-def tables_of_source(rankings_of_printed_laws: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
+def studies(study_settings: StudySettings) -> Studies:
+    """Studies of the other chapters, as the Saturn V study has them."""
+    return compute_studies(study_settings.seed)
+
+
+@pytest.fixture(scope="session")
+def gaps() -> Gaps:
+    """Two gaps of the report, diagnosed."""
+    return diagnose_gaps()
+
+
+@pytest.fixture(scope="session")
+def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[str, Ranking]:
+    """Rankings of all laws by record of that study."""
+    return {one.settings.name: rank_laws(one.data, study_settings.seed) for one in study_inputs}
+
+
+@pytest.fixture(scope="session")
+def tables_of_source(rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
     """Tables of the report beside ours."""
-    return source_tables(rankings_of_printed_laws)
+    return source_tables(rankings)
 
 
 @pytest.fixture(scope="session")
@@ -338,7 +354,7 @@ class Fork:
 
 
 class Forking:
-    """``start(code, *words)`` runs Python code in a process that has what it imports, but for this project's modules."""
+    """``start(code, *words)`` runs Python code in a process that has imported all but the modules of this project."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.count = folder, 0
