@@ -11,7 +11,7 @@ from damping.report.forms import rank_form
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, sample_law
 from damping_pipelines.study_files import default_study
-from damping_reed1970.chapter_3.implications import fit_table, planar_fits
+from damping_reed1970.chapter_3.implications import fit_table
 from damping_reed1970.reproduction import reproduce
 
 #: Tables of ``Studies.tables`` by chapter.
@@ -131,8 +131,8 @@ def test_studies_of_the_chapters(summary, studies):
     ]
 
 
-def test_planar_fits_of_chapter_iii(summary):
-    old, now = pd.DataFrame(summary["chapters"]["planar_fits"]), fit_table(planar_fits())
+def test_planar_fits_of_chapter_iii(summary, chapter_3):
+    old, now = pd.DataFrame(summary["chapters"]["planar_fits"]), fit_table(chapter_3.fits)
     for column in ("omega_p", "omega_y", "theta_degrees", "M", "C", "xi", "sigma"):
         # a nonlinear least-squares minimum to 1e-10 of its sum of squares: parameters to half the digits
         np.testing.assert_allclose(now[column], old[column].astype(float), rtol=1e-4, atol=0.0, err_msg=column)
