@@ -465,6 +465,12 @@ def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     return run
 
 
+@pytest.fixture
+def no_layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures that nobody looks at are drawn as they stand: to fit them into their frames takes a third of the time."""
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
+
+
 class OneProcess(ThreadPoolExecutor):
     """Stands for the processes of a study, whose start takes longer than what short studies do in them."""
 

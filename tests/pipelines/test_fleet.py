@@ -110,7 +110,7 @@ def alone(records, few, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def one_law(monkeypatch):
+def one_law(monkeypatch, no_layout):
     """One candidate in this process: where the laws do not matter."""
     for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
         monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])

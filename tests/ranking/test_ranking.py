@@ -229,7 +229,7 @@ def noisy(shape: np.ndarray, scatter: float, seed: int, peaks):
     return peaks(A * shape * np.exp(scatter * rng.standard_normal(8)), 1.5 * OMEGA * A, OMEGA)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 10))])
 def test_verdict_on_clean_records_and_on_noise(seed, peaks):
     """Viscous damping at 1 % of noise fits; amplitudes of no law, a factor e either way, fit none."""
     clean = rank_laws(noisy(np.ones(8), 0.01, seed, peaks), hold_out=False).fit
