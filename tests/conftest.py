@@ -50,13 +50,31 @@ typer.main.get_command = cache(typer.main.get_command)  # commands are built onc
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 
+#: A file of more tests is run by one worker: the scheduler looks through all that a worker was given after each test.
+MANY_TESTS = 20
+
+
+@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the slow tests to ``make slow``, which asks for them by ``-m``."""
-    if "slow" in config.option.markexpr:
-        return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    items[:] = [item for item in items if item not in slow]
-    config.hook.pytest_deselected(items=slow)
+    """Leave the slow tests to ``make slow``, which asks for them by ``-m``; what is shared is on one worker."""
+    if "slow" not in config.option.markexpr:
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        items[:] = [item for item in items if item not in slow]
+        config.hook.pytest_deselected(items=slow)
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    for path, tests in files.items():
+        if len(tests) > MANY_TESTS or any(map(has_module_fixture, tests)):
+            for item in tests:
+                if not item.get_closest_marker("xdist_group"):
+                    item.add_marker(pytest.mark.xdist_group(str(path.relative_to(config.rootpath))))
+
+
+def has_module_fixture(item: pytest.Item) -> bool:
+    """Whether something is made once for the file of a test."""
+    definitions = getattr(item, "_fixtureinfo").name2fixturedefs.values()  # noqa: B009 - pytest tells it nowhere else
+    return any(one.scope == "module" for found in definitions for one in found)
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:

@@ -24,7 +24,7 @@ OMEGA_N = 10.0
 
 
 def slip_in_time(force: np.ndarray) -> np.ndarray:
-    """Resonant amplitudes with a joint that slips, by integration of the motion at the frequencies of phase resonance."""
+    """Resonant amplitudes with a joint that slips, by integration of the motion at frequencies of phase resonance."""
     whole = STRUCTURES["viscous + slip"].force
     viscous, slip = whole.forces
     joint = TrueJoint("jenkins", slip.stiffness, (slip.limit,), (1.0,))

@@ -81,7 +81,7 @@ def test_a_dwell_is_its_last_settled_window():
 def test_a_mode_swept_through_its_resonance():
     """Amplitude and phase of the slow envelope, integrated in time, where it changes within a window."""
     f_n, ratio, mass = 30.0, 0.01, 2.0
-    t, phase, frequency = swept(25.0, 36.0, 40.0)
+    _, phase, frequency = swept(25.0, 36.0, 40.0)
     k = np.log(36.0 / 25.0) / 40.0
     w_n = 2 * np.pi * f_n
 
