@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.stats import binom
 from scipy.stats import t as student
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import at_resonance
@@ -28,7 +28,8 @@ from damping.infer.evidence import brief_evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
-from damping_validation.truths import OMEGA, draw_truth, peaks, sweeps
+from damping.records.mode import Mode
+from damping_validation.truths import OMEGA, Truth, draw_truth, peaks, sweeps
 
 #: Forces predicted, relative to the largest tested one.
 RATIOS = (1.5, 2.0, 4.0)
@@ -42,6 +43,10 @@ SPANS = (1.3, 4.0)
 NOISES = (0.003, 0.04)
 #: Share of trials tested by whole sweeps.
 SWEPT_SHARE = 0.15
+#: Noise of a resonance frequency, relative, least and most: of a phase-locked dwell to that of a coarse sweep.
+FREQUENCY_NOISES = (2e-5, 1e-3)
+#: Share of trials with one frequency for all levels: that it moves was not measured.
+ONE_FREQUENCY = 0.25
 #: Posterior draws that a true value is ranked among.
 RANKED = 63
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
@@ -96,13 +101,15 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     data = peaks(tested, read)
     if swept:
         data = at_resonance(sweeps(truth.amplitude, tested, noise, 0.5 * noise, rng))
+    data = _read_frequencies(data, truth, rng.spawn(1)[0])
 
     force = tested[-1] * np.array(RATIOS)
     estimate, sampler = (
         brief_evidence if way == "fast" else evidence,
         sample_chains if way == "chains" else draw_evidence,
     )
-    predicted = extrapolate_loads(data, force, LEVEL, seed, laws=laws, estimate=estimate, sampler=sampler)
+    mode = Mode(name=name, frequency=OMEGA / RAD_S_PER_HZ, mass=truth.mass)
+    predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate, sampler=sampler)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))
@@ -119,6 +126,13 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
         winner=leading.name,
         true=leading == truth.law,
     )
+
+
+def _read_frequencies(data: Observations, truth: Truth, rng: np.random.Generator) -> Observations:
+    """The same with the resonance frequency of each level as it is read, or with one for all."""
+    noise = np.exp(rng.uniform(*np.log(FREQUENCY_NOISES)))
+    omega = truth.omega(truth.amplitude(data.tested_force)) * np.exp(noise * rng.standard_normal(len(data.A)))
+    return data if rng.random() < ONE_FREQUENCY else replace(data, omega=omega, tested_omega=omega)
 
 
 def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:

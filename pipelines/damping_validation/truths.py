@@ -1,7 +1,9 @@
 """Random structures whose damping is known, in and out of the library, tested at a few levels with noise.
 
 Amplitudes come from code of their own: the force is integrated over a closed cycle by quadrature, or stepped through it
-where it has a memory, and C(A) = F is solved on a table of ln A. Nothing here imports a force of the library.
+where it has a memory, and C(A) = F is solved on a table of ln A. Nothing here imports a force of the library. The same
+cycle gives the part S of a joint in phase with displacement, which moves the resonance: omega^2 = K/M + S/(M A).
+A force stands as S + iC.
 """
 
 from __future__ import annotations
@@ -11,12 +13,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 
-#: Frequency of every simulated resonance, rad/s.
+#: Frequency of every simulated resonance, rad/s; of one that moves, at A = 1.
 OMEGA = 10.0
+#: Damping ratio at A = 1 of structures whose resonance moves, least and most: of large structures to 5 %.
+RATIOS_OF_DAMPING = (0.002, 0.05)
+#: Largest share of the stiffness that a joint carries: when all of it slips the resonance has fallen by 5 %, as of
+#: bolted structures (Kerschen et al. 2006). Damping forces are those at ``OMEGA`` throughout.
+MOST_IN_JOINTS = 0.1
+#: Share of structures with a geometric spring beside their damping, and how far it moves the resonance from A = 0 to 1
+#: either way, least and most, relative.
+WITH_SPRING = 1.0 / 3.0
+SPRINGS = (3e-5, 3e-3)
 #: ln A of the tables; the middle of every test lies near A = 1, and slip can reach far at four times the largest force.
 _TABLE = np.linspace(-5.0, 9.0, 281)
 _A = np.exp(_TABLE)[:, None]
@@ -26,10 +37,15 @@ _CYCLE = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure drawn at random: ``log_C`` at the table's ln A; ``law`` is its own in the library, if it has one."""
+    """A structure drawn at random: ``log_C`` and ``log_omega`` at the table's ln A, generalized ``mass``.
+
+    ``law`` is its own in the library, if it has one.
+    """
 
     name: str
     log_C: FloatArray
+    log_omega: FloatArray
+    mass: float
     law: Law | None
 
     def amplitude(self, force: FloatArray) -> FloatArray:
@@ -38,39 +54,43 @@ class Truth:
         grown = grown + 1e-9 * np.arange(len(grown))
         return np.asarray(np.exp(np.interp(np.log(force), grown, _TABLE, right=np.inf)))
 
+    def omega(self, amplitude: FloatArray) -> FloatArray:
+        """Frequency of the resonance at each amplitude, rad/s."""
+        return np.asarray(np.exp(np.interp(np.log(amplitude), _TABLE, self.log_omega)))
 
-def _over_a_cycle(force: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
-    """C at the table of a force f(q, q'), (1/pi) times its integral with cos over a cycle."""
+
+def _over_a_cycle(force: Callable[[FloatArray, FloatArray], FloatArray]) -> ComplexArray:
+    """iC at the table of a damping force f(q, q'), i/pi times its integral with cos over a cycle."""
     q, velocity = _A * np.sin(_CYCLE), _A * OMEGA * np.cos(_CYCLE)
-    return np.asarray(2.0 * np.mean(force(q, velocity) * np.cos(_CYCLE), axis=1))
+    return np.asarray(2j * np.mean(force(q, velocity) * np.cos(_CYCLE), axis=1))
 
 
-def _iwan(chi: float, spike: float, limit: float) -> FloatArray:
-    """C of sliders that slip at x with density x^chi up to ``limit``, and a share ``spike`` that all slip there.
+def _iwan(chi: float, spike: float, limit: float) -> ComplexArray:
+    """S + iC of sliders that slip at x with density x^chi up to ``limit``, and a share ``spike`` that all slip there.
 
     Segalman 2005: each slider's loop is traced on its way down from A, f = max(x - (A - q), -x).
     """
     x = limit * (np.arange(60) + 0.5) / 60.0
     weight = x**chi / np.sum(x ** (chi + 1.0))
     x, weight = np.append(x, limit), np.append((1.0 - spike) * weight, spike / limit)
-    q = np.cos(np.pi * np.arange(401) / 400.0)
-    energy = np.zeros(len(_A))
+    angle = np.pi * (np.arange(400) + 0.5) / 400.0
+    force = np.zeros((len(_A), len(angle)))
     for limit_of_one, strength in zip(x, weight, strict=True):
-        down = np.maximum(np.minimum(limit_of_one, _A) - _A * (1.0 - q), -limit_of_one)
-        stuck = _A[:, 0] <= limit_of_one
-        loop = -2.0 * np.sum(0.5 * (down[:, 1:] + down[:, :-1]) * np.diff(_A * q, axis=1), axis=1)
-        energy += strength * np.where(stuck, 0.0, -loop)
-    return energy / (np.pi * _A[:, 0])
+        down = np.minimum(limit_of_one, _A) - _A * (1.0 - np.cos(angle))
+        force += strength * np.maximum(down, -limit_of_one)
+    # what is stuck does no work, to the last digit
+    work = np.where(_A[:, 0] <= x[0], 0.0, 2.0 * np.mean(-force * np.sin(angle), axis=1))
+    return 2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0)
 
 
 #: Steps of the slider within one step of the motion.
 _SUBSTEPS = 4
 
 
-def _bouc_wen(n: float, limit: float) -> FloatArray:
-    """C of dz = (1 - |z/limit|^n (1 + sign(z dq))/2) dq, stepped through three cycles."""
+def _bouc_wen(n: float, limit: float) -> ComplexArray:
+    """S + iC of dz = (1 - |z/limit|^n (1 + sign(z dq))/2) dq, stepped through three cycles."""
     q = np.sin(np.linspace(0.0, 6.0 * np.pi, 2401)) * _A
-    z, energy = np.zeros(len(_A)), np.zeros(len(_A))
+    z, energy, in_phase = np.zeros(len(_A)), np.zeros(len(_A)), np.zeros(len(_A))
     for i in range(1, q.shape[1]):
         step = q[:, i] - q[:, i - 1]
         for _ in range(_SUBSTEPS):
@@ -79,29 +99,32 @@ def _bouc_wen(n: float, limit: float) -> FloatArray:
             if i > 1600:
                 energy += 0.5 * (z + new) * step / _SUBSTEPS
             z = new
-    return np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
+        in_phase += (i > 1600) * z * q[:, i] / _A[:, 0]
+    return 2.0 * in_phase / 800.0 + 1j * np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
 
 
-def _viscous() -> FloatArray:
+def _viscous() -> ComplexArray:
     return _over_a_cycle(lambda q, v: v)
 
 
-def _velocity_power(exponent: float) -> FloatArray:
+def _velocity_power(exponent: float) -> ComplexArray:
     return _over_a_cycle(lambda q, v: np.sign(v) * np.abs(v) ** exponent)
 
 
-def _slip(limit: float) -> FloatArray:
-    """C of an elastic joint that slips: the loop of one slider."""
-    energy = 4.0 * limit * np.maximum(_A[:, 0] - limit, 0.0)
-    return energy / (np.pi * _A[:, 0])
+def _slip(limit: float) -> ComplexArray:
+    """S + iC of an elastic joint that slips: the loop of one slider, stuck over the angle psi (Caughey 1960)."""
+    A = _A[:, 0]
+    energy = 4.0 * limit * np.maximum(A - limit, 0.0)
+    psi = np.arccos(1.0 - 2.0 * np.minimum(limit / A, 1.0))
+    return A * (psi - 0.5 * np.sin(2.0 * psi)) / np.pi + 1j * energy / (np.pi * A)
 
 
 #: Seconds are spared: joints with a memory are drawn from tables made once, of shapes spread over their ranges.
-_MEMORY: dict[tuple[str, int], FloatArray] = {}
+_MEMORY: dict[tuple[str, int], ComplexArray] = {}
 
 
-def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
-    """C of an Iwan or a Bouc-Wen joint of limit 1 and one of six random shapes, its limit moved by a shift of ln A."""
+def _with_memory(name: str, rng: np.random.Generator) -> ComplexArray:
+    """S + iC of an Iwan or a Bouc-Wen joint of one of six random shapes, its limit of 1 moved by a shift of ln A."""
     number = int(rng.integers(6))
     if (name, number) not in _MEMORY:
         shape = np.random.default_rng([number, len(name)])
@@ -109,51 +132,54 @@ def _with_memory(name: str, rng: np.random.Generator) -> FloatArray:
             _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
         else:
             _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
-    moved = _TABLE - rng.uniform(np.log(0.6), np.log(6.0))
-    return np.asarray(np.exp(np.interp(moved, _TABLE, np.log(np.maximum(_MEMORY[name, number], 1e-300)))))
+    moved, joint = _TABLE - rng.uniform(np.log(0.6), np.log(6.0)), _MEMORY[name, number]
+    C = np.exp(np.interp(moved, _TABLE, np.log(np.maximum(joint.imag, 1e-300))))
+    return np.asarray(np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C)
 
 
-def _saturating(rng: np.random.Generator) -> FloatArray:
+def _saturating(rng: np.random.Generator) -> ComplexArray:
     """Damping ratio z0 + z1 A/(A0 + A)."""
     half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
     ratio = 1.0 + rng.uniform(0.5, 5.0) * _A[:, 0] / (half + _A[:, 0])
-    return np.asarray(ratio * _A[:, 0])
+    return np.asarray(1j * ratio * _A[:, 0])
 
 
-def _falling(rng: np.random.Generator) -> FloatArray:
+def _falling(rng: np.random.Generator) -> ComplexArray:
     """Damping ratio that falls from one plateau to another, z0 + z1/(1 + A/A0)."""
     half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
-    return np.asarray((1.0 + rng.uniform(0.3, 2.0) / (1.0 + _A[:, 0] / half)) * _A[:, 0])
+    return np.asarray(1j * (1.0 + rng.uniform(0.3, 2.0) / (1.0 + _A[:, 0] / half)) * _A[:, 0])
 
 
-def _growing(rng: np.random.Generator) -> FloatArray:
+def _growing(rng: np.random.Generator) -> ComplexArray:
     """Damping ratio that grows ever slower, z0 + z1 A^m with m < 1."""
-    return np.asarray((1.0 + rng.uniform(0.3, 3.0) * _A[:, 0] ** rng.uniform(0.2, 0.8)) * _A[:, 0])
+    return np.asarray(1j * (1.0 + rng.uniform(0.3, 3.0) * _A[:, 0] ** rng.uniform(0.2, 0.8)) * _A[:, 0])
 
 
-def _two_sets(rng: np.random.Generator) -> FloatArray:
+def _two_sets(rng: np.random.Generator) -> ComplexArray:
     """Two sliders of different limits beside a viscous part."""
     first, second = np.exp(rng.uniform(np.log(0.1), np.log(0.3))), np.exp(rng.uniform(np.log(0.3), np.log(0.8)))
     return _mixed(rng, _viscous(), _mixed(rng, _slip(first), _slip(second)))
 
 
-def _mixed(rng: np.random.Generator, *parts: FloatArray, least: float = 0.2) -> FloatArray:
+def _mixed(rng: np.random.Generator, *parts: ComplexArray, least: float = 0.2) -> ComplexArray:
     """Parts that carry random shares of at least ``least`` at A = 1."""
     shares = least + (1.0 - least * len(parts)) * rng.dirichlet(np.ones(len(parts)))
     at = int(np.argmin(np.abs(_TABLE)))
-    return np.asarray(sum(s * part / part[at] for s, part in zip(shares, parts, strict=True)))
+    return np.asarray(sum(s * part / part.imag[at] for s, part in zip(shares, parts, strict=True)))
 
 
-def _with_friction(rng: np.random.Generator, *parts: FloatArray) -> FloatArray:
+def _with_friction(rng: np.random.Generator, *parts: ComplexArray) -> ComplexArray:
     """The same beside friction that carries up to 0.4 at A = 1: every level has a resonance."""
     at = int(np.argmin(np.abs(_TABLE)))
     rest = _mixed(rng, *parts)
     share = rng.uniform(0.1, 0.4)
-    return np.asarray(share * _velocity_power(0.0) / _velocity_power(0.0)[at] + (1.0 - share) * rest / rest[at])
+    return np.asarray(
+        share * _velocity_power(0.0) / _velocity_power(0.0).imag[at] + (1.0 - share) * rest / rest.imag[at]
+    )
 
 
-Drawn = Callable[[np.random.Generator], FloatArray]
-#: Truths by name: how C is drawn, and the law that holds.
+Drawn = Callable[[np.random.Generator], ComplexArray]
+#: Truths by name: how S + iC is drawn, and the law that holds.
 TRUTHS: dict[str, tuple[Drawn, tuple[str, ...] | None]] = {
     "viscous": (lambda rng: _viscous(), ("viscous",)),
     "viscous + velocity-squared": (
@@ -194,8 +220,22 @@ TRUTHS: dict[str, tuple[Drawn, tuple[str, ...] | None]] = {
 def draw_truth(name: str, rng: np.random.Generator) -> Truth:
     """A structure of a kind, its C scaled to 1 at A = 1."""
     drawn, law = TRUTHS[name]
-    log_C = np.log(np.maximum(drawn(rng), 1e-300))
-    return Truth(name, log_C - np.interp(0.0, _TABLE, log_C), None if law is None else Law(law))
+    force = drawn(rng)
+    log_C = np.log(np.maximum(force.imag, 1e-300))
+    at_one = np.interp(0.0, _TABLE, log_C)
+    # what moves the resonance has draws of its own: amplitudes do not depend on it
+    log_omega, mass = _draw_resonance(force.real / _A[:, 0] * np.exp(-at_one), rng.spawn(1)[0])
+    return Truth(name, log_C - at_one, log_omega, mass, None if law is None else Law(law))
+
+
+def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:
+    """ln omega at the table, and the mass, of a structure whose joints have a ``stiffness`` S/A."""
+    ratio = np.exp(rng.uniform(*np.log(RATIOS_OF_DAMPING)))
+    if stiffness[0] > 0.0:
+        ratio = min(ratio, 0.5 * MOST_IN_JOINTS / stiffness[0])
+    spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * np.exp(rng.uniform(*np.log(SPRINGS)))
+    bent = 2.0 * ratio * (stiffness - np.interp(0.0, _TABLE, stiffness)) + 2.0 * spring * (_A[:, 0] ** 2 - 1.0)
+    return np.log(OMEGA) + 0.5 * np.log(np.maximum(1.0 + bent, 0.1)), float(0.5 / (ratio * OMEGA**2))
 
 
 def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:

@@ -14,9 +14,9 @@ from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
 from damping_pipelines.cli import main
 from damping_reed1970 import data_folder
-from damping_validation.generator.laws import TrueJoint
+from damping_validation.generator.balance import plain_rows
+from damping_validation.generator.laws import Structure, TrueJoint
 from damping_validation.generator.steady import guesses, steady
-from damping_validation.generator.structure import Structure, plain_rows
 
 STRUCTURES = {s.name: s for s in structures()}
 M = 0.3

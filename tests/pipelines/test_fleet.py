@@ -24,11 +24,11 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
-from damping_pipelines.fleet import command, runners
+from damping_pipelines import fleet as command
+from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import (
-    DataSet,
+    FleetDataSet,
     FleetResult,
     FleetSettings,
     FleetTask,
@@ -167,7 +167,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tm
 def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd, forking):
     """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
     script = (
-        "import sys; from pathlib import Path; from damping_pipelines.fleet import command\n"
+        "import sys; from pathlib import Path; from damping_pipelines import fleet as command\n"
         "command.BATCH, command.PERIOD = 2, 600.0\n"
         "records, out = map(Path, sys.argv[1:3])\n"
         f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
@@ -307,7 +307,7 @@ def test_a_record_that_lost_its_workers_is_tried_again(tmp_path, one_law):
     write_bytes(source / "bad.toml", MODE.encode())
     run = {"fast": True, "workers": 0, "max_size": SIZE}
     fleet(source, out, **run)
-    before, kept = rows_of(out), DataSet(out / "records")
+    before, kept = rows_of(out), FleetDataSet(out / "records")
     lost = failed(next(task for task in tasks_of(find_cases(source), settings())), f"{runners.DIED} under it")
     kept.keep({before[0]["key"]})
     kept.add([lost.row | {"key": before[1]["key"], "name": "good"}])
@@ -512,7 +512,7 @@ def test_outliers_are_what_stands_apart():
 
 def test_a_key_counts_once(tmp_path):
     task = next(iter(tasks_of(find_cases(_one(tmp_path)), settings())))
-    kept = DataSet(tmp_path / "set")
+    kept = FleetDataSet(tmp_path / "set")
     row = row_of(task)
     kept.add([row])
     kept.add([row, row | {"key": "other"}])

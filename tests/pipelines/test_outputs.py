@@ -21,8 +21,8 @@ from damping_pipelines.manifest import (
     sole_writer,
     verify,
 )
-from damping_pipelines.records import MOST_ROWS
 from damping_pipelines.store import write_text
+from damping_pipelines.tables import MOST_POINTS as MOST_ROWS
 from damping_validation import bands
 
 ROOT = Path(__file__).parents[2]

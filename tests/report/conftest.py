@@ -20,7 +20,7 @@ from damping.ranking import rank_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.regression.power_law import fit_power_law
+from damping.regression.fit import fit_power_law
 from damping.report.page import Section, Table
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
 from damping.report.study import Rendered, render

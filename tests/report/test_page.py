@@ -18,12 +18,22 @@ import pytest
 
 from damping.plots import to_svg
 from damping.records.view import Finding
-from damping.report import format_force_text, format_share, format_signed, number
+from damping.report import describe_written, format_force_text, format_share, format_signed, number
 from damping.report.figures import record_figures
-from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_written, render_page
+from damping.report.page import (
+    Fold,
+    Footer,
+    Heading,
+    List,
+    Section,
+    Table,
+    Text,
+    fill_text,
+    render_page,
+    write_sections,
+)
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.text import fill_text, write_sections
 
 pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 VOID = {"meta", "br", "img", "link", "input", "hr"}

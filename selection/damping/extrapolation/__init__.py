@@ -132,7 +132,7 @@ def extrapolate_loads(
         members = _list_sampled(posteriors, done)
     design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed)
+    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed, plan.joint)
     at_asked = [spread.at(slice(len(asked))) for spread in spreads]
     loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, members, loads, mode, seed, levels, tuple(spreads))

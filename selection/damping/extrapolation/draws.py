@@ -9,7 +9,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.forces.contract import Sum
-from damping.infer.doubt import extend, stray
+from damping.infer.doubt import JOINTS, extend, stray
 from damping.infer.law import Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -82,17 +82,27 @@ def pool(
 
 
 def draw_spreads(
-    members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
+    members: Sequence[Member],
+    force: FloatArray,
+    data: Observations,
+    repeatability: float,
+    seed: int,
+    joint: float = JOINTS,
 ) -> list[Spread]:
     """Draws of every law's parts at ``force`` (forces,)."""
     rng = np.random.default_rng(seed)
-    return [draw_spread(member, force, data, repeatability, rng) for member in members]
+    return [draw_spread(member, force, data, repeatability, rng, joint) for member in members]
 
 
 def draw_spread(
-    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
+    member: Member,
+    force: FloatArray,
+    data: Observations,
+    repeatability: float,
+    rng: np.random.Generator,
+    joint: float = JOINTS,
 ) -> Spread:
-    """Draws of one law's parts; NaN where a draw has no resonance."""
+    """Draws of one law's parts; NaN where a draw has no resonance. ``joint``: as of `extend`."""
     tested, asked = np.log(data.tested_force), np.log(force)
     z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
     of_law = np.log(amplitude_draws(member, np.exp(z), data))
@@ -109,7 +119,7 @@ def draw_spread(
 
     def at_forces(strays: FloatArray) -> FloatArray:
         log_A = of_law + strays
-        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond])
+        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], joint)
         return log_A[:, columns]
 
     law = at_forces(mean)

@@ -16,6 +16,7 @@ from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError
 from damping.extrapolation.near import Trend, describe_bistability, trend
 from damping.infer.best_fit import BestFit, fit_laws
+from damping.infer.doubt import JOINTS, find_joint_probability
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
@@ -55,7 +56,8 @@ class Plan:
     Attributes:
         data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
             prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
-            bistable: caution, empty where there is none or the mass is not known.
+            bistable: caution, empty where there is none or the mass is not known. joint: probability that what
+            dissipates slips, by the frequencies of the levels.
     """
 
     data: Observations
@@ -64,6 +66,7 @@ class Plan:
     limit: float
     fit: FitVerdict
     bistable: str = ""
+    joint: float = JOINTS
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
@@ -117,6 +120,7 @@ def plan_loads(
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         fit=judge_fit(fits[best.law], (fits[p.law] for p in planned), data, seed),
         bistable=describe_bistability(data, mass) if mass else "",
+        joint=find_joint_probability(data.tested_amplitude, data.tested_force, data.tested_omega, mass),
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
 from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
+from damping.infer.doubt import JOINTS
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
 
@@ -44,7 +45,13 @@ def list_cautions(
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, and what the trend of p says."""
-    return [said for said in (plan.fit.sentence, plan.bistable) if said] + _list_of_trend(force, plan)
+    slips = (
+        f"the resonance falls as where a joint slips (probability {plan.joint:.2f}): damping may stop growing beyond "
+        "the test, and the band allows for it"
+        if plan.joint > 0.5 and force > plan.data.tested_force.max()
+        else ""
+    )
+    return [said for said in (plan.fit.sentence, plan.bistable, slips) if said] + _list_of_trend(force, plan)
 
 
 def _list_of_trend(force: float, plan: Plan) -> list[str]:
@@ -158,7 +165,7 @@ def predict(
         spreads: draws at ``force``, where they were made before.
     """
     if spreads is None:
-        spreads = draw_spreads(members, force, data, repeatability, seed)
+        spreads = draw_spreads(members, force, data, repeatability, seed, plan.joint if plan else JOINTS)
     rng = np.random.default_rng(seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]

@@ -12,11 +12,18 @@ to force over a test seldom ceases to be.
 
 Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
 paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
+
+Whether damping will let go, amplitudes alone do not say; the resonance does. A joint that slips loses stiffness as it
+dissipates: while it slips in part, C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
+(n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, one that saturates too,
+leaves the frequency where it is. So the fall of M omega^2 over the loss F/A says how probable a joint is, and by that
+:func:`extend` lets slopes stray farther or less far.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import log_ndtr, logsumexp
 
 from damping.arrays import FloatArray
 
@@ -33,6 +40,20 @@ LINEAR = 0.04
 SLOWER = 0.3
 #: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
 STEEPER = 2.5
+#: Probability of a joint before the frequency is looked at: its share of the kinds of ``damping calibrate``.
+JOINTS = 1.0 / 3.0
+#: Standard deviation of a joint's fall f >= 0 (half-normal): the fall of a Masing loop, 1.5 to 9 times its loss, times
+#: the share of the loss that is the joint's and the share of its fall within the test.
+JOINT_FALL = 1.0
+#: What else moves the resonance, either way, beside a joint or without: standard deviations of f and how probable each
+#: is. Mostly next to nothing; geometric springs of any size owe nothing to the loss.
+OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
+OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
+#: Relative scatter of a measured resonance frequency, worth one level: as of :mod:`damping.extrapolation.backbone`.
+FREQUENCY_SCATTER = 3e-4
+#: By this factor strays are wider each time that a joint is twice, three times as probable as before, and upward ones
+#: narrower where it is excluded: beyond 1.4 a damper that saturates escapes above the band in a fifth of trials.
+LETS_GO = 1.3
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
@@ -84,17 +105,46 @@ def nonlinearity(p: FloatArray) -> FloatArray:
     return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
-def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray) -> FloatArray:
+def find_joint_probability(amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: float | None) -> float:
+    """Probability that what dissipates slips, from the resonances of the levels, (levels,) each.
+
+    f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
+    s its error, by the scatter about the line and ``FREQUENCY_SCATTER``. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2),
+    of all else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. ``JOINTS`` where the ``mass`` is
+    not known, or every level has the same frequency or amplitude.
+    """
+    x = amplitude - amplitude.mean()
+    spread = float(x @ x)
+    if mass is None or not np.ptp(omega) > 0.0 or not spread > 0.0:
+        return JOINTS
+    top = int(np.argmax(force))
+    stiffness = mass * (omega**2 - omega[top] ** 2) * amplitude[top] / force[top]
+    slope = float(x @ stiffness) / spread
+    left = stiffness - stiffness.mean() - slope * x
+    of_frequency = 2.0 * mass * omega[top] ** 2 * amplitude[top] / force[top]
+    variance = ((of_frequency * FREQUENCY_SCATTER) ** 2 + left @ left) / max(len(x) - 1, 1)
+    fall, error = -slope * np.ptp(x), np.sqrt(variance / spread) * np.ptp(x)
+    other = np.hypot(OTHER_FALLS, error)
+    joint = np.hypot(JOINT_FALL, other)
+    log_other = -0.5 * (fall / other) ** 2 - np.log(other)
+    log_joint = -0.5 * (fall / joint) ** 2 - np.log(joint) + np.log(2.0) + log_ndtr(fall * JOINT_FALL / other / joint)
+    odds = logsumexp(log_joint, b=OTHER_SHARES) - logsumexp(log_other, b=OTHER_SHARES)
+    return float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS))
+
+
+def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: float = JOINTS) -> FloatArray:
     """ln A (draws, grid) beyond the test, from a law's and its straying g: slopes q exp(delta/q), held in ``SLOPES``.
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
-    grow far where damping stops growing. NaN counts as steep.
+    grow far where damping stops growing. NaN counts as steep. ``joint``: probability that what dissipates slips.
     """
+    lean = joint / JOINTS - 1.0
+    up, down = STEEPER * LETS_GO**lean, LETS_GO ** max(lean, 0.0)
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
     delta = np.diff(strays, axis=1) / step
-    grown = np.minimum(np.where(delta > 0.0, STEEPER, 1.0) * delta / q, 10.0)  # far beyond ``SLOPES``
+    grown = np.minimum(np.where(delta > 0.0, up, down) * delta / q, 10.0)  # far beyond ``SLOPES``
     slope = np.clip(q * np.exp(grown), *SLOPES)
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
