@@ -34,15 +34,15 @@ from damping.ranking import Ranking, rank_laws
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
-from damping_pipelines.study import Input, read_inputs
-from damping_pipelines.study_files import StudySettings, default_study, read_settings
 from damping_reed1970 import data_folder
-from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.exhibit import source_tables
-from damping_reed1970.studies import Gaps, Studies, compute_studies, diagnose_gaps
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Dialog, Page
+
+    from damping_pipelines.study import Input
+    from damping_pipelines.study_files import StudySettings
+    from damping_reed1970.chapter_3.study import Chapter3
+    from damping_reed1970.studies import Gaps, Studies
 
 assert damping_pipelines.__doc__  # imported for its effect
 typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
@@ -110,35 +110,47 @@ def saturn() -> Callable[[str], Observations]:
 
 
 # What the chapters of the source report are made of takes seconds: files that use it are one group, on one worker.
+# What it needs is imported by it: a second that other tests do not wait for.
 
 
 @pytest.fixture(scope="session")
 def chapter_3() -> Chapter3:
     """Everything of chapter III."""
+    from damping_reed1970.chapter_3.study import chapter_3_results
+
     return chapter_3_results()
 
 
 @pytest.fixture(scope="session")
 def study_settings() -> StudySettings:
     """Settings of the Saturn V study."""
+    from damping_pipelines.study_files import default_study, read_settings
+
     return read_settings(default_study())
 
 
 @pytest.fixture(scope="session")
 def study_inputs(study_settings: StudySettings) -> list[Input]:
     """The records of that study."""
+    from damping_pipelines.study import read_inputs
+    from damping_pipelines.study_files import default_study
+
     return read_inputs(study_settings, default_study().parent)
 
 
 @pytest.fixture(scope="session")
 def studies(study_settings: StudySettings) -> Studies:
     """Studies of the other chapters, as the Saturn V study has them."""
+    from damping_reed1970.studies import compute_studies
+
     return compute_studies(study_settings.seed)
 
 
 @pytest.fixture(scope="session")
 def gaps() -> Gaps:
     """Two gaps of the report, diagnosed."""
+    from damping_reed1970.studies import diagnose_gaps
+
     return diagnose_gaps()
 
 
@@ -151,6 +163,8 @@ def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[s
 @pytest.fixture(scope="session")
 def tables_of_source(rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
     """Tables of the report beside ours."""
+    from damping_reed1970.exhibit import source_tables
+
     return source_tables(rankings)
 
 
