@@ -25,6 +25,7 @@ from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
 
+pytestmark = pytest.mark.usefixtures("no_folds")
 OMEGA = 2 * np.pi * 3.0
 MASS = 10.0
 XI = 0.01
