@@ -1,5 +1,7 @@
 """Which laws take part, what they weigh, and when a prediction is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import softmax
@@ -7,16 +9,44 @@ from scipy.special import softmax
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import plan_loads
+from damping.extrapolation.near import near_resonance, plan_loads
+from damping.infer.doubt import JOINTS
+from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.ranking import prior_masses
+from damping_validation.truths import draw_truth, peaks
 
 STRUCTURES = {s.name: s for s in structures()}
 
 
 def levels(name, number, noise=0.01, seed=0):
     return simulated_levels(STRUCTURES[name], number, 4.0, noise, np.random.default_rng(seed))
+
+
+def test_the_resonance_says_how_far_damping_may_let_go():
+    """A joint and a damper of their own code, frequencies read to 1e-4: wider either way, narrower above."""
+    force, design = np.geomspace(0.6, 1.6, 4), [6.4]
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "slip"))]
+    for name, seed in (("Bouc-Wen", 0), ("viscous + velocity-squared", 3)):
+        truth = draw_truth(name, np.random.default_rng(seed))
+        data = peaks(force, truth.amplitude(force))
+        data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
+        plan = plan_loads(data, laws, mass=truth.mass, estimate=brief_evidence)
+        loads, unknown = (
+            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=JOINTS))
+        )
+        higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
+        said = any("as where a joint slips" in caution for caution in loads.cautions[0])
+        if name == "Bouc-Wen":
+            assert plan.joint > 0.5
+            assert higher > 1.02
+            assert lower < 1.0
+            assert said
+        else:
+            assert plan.joint < 0.1
+            assert higher < 0.98
+            np.testing.assert_allclose(lower, 1.0, rtol=0.01)  # another draw of the average: the lower end is its own
+            assert not said
 
 
 @pytest.mark.parametrize("number", [3, 6])

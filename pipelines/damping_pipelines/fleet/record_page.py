@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.plan import Plan
+from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis
 from damping.infer.observations import Observations

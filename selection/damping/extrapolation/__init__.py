@@ -18,10 +18,18 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.draws import Member, Spread, amplitude_draws, draw_spreads
-from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.draws import (
+    Member,
+    NextLevel,
+    Spread,
+    amplitude_draws,
+    choose_next_level,
+    draw_spreads,
+    list_levels,
+    vary_priors,
+)
+from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
-from damping.extrapolation.what_if import NextLevel, choose_next_level, list_levels, vary_priors
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
@@ -77,7 +85,7 @@ class Extrapolation:
         return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability)
 
     def vary_priors(self) -> pd.DataFrame:
-        """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
+        """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`)."""
         spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
         return vary_priors(self.members, spreads, self.loads.force, self.loads.level, self.seed)
 

@@ -27,7 +27,7 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.plan import NEAREST, ROUNDING, Plan
+from damping.extrapolation.near import NEAREST, ROUNDING, Plan
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.observations import Observations
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
-from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
+from damping.extrapolation.near import ENOUGH_LEVELS, Plan
 from damping.infer.doubt import JOINTS
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
