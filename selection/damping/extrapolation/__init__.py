@@ -137,10 +137,10 @@ def extrapolate_loads(
         posteriors = (
             (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws
         )
-        members = _list_sampled(posteriors, done)
+        members = _list_sampled(posteriors, done, plan.joint)
     design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed, plan.joint)
+    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed)
     at_asked = [spread.at(slice(len(asked))) for spread in spreads]
     loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, members, loads, mode, seed, levels, tuple(spreads))
@@ -170,7 +170,9 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance) -> tuple[Member, ...]:
+def _list_sampled(
+    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: float
+) -> tuple[Member, ...]:
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
     for law, posterior in posteriors:
@@ -182,7 +184,7 @@ def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: 
         done(said or law.name)
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(left_out))
-    return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out)) for member in members)
+    return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out), joint=joint) for member in members)
 
 
 def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:

@@ -222,10 +222,7 @@ def join_curves(curves: Sequence[Curve]) -> Curve:
 
     return Curve(
         level=curves[0].level,
-        amplitude=join("amplitude"),
-        force=join("force"),
-        frequency=join("frequency"),
-        damping_ratio=join("damping_ratio"),
+        **{name: join(name) for name in ("amplitude", "force", "frequency", "damping_ratio")},
         tested=np.concatenate([curve.tested for curve in curves]),
         cautions=tuple(caution for curve in curves for caution in curve.cautions),
     )

@@ -41,7 +41,7 @@ _POINTS = 7
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``cautions``: what to know of the draws.
+    ``cautions``: what to know of the draws. ``joint``: probability that what dissipates slips.
     """
 
     name: str
@@ -49,6 +49,7 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     cautions: tuple[str, ...] = ()
+    joint: float = JOINTS
 
     def thin(self) -> Member:
         """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""
@@ -96,27 +97,17 @@ def pool(
 
 
 def draw_spreads(
-    members: Sequence[Member],
-    force: FloatArray,
-    data: Observations,
-    repeatability: float,
-    seed: int,
-    joint: float = JOINTS,
+    members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
 ) -> list[Spread]:
     """Draws of every law's parts at ``force`` (forces,)."""
     rng = np.random.default_rng(seed)
-    return [draw_spread(member, force, data, repeatability, rng, joint) for member in members]
+    return [draw_spread(member, force, data, repeatability, rng) for member in members]
 
 
 def draw_spread(
-    member: Member,
-    force: FloatArray,
-    data: Observations,
-    repeatability: float,
-    rng: np.random.Generator,
-    joint: float = JOINTS,
+    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Spread:
-    """Draws of one law's parts; NaN where a draw has no resonance. ``joint``: as of `extend`."""
+    """Draws of one law's parts; NaN where a draw has no resonance."""
     tested, asked = np.log(data.tested_force), np.log(force)
     z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
     of_law = np.log(amplitude_draws(member, np.exp(z), data))
@@ -133,7 +124,7 @@ def draw_spread(
 
     def at_forces(strays: FloatArray) -> FloatArray:
         log_A = of_law + strays
-        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], joint)
+        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], member.joint)
         return log_A[:, columns]
 
     law = at_forces(mean)

@@ -19,7 +19,6 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
-from damping.infer.doubt import JOINTS
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
 
@@ -165,7 +164,7 @@ def predict(
         spreads: draws at ``force``, where they were made before.
     """
     if spreads is None:
-        spreads = draw_spreads(members, force, data, repeatability, seed, plan.joint if plan else JOINTS)
+        spreads = draw_spreads(members, force, data, repeatability, seed)
     rng = np.random.default_rng(seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
