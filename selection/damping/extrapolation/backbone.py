@@ -48,7 +48,7 @@ POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 CHANGES = (3e-4, 3e-3, 3e-2)
 #: Prior probability that frequency does not change at all: hardly any structure that is driven harder.
 CONSTANT = 0.1
-#: Log standard deviation of the relative scatter of a measured resonance frequency: 5 % lie below 2.5e-5 and 5 % above 3.5e-3.
+#: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
 SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))

@@ -14,18 +14,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
 
 from damping.arrays import BoolArray, FloatArray
-from damping.errors import AnalysisError
-from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, find_joint_probability
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
-from damping.ranking import prior_masses
-from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct, judge_fit
+from damping.ranking import rank_laws
+from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
@@ -253,41 +250,22 @@ def plan_loads(
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
-    chosen, reasons, fits = [], [], {}
     laws = load_candidates(data) if laws is None else laws
-    for law, fit in zip(laws, fit_laws(laws, data), strict=True):
-        if not isinstance(fit, AnalysisError):
-            fits[law] = fit
-        try:
-            chosen.append(_judge(law, data, seed, estimate, fit))
-        except AnalysisError as error:
-            reasons.append(str(error))
-        done(law.name)
-    if not chosen:
-        raise AnalysisError("no damping law could be fitted: " + "; ".join(reasons))
-    prior = np.log(prior_masses([c.law for c, _ in chosen]))
-    weights = softmax(np.array([own.log_z for _, own in chosen]) + prior)
-    planned = [Planned(c.law, float(w), c, own) for (c, own), w in zip(chosen, weights, strict=True)]
-    best = max(planned, key=lambda p: p.weight)
+    resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
+    ranked = rank_laws(data, seed, resonating or laws, done, estimate, hold_out=False, distinct=True)
+    planned = [
+        Planned(row.law, row.weight, row.coordinates, row.evidence)
+        for row in ranked.candidates
+        if row.coordinates and row.evidence
+    ]
+    scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     return Plan(
         data=data,
-        laws=tuple(sorted(planned, key=lambda p: -p.weight)),
-        trend=trend(data, float(np.median(np.hypot(*best.coordinates.scatter(best.evidence.draws))))),
+        laws=tuple(planned),
+        trend=trend(data, float(np.median(scatter))),
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
-        fit=judge_fit(fits[best.law], (fits[p.law] for p in planned), data, seed),
+        fit=ranked.fit,
         bistable=describe_bistability(data, mass) if mass else "",
         joint=find_joint_probability(data.tested_amplitude, data.tested_force, data.tested_omega, mass),
     )
-
-
-def _judge(
-    law: Law, data: Observations, seed: int, estimate: Estimate, fit: BestFit | AnalysisError
-) -> tuple[Coordinates, Evidence]:
-    """A law's evidence on the rows near resonance."""
-    if isinstance(fit, AnalysisError):
-        raise fit
-    if not law.has_resonance:
-        raise AnalysisError(f"{law.name}: friction alone sets no resonant amplitude")
-    coordinates = Coordinates.of(law, data)
-    return coordinates, estimate(coordinates, data, seed, fit)
