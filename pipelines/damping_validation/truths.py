@@ -80,7 +80,7 @@ def _iwan(chi: float, spike: float, limit: float) -> ComplexArray:
         force += strength * np.maximum(down, -limit_of_one)
     # what is stuck does no work, to the last digit
     work = np.where(_A[:, 0] <= x[0], 0.0, 2.0 * np.mean(-force * np.sin(angle), axis=1))
-    return 2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0)
+    return np.asarray(2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0))
 
 
 #: Steps of the slider within one step of the motion.

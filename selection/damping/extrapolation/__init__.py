@@ -51,11 +51,6 @@ INSTEAD = 200
 Sampler = Callable[[Planned, Observations, np.ndarray, int], Posterior | None]
 
 
-def sample_chains(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
-    """Chains of a law in this process."""
-    return sample_candidate(law, data, forces, seed)
-
-
 def draw_evidence(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> None:
     """No chains: the draws of the evidence that weighed the law."""
 

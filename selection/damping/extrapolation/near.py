@@ -47,7 +47,8 @@ def near_resonance(record: Record) -> Observations:
         AnalysisError: no row says anything about damping.
     """
     data = observe(without_offset(record))
-    data = _rows(data, _near(data))
+    near, rows = _near(data), ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
+    data = replace(data, **{name: getattr(data, name)[near] for name in rows})
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
@@ -90,12 +91,6 @@ def _near(data: Observations) -> BoolArray:
         rows = np.flatnonzero(data.sweep == sweep)
         near[rows[np.argmin(cotangent[rows])]] = True
     return np.asarray(near)
-
-
-def _rows(data: Observations, keep: BoolArray) -> Observations:
-    """The rows marked in ``keep``."""
-    names = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-    return replace(data, **{name: getattr(data, name)[keep] for name in names})
 
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.

@@ -257,7 +257,9 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
         if not failure or steps == settings.budget:
             break
         steps = min(int(GROWTH * steps), settings.budget)
-    kept = np.stack([_keep(part, settings.kept) for part in np.split(x, settings.ensembles, axis=1)])
+    parts = x.reshape(len(x), settings.ensembles, -1, target.dimension).swapaxes(0, 1)
+    parts = parts.reshape(settings.ensembles, -1, target.dimension)
+    kept = parts[:, np.linspace(0, parts.shape[1] - 1, settings.kept).astype(int)]
     acceptance = float(np.mean(sampler.acceptance_fraction))
     return Chains(x=kept, diagnoses=diagnoses, failure=failure, steps=steps, acceptance=acceptance)
 
@@ -279,9 +281,3 @@ def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) ->
         if not d.lengths >= settings.lengths:
             return f"{d.name}: chain of {d.lengths:.0f} autocorrelation times, {settings.lengths:.0f} wanted"
     return ""
-
-
-def _keep(chain: FloatArray, kept: int) -> FloatArray:
-    """Evenly spaced draws of an ensemble, (kept, dimension)."""
-    flat = chain.reshape(-1, chain.shape[-1])
-    return np.asarray(flat[np.linspace(0, len(flat) - 1, kept).astype(int)])
