@@ -16,8 +16,9 @@ from shutil import which
 import numpy as np
 
 from benchmarks._rows import Row, Time, middle, timed
+from damping.regression.criteria import NAMES
 from damping.regression.design import Design, design_of_arrays
-from damping.regression.fit import NAMES, fit
+from damping.regression.fit import fit
 from damping.regression.subsets import Subsets, best_subsets
 
 REPEATS = 5

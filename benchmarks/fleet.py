@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 from benchmarks._structures import simulated_levels, structures
 from damping.plots import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
-from damping_pipelines.fleet import command
+from damping_pipelines import fleet as command
 from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask, row_of
 from damping_pipelines.fleet.runners import distributed

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks._rows import Row, Time, timed
-from damping.forces import DisplacementVelocity, Sum, Viscous
-from damping.forces.powers import equivalent_viscous
+from damping.forces import DisplacementVelocity, Sum, Viscous, equivalent_viscous
 from damping.predict.steady import SteadyState, steady_state
 
 #: First mode of Configuration II, sweep C (Table 4.I), with the damping force of Eq 4.1.14.

@@ -8,14 +8,14 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # each of the processes that tests start would compile everything anew: 2 s a time
@@ -41,7 +41,7 @@ from damping_reed1970.exhibit import source_tables
 from damping_reed1970.studies import Studies, compute_studies
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Dialog, Page
 
 assert damping_pipelines.__doc__  # imported for its effect
 typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
@@ -144,23 +144,43 @@ class Opened:
     requests: list[str] = field(default_factory=list)
 
 
+@pytest.fixture(scope="session")
+def open_page(browser: Browser) -> Callable[[bool], Page]:
+    """A page with or without scripts, opened once: a new one is a new process of the browser."""
+    return cache(lambda scripts: browser.new_context(java_script_enabled=scripts).new_page())
+
+
 @pytest.fixture
-def opened(browser: Browser) -> Callable[..., AbstractContextManager[Opened]]:
+def opened(open_page: Callable[[bool], Page]) -> Callable[..., AbstractContextManager[Opened]]:
     """``with opened(path, width=390, scheme="dark") as one``: a page loaded from its file."""
 
     @contextmanager
     def opening(path: Path, width: int = 1280, scheme: str = "light", scripts: bool = True) -> Iterator[Opened]:
-        size = {"width": width, "height": 900}
-        context = browser.new_context(viewport=size, color_scheme=scheme, java_script_enabled=scripts)
-        page = context.new_page()
+        page = open_page(scripts)
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(media="null", color_scheme=scheme)
+        page.mouse.move(0, 0)
         one = Opened(page)
-        page.on("console", lambda said: one.complaints.append(said.text) if said.type in ("error", "warning") else None)
-        page.on("pageerror", lambda error: one.complaints.append(str(error)))
-        page.on("dialog", lambda dialog: one.complaints.append(f"dialog {dialog.message}"))
-        page.on("request", lambda request: one.requests.append(request.url))
-        page.goto(path.as_uri())
-        yield one
-        context.close()
+
+        def refuse(dialog: Dialog) -> None:
+            one.complaints.append(f"dialog {dialog.message}")
+            dialog.dismiss()
+
+        listeners = {
+            "console": lambda said: one.complaints.append(said.text) if said.type in ("error", "warning") else None,
+            "pageerror": lambda error: one.complaints.append(str(error)),
+            "dialog": refuse,
+            "request": lambda request: one.requests.append(request.url),
+        }
+        for event, listener in listeners.items():
+            page.on(event, listener)
+        try:
+            page.goto(path.as_uri())
+            yield one
+        finally:
+            for event, listener in listeners.items():
+                page.remove_listener(event, listener)
+            page.goto("about:blank")
 
     return opening
 
@@ -249,6 +269,140 @@ def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     for process in started:
         process.stdin.close()
         process.wait()
+
+
+#: Forks a child for each line: its code, words, folder, environment, paths of modules, and files as standard streams. A
+#: child starts with everything imported that is not of this project; ``wait`` asks for the exit code of one.
+FORKING = """
+import atexit, gc, json, os, sys, traceback
+import arviz, dask.__main__, distributed.cli.dask_scheduler, distributed.cli.dask_worker, emcee, h5netcdf, jinja2
+import matplotlib.backends.backend_svg, matplotlib.figure, netCDF4, pandera.pandas, pyarrow.dataset, pyarrow.parquet
+import pydantic, rich.progress, rich.table, scipy.integrate, scipy.optimize, scipy.signal, scipy.stats, typer.main
+gc.freeze()
+for line in sys.stdin:
+    order = json.loads(line)
+    if "wait" in order:
+        child, status = os.waitpid(order["wait"], 0 if order["until it ends"] else os.WNOHANG)
+        print(json.dumps(os.waitstatus_to_exitcode(status) if child else None), flush=True)
+        continue
+    child = os.fork()
+    if child:
+        print(child, flush=True)
+        continue
+    for number, path in enumerate(order["streams"]):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT if number else os.O_RDONLY), number)
+    sys.stdin = open(0, closefd=False)
+    os.chdir(order["folder"])
+    os.environ.update(order["environment"])
+    sys.path[:0] = order["paths"]
+    sys.argv[1:], code = order["words"], 0
+    try:
+        exec(order["code"], {"__name__": "__main__"})
+    except SystemExit as stopped:
+        code = stopped.code or 0
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+    except OSError:
+        code = 120  # as Python ends then
+    os._exit(code)  # without a second for taking down what was imported
+"""
+
+
+@dataclass
+class Fork:
+    """A process of its own that runs Python code; it can be killed and waited for."""
+
+    server: Forking
+    pid: int
+    out: Path
+    err: Path
+    code: int | None = None
+
+    def poll(self, until_it_ends: bool = False) -> int | None:
+        """Its exit code, None while it runs."""
+        if self.code is None:
+            self.code = self.server.ask({"wait": self.pid, "until it ends": until_it_ends})
+        return self.code
+
+    def wait(self) -> int:
+        code = self.poll(until_it_ends=True)
+        assert code is not None
+        return code
+
+    def send(self, number: int) -> None:
+        os.kill(self.pid, number)
+
+
+class Forking:
+    """``start(code, *words)`` runs Python code in a process that has what it imports, but for this project's modules."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.count = folder, 0
+        single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # a process that forks has no threads
+        self.server = subprocess.Popen(
+            [sys.executable, "-c", FORKING],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | single,
+        )
+
+    def ask(self, order: dict[str, object]) -> int | None:
+        print(json.dumps(order), file=self.server.stdin, flush=True)
+        return json.loads(self.server.stdout.readline())
+
+    def start(
+        self,
+        code: str,
+        *words: object,
+        folder: Path | None = None,
+        paths: Iterable[Path] = (),
+        given: Path = Path(os.devnull),
+        out: Path | None = None,
+        **environment: str,
+    ) -> Fork:
+        """``given`` and ``out`` are the files (or pipes) of standard input and output."""
+        self.count += 1
+        out, err = out or self.folder / f"{self.count}.out", self.folder / f"{self.count}.err"
+        err.touch()
+        order = {
+            "code": code,
+            "words": [str(word) for word in words],
+            "streams": [str(given), str(out), str(err)],
+            "folder": str(folder or Path.cwd()),
+            "paths": [str(path) for path in paths],
+            "environment": environment,
+        }
+        pid = self.ask(order)
+        assert pid is not None
+        return Fork(self, pid, out, err)
+
+    def talk(self, code: str, **options: Any) -> tuple[Fork, TextIO, TextIO]:
+        """A process with its standard input, to write to, and its standard output, to read from."""
+        pipes = [self.folder / f"{self.count}.{name}" for name in ("asked", "answered")]
+        for pipe in pipes:
+            os.mkfifo(pipe)
+        fork = self.start(code, given=pipes[0], out=pipes[1], **options)
+        return fork, pipes[0].open("w"), pipes[1].open()
+
+    def run(self, code: str, *words: object, **options: Any) -> subprocess.CompletedProcess[str]:
+        fork = self.start(code, *words, **options)
+        done = fork.wait()
+        shown = "" if fork.out.is_char_device() else fork.out.read_text()
+        return subprocess.CompletedProcess([], done, shown, fork.err.read_text())
+
+
+@pytest.fixture(scope="session")
+def forking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Forking]:
+    """Processes that need not import what others have imported: tests that use it are one group, on one worker."""
+    forking = Forking(tmp_path_factory.mktemp("forks"))
+    yield forking
+    forking.server.stdin.close()
+    forking.server.wait()
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from damping.campaign.analysis import analyse
+from damping.campaign import analyse
 from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError, naming
@@ -19,8 +19,7 @@ from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.page import Block, FigureBlock, Footer, Section, Table, render_page
-from damping.report.text import write_sections
+from damping.report.page import Block, FigureBlock, Footer, Section, Table, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
@@ -40,9 +39,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    Raises:
-        InputError: bad usage, or files that are not understood.
-        AnalysisError: no mode that can be followed over the levels.
+    InputError: bad usage, or files that are not understood. AnalysisError: no mode that can be followed over the
+    levels.
     """
 
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))

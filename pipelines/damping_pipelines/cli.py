@@ -23,24 +23,8 @@ from typer.exceptions import TyperException
 import damping_pipelines
 from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
-from damping_pipelines import cli_files as files
-from damping_pipelines.cli_files import (
-    DEFAULT_SEED,
-    MAX_SIZE,
-    NONE,
-    Amplitudes,
-    Despite,
-    Forces,
-    Json,
-    Level,
-    MaxSize,
-    ModeOption,
-    Plot,
-    RecordArgument,
-    Seed,
-    delegate,
-)
-from damping_pipelines.exhibits import exhibit_commands
+from damping_pipelines import cli_files as options
+from damping_pipelines.cli_files import delegate
 
 
 def _show_version(wanted: bool) -> None:
@@ -89,7 +73,7 @@ def begin() -> None:
 
 
 @app.command()
-@delegate("study", "run_study")
+@delegate(".study", "run_study")
 def study(
     settings_file: Annotated[
         Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
@@ -98,78 +82,77 @@ def study(
     seed: Annotated[int | None, Option(help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, Option("--png", help="Figures as PNG beside the SVG.")] = False,
     pdf: Annotated[bool, Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
-    despite: Despite = NONE,
+    despite: options.Despite = options.NONE,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
 
 
 @app.command()
-@delegate("records")
+@delegate(".tables")
 def check(
-    record: RecordArgument,
+    record: options.RecordArgument,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="The mode that the record is to be of.")] = None,
-    json_out: Json = None,
-    max_size: MaxSize = MAX_SIZE,
+    json_out: options.Json = None,
+    max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
     """Ask whether a record is what it seems to be: units, phases, cuts, copies; ends 1 where no answer can be right."""
 
 
 @app.command()
-@delegate("rank")
+@delegate(".rank")
 def rank(
-    record: RecordArgument,
-    mode: ModeOption,
-    json_out: Json = None,
-    plot: Plot = None,
-    seed: Seed = DEFAULT_SEED,
-    despite: Despite = NONE,
-    max_size: MaxSize = MAX_SIZE,
+    record: options.RecordArgument,
+    mode: options.ModeOption,
+    json_out: options.Json = None,
+    plot: options.Plot = None,
+    seed: options.Seed = options.DEFAULT_SEED,
+    despite: options.Despite = options.NONE,
+    max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
     """List every candidate damping law, best first."""
 
 
 @app.command()
-@delegate("rank")
+@delegate(".rank")
 def extrapolate(
-    record: RecordArgument,
-    mode: ModeOption,
-    force: Forces = NONE,
-    amplitude: Amplitudes = NONE,
-    level: Level = 0.9,
-    json_out: Json = None,
-    plot: Plot = None,
-    seed: Seed = DEFAULT_SEED,
-    despite: Despite = NONE,
-    max_size: MaxSize = MAX_SIZE,
+    record: options.RecordArgument,
+    mode: options.ModeOption,
+    force: options.Forces = options.NONE,
+    amplitude: options.Amplitudes = options.NONE,
+    level: options.Level = 0.9,
+    json_out: options.Json = None,
+    plot: options.Plot = None,
+    seed: options.Seed = options.DEFAULT_SEED,
+    despite: options.Despite = options.NONE,
+    max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
     """Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands."""
 
 
 @app.command()
-@delegate("rank")
+@delegate(".rank")
 def curve(
-    record: RecordArgument,
-    mode: ModeOption,
-    amplitude: Amplitudes = NONE,
-    force: Forces = NONE,
-    level: Level = 0.9,
-    json_out: Json = None,
-    plot: Plot = None,
-    seed: Seed = DEFAULT_SEED,
-    despite: Despite = NONE,
-    max_size: MaxSize = MAX_SIZE,
+    record: options.RecordArgument,
+    mode: options.ModeOption,
+    amplitude: options.Amplitudes = options.NONE,
+    force: options.Forces = options.NONE,
+    level: options.Level = 0.9,
+    json_out: options.Json = None,
+    plot: options.Plot = None,
+    seed: options.Seed = options.DEFAULT_SEED,
+    despite: options.Despite = options.NONE,
+    max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
     """Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked."""
 
 
 #: Commands whose options stand elsewhere.
-_FURTHER = {
-    **{name.rstrip("_"): getattr(files, name) for name in ("gap", "campaign", "import_", "export", "compare")},
-    **{name: getattr(files, name) for name in ("verify", "fleet", "regress", "sweep", "condition")},
-    **exhibit_commands(),
-}
-for _name, _command in _FURTHER.items():
-    app.command(_name)(_command)
+_FURTHER = (
+    *("gap", "campaign", "import_", "export", "compare", "verify", "fleet", "regress", "sweep", "condition"),
+    *("blind", "bands", "calibrate"),
+)
+for _name in _FURTHER:
+    app.command(_name.rstrip("_"))(getattr(options, _name))
 
 #: The example that the help of each command ends with.
 EXAMPLES = {

@@ -38,19 +38,19 @@ Command = Callable[..., None]
 
 
 def delegate(module: str, function: str = "") -> Callable[[Command], Command]:
-    """What a command does: a function (of its own name) of a module of this package, loaded when the command runs."""
+    """What a command does: a function (of its own name) of a module, which is loaded when the command runs."""
 
     def decorate(options: Command) -> Command:
         @wraps(options)
         def run(**given: Any) -> None:
-            getattr(import_module(f"damping_pipelines.{module}"), function or options.__name__)(**given)
+            getattr(import_module(module, "damping_pipelines"), function or options.__name__)(**given)
 
         return run
 
     return decorate
 
 
-@delegate("gap")
+@delegate(".gap")
 def gap(
     model: Annotated[Path, Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
     records: Annotated[
@@ -74,7 +74,7 @@ def gap(
     """Diagnose the gap between a simulation and a test."""
 
 
-@delegate("campaign")
+@delegate(".campaign")
 def campaign(
     sources: Annotated[
         list[Path], Argument(metavar="FILE...", help="UFF, HDF5 with a group a run, or tables of free decays.")
@@ -105,7 +105,7 @@ def campaign(
     """A laboratory's files, several levels, modes and sensors, to the answer."""
 
 
-@delegate("import_")
+@delegate(".import_")
 def import_(
     file: Annotated[
         Path, Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in readings.")
@@ -162,7 +162,7 @@ def import_(
     """
 
 
-@delegate("export")
+@delegate(".export")
 def export(
     source: Annotated[Path, Argument(metavar="SOURCE", help="Record (CSV), or a ranking or loads form (JSON).")],
     out: Annotated[Path, Option(metavar="FILE", help="Its ending says the format: .uff, .unv, .csv or .parquet.")],
@@ -181,17 +181,17 @@ def export(
     """Records, rankings and loads to other formats and units; damping to a structural code."""
 
 
-@delegate("compare")
+@delegate(".compare")
 def compare(folders: Folders, out: Annotated[Path, Option(metavar="FILE.html", help="The page written.")]) -> None:
     """Set studies side by side: rankings, predictions, posteriors."""
 
 
-@delegate("compare", "check")
+@delegate(".compare", "check")
 def verify(folders: Folders) -> None:
     """Check that every file of a folder is of one finished run."""
 
 
-@delegate("tables")
+@delegate(".tables")
 def regress(
     data: Annotated[list[Path], Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
     response: Annotated[str, Option(metavar="COL", help="The dependent column.")],
@@ -207,7 +207,7 @@ def regress(
     """The SHARE multivariate regression program on any table (report, section 5.2)."""
 
 
-@delegate("records")
+@delegate(".tables")
 def sweep(
     model: Annotated[Path, Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
     force: Annotated[list[float], Option(metavar="F", help="Force level; repeat for several.")],
@@ -219,7 +219,7 @@ def sweep(
     """Steady-state sweeps of a model, as a record."""
 
 
-@delegate("tables")
+@delegate(".tables")
 def condition(
     raw: Annotated[Path, Argument(metavar="RAW.csv", help="Accelerometer table.")],
     config: Annotated[Path, Option(metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")],
@@ -230,7 +230,7 @@ def condition(
     """Accelerometer table to modal record (report, chapter III)."""
 
 
-@delegate("fleet.command")
+@delegate(".fleet")
 def fleet(
     records: Annotated[
         Path, Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
@@ -259,3 +259,36 @@ def fleet(
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Rank, extrapolate and diagnose many records on Dask."""
+
+
+Jobs = Annotated[int | None, Option(min=1, max=MOST_PROCESSES, help="Processes.")]
+
+
+@delegate("damping_validation.blind")
+def blind(
+    out: Folder = Path("results/blind"),
+    cases: Annotated[int, Option(max=100_000, help="Number of cases.")] = 2000,
+    seed: Annotated[int | None, Option(help="Seed; without it the one kept for blind cases.")] = None,
+    jobs: Jobs = None,
+    follow: Annotated[bool, Option("--next", help="Make every test that is proposed, diagnose again.")] = False,
+) -> None:
+    """Check the diagnosis on generated data whose effect is withheld."""
+
+
+@delegate("damping_validation.bands", "bands_page")
+def bands(
+    records: Annotated[Path, Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
+    out: Folder,
+    seed: Seed = DEFAULT_SEED,
+) -> None:
+    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
+
+
+@delegate("damping_validation.calibrate")
+def calibrate(
+    out: Folder,
+    quick: Annotated[bool, Option("--quick", help="A tenth of the trials, to try it.")] = False,
+    seed: Seed = DEFAULT_SEED,
+    jobs: Jobs = None,
+) -> None:
+    """Check on known structures that bands and posteriors hold what they say."""

@@ -33,9 +33,8 @@ _POSTERIORS = ["law", "parameter", "unit", "low", "median", "high"]
 def compare(folders: Sequence[Path], out: Path) -> None:
     """Write the page that sets the studies in ``folders``, or the records of one, side by side.
 
-    Raises:
-        InputError: fewer than two records, a folder that is no finished study, or whose files are of two runs; an
-            ``out`` that is a file of one of the studies.
+    InputError: fewer than two records, a folder that is no finished study, or whose files are of two runs; an ``out``
+    that is a file of one of the studies.
     """
     if len(folders) > MOST_STUDIES:
         raise InputError(f"{len(folders)} folders", expected=f"up to {MOST_STUDIES} folders of studies")

@@ -24,8 +24,7 @@ from damping.report import (
     format_signed,
     number,
 )
-from damping.report.page import Block, Footer, Table, render_page
-from damping.report.text import write_sections
+from damping.report.page import Block, Footer, Table, render_page, write_sections
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0

@@ -58,9 +58,7 @@ def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str
     Args:
         code: one of ``CODES``. content: the form as it was read, whose hash goes into the comments. source: its name.
 
-    Raises:
-        InputError: an unknown code.
-        AnalysisError: no level of the form has a damping ratio, or not what the code needs.
+    InputError: an unknown code. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
     if code not in CODES:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(CODES))
@@ -184,10 +182,8 @@ def _write_openfast(levels: Sequence[LoadLevel], comment: str) -> str:
 def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
 
-    The low bound of damping is the force that the low ratio means: F low/median.
-
-    Raises:
-        AnalysisError: the form holds no forces and amplitudes.
+    The low bound of damping is the force that the low ratio means: F low/median. AnalysisError: the form holds no
+    forces and amplitudes.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
 

@@ -49,10 +49,9 @@ def export(
         text: values of a universal file as text, not as bytes.
         to: structural code for which damping is written, in its own format; a form is asked for then.
 
-    Raises:
-        InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things,
-            or of a ranking, which is not converted.
-        AnalysisError: a record that a universal file cannot hold, or a mode that cannot be converted.
+    InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things, or of a
+    ranking, which is not converted. AnalysisError: a record that a universal file cannot hold, or a mode that cannot be
+    converted.
     """
     if to is not None:
         if units or given or mode or mode_out or text:
@@ -89,8 +88,7 @@ def export(
 def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZE) -> None:
     """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
 
-    Raises:
-        InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
+    InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
     """
     refuse_inputs("--out", out, source)
     content = read_bytes(source, max_size)

@@ -22,7 +22,6 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import digest_file, versions
-from damping_pipelines.records import report_findings
 from damping_pipelines.store import (
     check_picture,
     refuse_inputs,
@@ -32,7 +31,7 @@ from damping_pipelines.store import (
     write_plain,
     write_text,
 )
-from damping_pipelines.terminal import console, end_with_parent, progress
+from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
 
 FORMAT = "gap/1"
 
@@ -40,8 +39,7 @@ FORMAT = "gap/1"
 def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path | None, tuple[tuple[Path, Path], ...]]:
     """The first record, if any, and each model of ``--with`` with the record that follows it.
 
-    Raises:
-        InputError: not one record a model.
+    InputError: not one record a model.
     """
     if len(records) != len(models) + bool(records):
         raise InputError(
@@ -68,11 +66,8 @@ def gap(
     """Diagnose one record, or, without ``records``, every case of the folder ``model`` into the folder ``json_out``.
 
     ``posterior`` is on unless False for one record, and off for a folder. ``states``: models of further states of the
-    structure, whose records follow the first. ``simulator``: ``MODULE:FUNCTION``.
-
-    Raises:
-        InputError: bad usage or input.
-        AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
+    structure, whose records follow the first. ``simulator``: ``MODULE:FUNCTION``. InputError: bad usage or input.
+    AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     record, further = pair_states(records, states)
     if record is None:
@@ -116,8 +111,7 @@ def gap(
 def import_simulator(name: str) -> Simulate:
     """The function of ``MODULE:FUNCTION``, looked for in the working folder first.
 
-    Raises:
-        InputError: no such module or function.
+    InputError: no such module or function.
     """
     module, _, function = name.partition(":")
     if not module or not function:
@@ -163,9 +157,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns the exit code: 0, or 1 if any failed.
-
-    Raises:
-        InputError: ``cases`` is no folder, or holds no case.
+    InputError: ``cases`` is no folder, or holds no case.
     """
     if not cases.is_dir():
         raise InputError("no such folder", file=cases, expected="MODEL.toml RECORD.csv, or a folder of cases")

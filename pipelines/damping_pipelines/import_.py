@@ -12,18 +12,17 @@ import pandas as pd
 from rich.console import Console
 
 from damping.errors import InputError, escape_control, naming
+from damping.formats import Imported, Series, Stated, Summary
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.reading import read_file
-from damping.formats.series import Imported, Series, Stated, Summary
 from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
-from damping_pipelines.records import report_findings
 from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import PlainTable, console
+from damping_pipelines.terminal import PlainTable, console, report_findings
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,7 @@ def import_(
 ) -> None:
     """:func:`import_file` with what the command line says of the file.
 
-    Raises:
-        InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
+    InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
     """
     parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
     given = {name: value for name, value in parts.items() if value is not None}
@@ -98,11 +96,8 @@ def import_file(
     """Read a file, write its record and print what was understood (form ``import/1`` where asked).
 
     ``decay`` is for time histories, which are free decays of one mode; without it the file holds steady states.
-
-    Raises:
-        InputError: a file that cannot be read, or something that neither the file nor the user says.
-        Refused: the record cannot be what it seems, and the check is not among ``despite``.
-        AnalysisError: no decay that can be used.
+    InputError: a file that cannot be read, or something that neither the file nor the user says. Refused: the record
+    cannot be what it seems, and the check is not among ``despite``. AnalysisError: no decay that can be used.
     """
     inputs = [file, *([decay.mode] if decay else [])]
     refuse_inputs("--out", out, *inputs)

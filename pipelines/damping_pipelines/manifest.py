@@ -101,9 +101,8 @@ def publish(
     Args:
         kept: names of files that the run has written into the folder already, to be sealed with the others.
 
-    Raises:
-        InputError: a file cannot be written, or one stands there that no run has written; the earlier results are as
-            they were.
+    InputError: a file cannot be written, or one stands there that no run has written; the earlier results are as they
+    were.
     """
     refuse_foreign(folder, files)
     outputs = {name: digest(content) for name, content in files.items()}
@@ -154,8 +153,7 @@ def _outputs_of_before(folder: Path) -> set[str]:
 def open_folder(folder: Path) -> Folder:
     """A folder of results by its manifest, whose files are checked when they are read.
 
-    Raises:
-        InputError: no manifest, not one of ours, or one that names files outside the folder.
+    InputError: no manifest, not one of ours, or one that names files outside the folder.
     """
     path = folder / MANIFEST
     if not folder.is_dir():
@@ -190,8 +188,7 @@ def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     Args:
         names: outputs that are known beforehand, so that a file in their way is told before the work.
 
-    Raises:
-        InputError: the folder cannot be written, another run holds it, or a user's own file is in the way.
+    InputError: the folder cannot be written, another run holds it, or a user's own file is in the way.
     """
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)

@@ -22,9 +22,17 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
-from damping_pipelines.records import report_findings
 from damping_pipelines.store import check_picture, refuse_inputs, refuse_twice, write_picture, write_plain
-from damping_pipelines.terminal import Notes, PlainTable, console, number, progress, show_cautions, suggest
+from damping_pipelines.terminal import (
+    Notes,
+    PlainTable,
+    console,
+    number,
+    progress,
+    report_findings,
+    show_cautions,
+    suggest,
+)
 
 #: Laws whose coefficients are shown.
 MOST_LAWS = 3

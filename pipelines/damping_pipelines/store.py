@@ -37,9 +37,7 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
     """Write ``chunks`` one after the other to ``path``; the folder is made when it is missing.
 
     A file is replaced, atomically; behind a link, the file that the link leads to. A pipe or a device is written to.
-
-    Raises:
-        InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
+    InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
     """
     make_folder(path.parent)
     try:
@@ -199,11 +197,7 @@ LONGEST_PRINT = 60
 
 
 def print_answer(page: str) -> bytes:
-    """The section ``answer`` of a page as PDF, by Chromium.
-
-    Raises:
-        AnalysisError: there is no Chromium, or it cannot print.
-    """
+    """The section ``answer`` of a page as PDF, by Chromium. AnalysisError: there is no Chromium, or it cannot print."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise AnalysisError(f"--pdf: none of {', '.join(BROWSERS)} is installed; print report.html from any browser")

@@ -30,13 +30,18 @@ from damping.records.audit import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.regression.power_law import PowerLaw, fit_power_law
+from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import digest_file, sole_writer, versions
-from damping_pipelines.records import report_findings
-from damping_pipelines.study_files import RecordSettings, StudySettings, default_study, read_settings, write_study
-from damping_pipelines.terminal import end_with_parent, progress
+from damping_pipelines.study_files import (
+    RecordSettings,
+    StudySettings,
+    default_study,
+    read_settings,
+    source_report,
+    write_study,
+)
+from damping_pipelines.terminal import end_with_parent, progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
@@ -154,8 +159,7 @@ def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
     """Which laws predict, and with what weight; None where none can and no design load is asked for.
 
-    Raises:
-        AnalysisError: no law can carry the forces of a record with design forces.
+    AnalysisError: no law can carry the forces of a record with design forces.
     """
     near = [near_resonance(record.record) for record in inputs]
     laws = [load_candidates(data) for data in near]

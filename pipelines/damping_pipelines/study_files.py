@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -29,15 +31,16 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
+from damping.extrapolation.prediction import Loads
 from damping.forces import force_class
 from damping.infer.checks import inference_data
+from damping.ranking import Ranking
 from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
-from damping.report.results import LawPosterior, RecordResult, StudyResult, describe_file_stem
+from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render
-from damping_pipelines.exhibits import source_report
 from damping_pipelines.manifest import publish
 from damping_pipelines.store import print_answer, refuse_inputs, to_json, to_png
 
@@ -91,6 +94,28 @@ class StudySettings(_Table):
         return records
 
 
+class StartedExhibit(Protocol):
+    """An exhibit whose longest work is under way in other processes."""
+
+    def finish(self, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]) -> Exhibit:
+        """Wait for it and do the rest; ``rankings`` and ``loads`` (of records with design forces) by record."""
+
+
+class ExhibitModule(Protocol):
+    """What the module of an exhibit has."""
+
+    def start(self, pool: Executor, seed: int) -> StartedExhibit:
+        """Start what needs no results of the study."""
+
+    def settings_file(self) -> Path:
+        """Settings of the study that the exhibit is about."""
+
+
+def source_report() -> ExhibitModule:
+    """The exhibit that ``source_report = true`` asks for, the one known: the report of 1970 recomputed."""
+    return cast(ExhibitModule, import_module("damping_reed1970.exhibit"))
+
+
 def default_study() -> Path:
     """The settings of the Saturn V study."""
     return source_report().settings_file()
@@ -99,8 +124,7 @@ def default_study() -> Path:
 def read_settings(path: Path) -> StudySettings:
     """Read and check a study's settings.
 
-    Raises:
-        InputError: with file, line and key of the first thing that is wrong, and what was expected.
+    InputError: with file, line and key of the first thing that is wrong, and what was expected.
     """
     return read_schema(read_toml(path), StudySettings, {"records": "[[records]], one for each record"})
 
@@ -111,10 +135,8 @@ def write_study(
     """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
-    PNG too. ``pdf``: the answer as ``report.pdf``.
-
-    Raises:
-        InputError: a file cannot be written, or is one of the inputs or a user's own.
+    PNG too. ``pdf``: the answer as ``report.pdf``. InputError: a file cannot be written, or is one of the inputs or a
+    user's own.
     """
     files = render_files(study)
     if png:

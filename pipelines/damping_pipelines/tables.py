@@ -1,7 +1,12 @@
-"""Commands on tables: ``damping regress`` (form ``regress/1``) and ``damping condition`` (report, chapter III)."""
+"""Commands on tables and records as they come.
+
+``damping regress`` (form ``regress/1``), ``damping condition`` (report, chapter III), ``damping check`` (is a record
+what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).
+"""
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -9,11 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import typer
 
 import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.records.reading import read_table
+from damping.records.audit import Audit, audit
+from damping.records.mode import Mode, Units, read_mode
+from damping.records.reading import read_record, read_table
 from damping.records.record import record_to_csv
 from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
@@ -24,8 +32,8 @@ from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_plain, write_text
-from damping_pipelines.terminal import PlainTable, console
+from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
+from damping_pipelines.terminal import PlainTable, console, number, progress
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -76,9 +84,8 @@ def run_regress(
 ) -> list[RegressionResult]:
     """Every curve on every table, tables outermost; all is parsed and read before anything is fitted.
 
-    Raises:
-        InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
-        AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
+    InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
+    AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
     parsed = [parse_terms(curve) for curve in curves]
     wanted = response.strip()
@@ -129,10 +136,10 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
 
     drawn: dict[str, str] = {}
-    for number, result in enumerate(results, start=1):
+    for place, result in enumerate(results, start=1):
         d, response = result.deviations, result.design.response
         for name, x in _variables(result).items():
-            curve = f"{number}-" if len(results) > 1 else ""
+            curve = f"{place}-" if len(results) > 1 else ""
             stem = _describe_unused(
                 f"{_describe_file_name(Path(result.data).stem)}-{curve}deviations-{_describe_file_name(name)}", drawn
             )
@@ -169,9 +176,8 @@ def _describe_unused(stem: str, taken: Mapping[str, str]) -> str:
 def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
     """Condition a raw table, write the record and, where asked, one CSV a step; say what each step did.
 
-    Raises:
-        InputError: a description or a table that cannot be read or contradicts itself.
-        AnalysisError: the steps that are asked for cannot be done on this table.
+    InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the steps that are
+    asked for cannot be done on this table.
     """
     refuse_inputs("--out", out, raw, config)
     description = read_description(config)
@@ -219,3 +225,68 @@ def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, 
     names = {what: getattr(description.units, what) for what in ("force", "length", "time")}
     units = ", ".join(f"{what} in {unit}" for what, unit in names.items() if unit) or "one consistent system"
     terminal.print(f"{out}: {len(steps[-1].after)} rows of {len(steps[0].before)}. Units: {units}.")
+
+
+#: Rows of a record that is computed: minutes, and far more than any analysis takes.
+MOST_POINTS = 100_000
+
+
+def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) -> None:
+    """Audit a record, print findings and what its sweeps imply, write the form; exit 1 where a finding refuses."""
+    refuse_inputs("--json", json_out, record, *([mode] if mode else []))
+    measured = read_record(record, max_size=max_size)
+    described = None if mode is None else read_mode(mode, max_size=max_size)
+    findings = audit(measured, described)
+    if json_out is not None:
+        write_json(json_out, findings.to_json())
+    if json_out != "-":
+        _print_audit(findings, described)
+    if findings.verdict == "refuse":
+        raise typer.Exit(1)
+
+
+def _print_audit(findings: Audit, mode: Mode | None) -> None:
+    out = console()
+    out.print(str(findings))
+    units = mode.units if mode else Units()
+    named = (("force", units.force), ("amplitude", units.length))
+    measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
+    headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
+    table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))
+    for row in findings.implied.to_dict(orient="records"):
+        numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
+        table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))
+    out.print(table)
+
+
+def sweep(model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
+    """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
+
+    InputError: a bad option, or a model file that cannot be read. AnalysisError: the model has an effect that is not
+    simulated, or no steady state somewhere in a sweep.
+    """
+    refuse_inputs("--out", out, model)
+    hertz = _read_frequencies(frequency)
+    if len(hertz) * len(force) > MOST_POINTS:
+        raise InputError(
+            f"{len(hertz) * len(force)} rows", expected=f"{MOST_POINTS} rows (points times forces) at most"
+        )
+    swept = damping.sweep(
+        read_mode(model), force=force, frequency=hertz, direction=direction, method=method, progress=progress
+    )
+    write_text(out, record_to_csv(swept.record))
+
+
+def _read_frequencies(text: str) -> FloatArray:
+    """LO:HI:N as N equally spaced frequencies from LO to HI, Hz."""
+    expected = "LO:HI:N with 0 < LO < HI in Hz and N >= 2 points"
+    parts = text.split(":")
+    try:
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        raise InputError(f"--frequency {text!r} is not understood", expected=expected) from None
+    if count > MOST_POINTS:
+        raise InputError(f"--frequency {text!r}: {count} points", expected=f"{MOST_POINTS} points at most")
+    if len(parts) != 3 or not (0.0 < low < high < math.inf and count >= 2):
+        raise InputError(f"--frequency {text!r} is out of range", expected=expected)
+    return np.linspace(low, high, count)

@@ -2,17 +2,18 @@
 
 Tables on the terminal: numbers in columns, cautions as numbered notes below.
 
-Worker processes that end with the process that started them.
+What the audit of a record finds, said before any work on it. Processes that end with their parent, work with an end.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
 import multiprocessing
 import os
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import wrap
 
@@ -20,6 +21,9 @@ from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
 from damping.progress import Advance
+from damping.records.audit import Audit, audit
+from damping.records.mode import Mode
+from damping.records.record import Record
 from damping_pipelines import QUIET
 
 
@@ -221,6 +225,18 @@ def suggest(*lines: str) -> None:
             console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)
 
 
+def report_findings(record: Record, mode: Mode | None, despite: Collection[str] = ()) -> Audit:
+    """The audit of a record before any work on it; its findings go to standard error.
+
+    Refused: a finding refuses that is not among the checks named in ``despite``.
+    """
+    findings = audit(record, mode)
+    findings.require(despite)
+    for finding in findings.findings:
+        print(f"damping: {record.source}: {finding}", file=sys.stderr)
+    return findings
+
+
 def end_with_parent() -> None:
     """Initializer of a pool: when the parent is gone, even killed, this process ends instead of waiting for ever."""
     parent = multiprocessing.parent_process()
@@ -232,3 +248,32 @@ def end_with_parent() -> None:
         os._exit(1)  # nobody is left who could be told
 
     threading.Thread(target=watch, daemon=True, name="end-with-parent").start()
+
+
+class OutOfTimeError(BaseException):
+    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()

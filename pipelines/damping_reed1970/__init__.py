@@ -20,7 +20,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping_pipelines.exhibits import shipped_folder
+from damping_pipelines import shipped_folder
 
 Version = Literal["printed", "corrected", "used"]
 Run = Literal["E3", "E4"]
@@ -34,8 +34,7 @@ TABLE_NAMES = (
 def data_folder() -> Path:
     """Folder with ``saturn-v``: the packaged copy where there is one, else the repository's.
 
-    Raises:
-        InputError: neither exists (an incomplete installation).
+    InputError: neither exists (an incomplete installation).
     """
     return shipped_folder(Path(__file__).resolve().parent, "saturn-v").parent
 
@@ -51,8 +50,7 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
         run: of Table 5.IV as used, the inputs of the two-term run ``"E3"`` (Eq. 5.3.14) or of the one-term runs
             ``"E4"`` (Eq. 5.3.15 and the viscous one of section 5.3): the report changed one energy between them.
 
-    Raises:
-        InputError: unknown name, version or run; the message lists the choices.
+    InputError: unknown name, version or run; the message lists the choices.
     """
     key = _choose(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
     _choose(version, get_args(Version), "version of a table")

@@ -23,8 +23,7 @@ from matplotlib.figure import Figure
 
 from damping.plots import to_svg
 from damping.report import count, format_joined
-from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text
-from damping.report.text import join_lines, write_blocks
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text, join_lines, write_blocks
 
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)

@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, styled
 from damping.report import number
-from damping.report.page import Block, Section, Table
-from damping.report.text import join_lines, write_blocks
+from damping.report.page import Block, Section, Table, join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
 from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
 

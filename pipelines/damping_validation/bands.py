@@ -35,7 +35,7 @@ from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report import forms
-from damping.report.text import fill_text
+from damping.report.page import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.terminal import progress
@@ -80,23 +80,21 @@ class BandResult:
     left_out: pd.DataFrame
 
 
-def bands_page(folder: Path, out: Path, seed: int) -> None:
-    """Predict for every ``NAME/record.csv`` with ``NAME/mode.toml`` under ``folder``; write page, tables and figures.
+def bands_page(records: Path, out: Path, seed: int) -> None:
+    """Predict for every ``NAME/record.csv`` with ``NAME/mode.toml`` under ``records``; write page, tables and figures.
 
-    Nothing of a record is copied: only predictions, resonances derived from it and figures are written.
-
-    Raises:
-        InputError: no such records, or a bad one.
+    Nothing of a record is copied: only predictions, resonances derived from it and figures are written. InputError: no
+    such records, or a bad one.
     """
-    names = sorted(path.parent.name for path in folder.glob("*/record.csv"))
+    names = sorted(path.parent.name for path in records.glob("*/record.csv"))
     if not names:
-        raise InputError("no records", file=folder, expected="folders with record.csv and mode.toml")
+        raise InputError("no records", file=records, expected="folders with record.csv and mode.toml")
     outputs = [f"{name}{ending}" for name in names for ending in (".png", ".csv", "-left-out.csv")]
     read = [f"{name}/{file}" for name in names for file in ("record.csv", "mode.toml")]
-    inputs = {name: digest(read_bytes(folder / name, MAX_SIZE)) for name in read}
+    inputs = {name: digest(read_bytes(records / name, MAX_SIZE)) for name in read}
     with sole_writer(out, ["README.md", *outputs]):
         files: dict[str, bytes] = {}
-        results = [predict_structure(folder / name, seed) for name in names]
+        results = [predict_structure(records / name, seed) for name in names]
         for band in results:
             files[f"{band.name}.png"] = to_png(draw_real_bands(band), _DPI)
             files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()

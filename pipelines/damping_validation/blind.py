@@ -55,9 +55,7 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
     Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
     kept for blind cases. ``follow``: every test that an answer proposes in numbers is made on the truth of its case,
     its rows stand after the case's own in ``next/cases/NAME``, and ``next/answers/NAME.json`` is the answer to both.
-
-    Raises:
-        InputError: fewer than one case, or an ``out`` that holds the cases of another run.
+    InputError: fewer than one case, or an ``out`` that holds the cases of another run.
     """
     seed = BLIND_SEED if seed is None else seed
     if cases < 1:
@@ -147,8 +145,7 @@ def _processor_time() -> float:
 def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
     """The verdicts, from labels that are still those whose SHA-256 was recorded before the diagnosis.
 
-    Raises:
-        InputError: labels that were changed since, or an answer of another form.
+    InputError: labels that were changed since, or an answer of another form.
     """
     content = labels.read_bytes()
     if hashlib.sha256(content).hexdigest() != sealed:
@@ -159,8 +156,7 @@ def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
 def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
     """The verdicts of all labelled cases; a missing answer counts as a failed one.
 
-    Raises:
-        InputError: an answer that is neither ``gap/1`` nor an error.
+    InputError: an answer that is neither ``gap/1`` nor an error.
     """
     rig = frozenset(labels.get("rig", ()))
     return [judge(name, label, read_answer(answers / f"{name}.json"), rig) for name, label in labels["cases"].items()]

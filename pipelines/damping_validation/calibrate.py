@@ -21,7 +21,7 @@ from damping.arrays import FloatArray
 from damping.infer.law import Law
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled, to_png
 from damping.records.record import record_to_csv
-from damping.report.text import fill_text
+from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_tables as tables

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure as Drawing
 
 from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_png, to_svg
 from damping.report.page import FigureBlock, Footer, Section, Table, Text, render_page
-from damping_pipelines.exhibits import shipped_folder
+from damping_pipelines import shipped_folder
 from damping_validation.scorer import DETECTABLE, Figure, Goal, Verdict
 
 # Answers that name no single class, as the confusion matrix heads them.

@@ -20,7 +20,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from damping.campaign.analysis import _find_input, analyse, find_notches
+from damping.campaign import _find_input, analyse, find_notches
 from damping.campaign.answer import (
     At,
     Campaign,
@@ -115,8 +115,8 @@ def data_set(title: str, node: int, values: np.ndarray, ratio: bool) -> str:
 @pytest.mark.parametrize(("kind", "name"), [("spectra", "a.uff"), ("ratio", "b.uff"), ("hdf5", "c.h5")])
 def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
     runs, _ = read_runs([written(tmp_path / name, kind)], 10 * SIZE)
-    names, levels = fit_levels(runs)
-    modes = tie_modes(names, levels)
+    levels, names = fit_levels(runs), runs[0].names
+    modes = tie_modes(levels)
     assert len(modes) == len(MODES)
     for k, (mode, (f_n, _, _, part)) in enumerate(zip(modes, MODES, strict=True)):
         np.testing.assert_allclose(mode.frequency, f_n, rtol=1e-3)  # a tenth of the per cent that is asked for
@@ -178,8 +178,8 @@ def decayed(path: Path, start: float) -> Path:
 def test_decays_of_several_floors_give_modes_and_shapes(tmp_path):
     files = [decayed(tmp_path / f"d{k}.csv", start) for k, start in enumerate((0.005, 0.02))]
     runs, _ = read_runs(files, 10 * SIZE)
-    names, modes = decay_modes(runs)
-    assert names == ["roof", "mid", "low"]
+    modes = decay_modes(runs)
+    assert runs[0].names == ["roof", "mid", "low"]
     assert [round(mode.mode.frequency, 2) for mode in modes] == [0.7, 1.9]
     # the second mode is seen through the skirts of the first: 2 % of the largest
     np.testing.assert_allclose(modes[0].shape, [1.0, 0.6, 0.3], atol=0.02)
@@ -218,8 +218,8 @@ def test_what_was_found_can_be_corrected(tmp_path):
     by_name = {one.name: one for one in runs[0].channels}
     assert f"accelerations[{DEAD}]" not in by_name
     assert by_name["accelerations[0]"].unit == "m/s^2"
-    turned = by_name[f"accelerations[{REVERSED}]"].values  # noqa: PD011 - of a channel, not of a table
-    np.testing.assert_array_equal(turned, -plain[0].channels[REVERSED].values)  # noqa: PD011 - as above
+    turned = by_name[f"accelerations[{REVERSED}]"].samples
+    np.testing.assert_array_equal(turned, -plain[0].channels[REVERSED].samples)
 
 
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
@@ -326,16 +326,15 @@ def shaken(path: Path, level: float) -> Path:
 @pytest.mark.parametrize("ending", ["csv", "h5", "tdms", "uff", "nc4"])
 def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     """In blocks smaller than the file; the record has the rate, and steady states of it are those of the mode."""
-    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 400_000)
-    monkeypatch.setattr("damping.campaign.tracked.SAMPLES", 120_000)
+    monkeypatch.setattr("damping.campaign.sources.BLOCK", 400_000)
+    monkeypatch.setattr("damping.campaign.sources.SAMPLES", 120_000)
     most = 100 * SIZE if ending == "uff" else 1  # what is read in blocks may be of any size
     run = read_runs([shaken(tmp_path / f"s_2N.{ending}", 2.0)], most)[0][0]
     assert (run.level, run.drive_unit) == (2.0, "N")
     assert {one.name for one in run.channels} == {"tip", "mid"}
     inside = (run.x > 23.0) & (run.x < 39.0)
     np.testing.assert_allclose(run.rate[inside], SWEEP * run.x[inside], rtol=0.05)
-    names, levels = fit_levels([run])
-    mode = tie_modes(names, levels)[0]
+    mode = tie_modes(fit_levels([run]))[0]
     steady = prepare(mode.record, mode.mode).record.table
     w, w_n = 2 * np.pi * steady["frequency"], 2 * np.pi * F_N
     Z = steady["force"] / steady["amplitude"] * np.exp(1j * steady["phase"])
@@ -376,7 +375,7 @@ def test_samples_and_times_that_are_no_numbers(tmp_path):
 
 
 def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
     times = np.arange(400) / 100
     drive = np.sin(2.0 * np.pi * 5.0 * times)
     rows = [len(f"{t},{x},0.5\n") for t, x in zip(times, drive, strict=True)]
@@ -387,7 +386,7 @@ def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
 
 
 def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
     monkeypatch.setattr("damping.signals.tracking.MOST_KEPT", 300)
     path = table_of_time(tmp_path / "a.csv", np.arange(1000) / 100, np.ones(1000))
     with pytest.raises(AnalysisError, match="does not rise through zero"):
@@ -395,7 +394,7 @@ def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch
 
 
 def test_lines_without_end_and_lines_without_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
     path = table_of_time(tmp_path / "a.csv", np.arange(10) / 100, np.ones(10))
     path.write_text(path.read_text() + "9" * 5000)
     with pytest.raises(InputError, match="a line of more than 1000 bytes"):
@@ -486,7 +485,7 @@ def bare_mode():
     def make(frequency: float, places: list[At]) -> ModeAnswer:
         table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [frequency], "amplitude": [1.0]})
         mode = Mode(name="mode-1", frequency=frequency, mass=1.0)
-        return ModeAnswer("mode-1", frequency, "viscous", tuple(places), {}, Record(table, "r"), mode, ())
+        return ModeAnswer("viscous", tuple(places), {}, Record(table, "r"), mode, ())
 
     return make
 

@@ -30,8 +30,8 @@ from damping.forces import (
     VelocitySquared,
     Viscous,
     case_five,
+    energy_per_cycle,
 )
-from damping.forces.powers import energy_per_cycle
 from damping_reed1970.chapter_2 import loop
 
 SINGLE = {

@@ -18,10 +18,6 @@ from damping.forces import (
     VelocitySquared,
     Viscous,
     case_five,
-)
-from damping.forces.powers import (
-    B,
-    beta,
     coefficient_from_energy,
     damping_term,
     energy_content,
@@ -29,6 +25,7 @@ from damping.forces.powers import (
     energy_per_cycle,
     equivalent_viscous,
 )
+from damping.forces.powers import B, beta
 
 A, omega, M, omega_n, C, alpha = 1.3, 10.4, 50.8, 10.455, 0.37, 1.7
 pi = np.pi

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from damping.forces import Slip, VelocitySquared, Viscous
-from damping.forces.powers import energy_per_cycle
+from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
 from damping_reed1970.chapter_2 import (
     corrected_coefficient,
     equivalence_error,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import pyuff
 
+from damping.formats import Imported, Stated
 from damping.formats.reading import read_file
-from damping.formats.series import Imported, Stated
 from damping.formats.steady import steady_record
 
 

@@ -15,11 +15,12 @@ from damping.effects import CATALOGUE
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
+from damping_validation.generator.balance import TrueRows, plain_rows
 from damping_validation.generator.effects import TrueEffect
+from damping_validation.generator.laws import Structure
 from damping_validation.generator.plan import Bench
 from damping_validation.generator.refit import RecordCells, applied
 from damping_validation.generator.steady import true_record
-from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
 assert damping_pipelines.__doc__  # imported for its effect
 

@@ -58,7 +58,7 @@ def test_force_at_the_reference_is_the_total(saturn):
 def test_shapes_and_scatter_follow_their_priors(saturn):
     c = coordinates(("velocity-power",), saturn)
     values = c.parameters(prior_draws(c))
-    low, high = EXPONENT.fitted_range
+    low, high = EXPONENT.prior.range
     assert kstest(values["velocity-power exponent"], uniform(low, high - low).cdf).pvalue > ALARM
     assert kstest(values["scatter"], lognorm(SCATTER_LOG_SD, scale=SCATTER_MEDIAN).cdf).pvalue > ALARM
 

@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("forks")  # one wheel
 ROOT = Path(__file__).parents[2]
 HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
 DATA = Path("damping_reed1970", "_data")
@@ -29,8 +31,20 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
-def run(unpacked: Path, code: str, folder: Path) -> str:
+@pytest.fixture
+def run_forked(unpacked: Path, tmp_path: Path, forking) -> Callable[[str], str]:
     """Python code in a folder outside the clone, with the packages of the wheel before all others."""
+
+    def run(code: str) -> str:
+        done = forking.run(code, folder=tmp_path, paths=[unpacked])
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    return run
+
+
+def run(unpacked: Path, code: str, folder: Path) -> str:
+    """The same in a new process, that nothing was imported in."""
     environment = {**os.environ, "PYTHONPATH": str(unpacked)}
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -95,7 +109,7 @@ def test_the_editable_install_finds_every_package(tmp_path):
     assert all(any((folder / house / "__init__.py").is_file() for folder in folders) for house in HOUSES)
 
 
-def test_nothing_of_the_clone_is_needed(unpacked, tmp_path):
+def test_nothing_of_the_clone_is_needed(unpacked, run_forked):
     code = """
 from damping.report.page import Footer, Section, render_page
 from damping_pipelines.study_files import default_study, read_settings
@@ -103,16 +117,16 @@ from damping_validation.scorer_output import load_blind_table
 read_settings(default_study())
 print(default_study(), len(load_blind_table()), len(render_page("t", [Section("s", "S", [])], Footer(1, {}, {}))))
 """
-    study, cases, letters = run(unpacked, code, tmp_path).rsplit(maxsplit=2)
+    study, cases, letters = run_forked(code).rsplit(maxsplit=2)
     assert Path(study) == unpacked / "damping_reed1970" / "_data" / "saturn-v" / "study.toml"
     assert int(cases) > 0
     assert int(letters) > 10_000
 
 
-def test_the_command_runs_outside_the_clone(unpacked, tmp_path):
+def test_the_command_runs_outside_the_clone(unpacked, run_forked):
     table = unpacked / "damping_reed1970" / "_data" / "saturn-v" / "tables" / "table_5_II.csv"
     words = ["regress", str(table), "--response", "E_in_lb", "--terms", "A_in^2*omega_rad_s"]
-    assert "A_in^2*omega_rad_s" in run(unpacked, f"from damping_pipelines.cli import main; main({words!r})", tmp_path)
+    assert "A_in^2*omega_rad_s" in run_forked(f"from damping_pipelines.cli import main; main({words!r})")
 
 
 def test_every_house_answers_from_the_wheel(unpacked, tmp_path):

@@ -5,7 +5,6 @@ import os
 import re
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import cloudpickle
+import dask
 import numpy as np
 import pandas as pd
 import pyarrow.dataset
@@ -24,11 +24,11 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
-from damping_pipelines.fleet import command, runners
+from damping_pipelines import fleet as command
+from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
-from damping_pipelines.fleet.command import fleet
 from damping_pipelines.fleet.dataset import (
-    DataSet,
+    FleetDataSet,
     FleetResult,
     FleetSettings,
     FleetTask,
@@ -42,6 +42,8 @@ from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
 
+#: One group: the cluster and its records are there once.
+pytestmark = pytest.mark.xdist_group("forks")
 RECORDS = 6
 SIZE = 10_000_000
 #: Two laws to rank and one to predict with, in whatever process this runs: where the laws do not matter.
@@ -114,25 +116,30 @@ def one_law(monkeypatch):
         monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])
 
 
+#: A scheduler that fetches a result asks a dead worker again until this is over, by default 30 s.
+DASK = """import dask
+dask.config.set({"distributed.comm.timeouts.connect": "2s"})
+from dask.__main__ import main
+main()
+"""
+
+
 @pytest.fixture(scope="module")
-def cluster(few):
+def cluster(few, forking):
     """A scheduler and two workers as processes on the loopback: its address and the workers."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
-    # a scheduler that fetches a result asks a dead worker again until this is over, by default 30 s
-    patience = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "2s"}
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": os.environ | patience}
     common = ["--host", "127.0.0.1", "--no-dashboard"]
-    dask = [sys.executable, "-m", "dask"]
-    scheduler = subprocess.Popen([*dask, "scheduler", "--port", str(port), *common], **quiet)
-    words = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--preload", few, *common]
-    workers = [subprocess.Popen(words, **quiet) for _ in range(2)]
+    scheduler = forking.start(DASK, "scheduler", "--port", port, *common)
+    words = ("worker", address, "--no-nanny", "--nthreads", "1", "--preload", few, *common)
+    workers = [forking.start(DASK, *words) for _ in range(2)]
     yield address, workers
     for process in (*workers, scheduler):
-        process.kill()
-        process.wait()
+        if process.poll() is None:
+            process.send(signal.SIGKILL)
+            process.wait()
 
 
 def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tmp_path, monkeypatch):
@@ -144,32 +151,32 @@ def test_a_worker_killed_in_the_middle_loses_nothing(records, alone, cluster, tm
     def kill() -> None:
         while not list(tmp_path.glob("records/*.parquet")):
             time.sleep(0.01)
-        workers[0].send_signal(signal.SIGKILL)
+        workers[0].send(signal.SIGKILL)
         at_kill.append(len(list(tmp_path.glob("records/*.parquet"))))
 
     killer = threading.Thread(target=kill)
     killer.start()
     fleet(records, tmp_path, fast=True, scheduler=address, seed=5, max_size=SIZE)
     killer.join()
-    assert workers[0].wait(timeout=10) == -signal.SIGKILL
+    assert workers[0].wait() == -signal.SIGKILL
     assert at_kill[0] < RECORDS
     assert rows_of(tmp_path) == rows_of(alone)
     assert files_of(tmp_path) == files_of(alone)
 
 
-def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd):
+def test_a_killed_client_resumes_without_repeating_work(records, alone, cluster, tmp_path, capfd, forking):
     """SIGKILL to the client after its first batches: the rest is done by the next run, and nothing twice."""
     script = (
-        "import sys; from pathlib import Path; from damping_pipelines.fleet import command\n"
+        "import sys; from pathlib import Path; from damping_pipelines import fleet as command\n"
         "command.BATCH, command.PERIOD = 2, 600.0\n"
         "records, out = map(Path, sys.argv[1:3])\n"
         f"command.fleet(records, out, fast=True, scheduler=sys.argv[3], seed=5, max_size={SIZE})"
     )
-    client = subprocess.Popen([sys.executable, "-c", script, records, tmp_path, cluster[0]], stderr=subprocess.DEVNULL)
+    client = forking.start(script, records, tmp_path, cluster[0])
     while not list(tmp_path.glob("records/*.parquet")):
         assert client.poll() is None, "the client ended before a batch was written"
         time.sleep(0.01)
-    client.kill()
+    client.send(signal.SIGKILL)
     client.wait()
     first = {path: path.stat().st_mtime_ns for path in tmp_path.glob("records/*.parquet")}
     there = sum(len(pd.read_parquet(path, columns=["key"])) for path in first)
@@ -197,7 +204,11 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     monkeypatch.setattr(runners, "DEATHS", 0)
     tasks = list(tasks_of(find_cases(records), settings()))
-    with runners.connected(None, 1) as client:
+    # each worker after a dead one is forked from a process that has imported what it needs
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        runners.connected(None, 1) as client,
+    ):
         results = list(runners.distributed(client, tasks, harmless_or_deadly))
     assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
     failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}
@@ -298,7 +309,7 @@ def test_a_record_that_lost_its_workers_is_tried_again(tmp_path, one_law):
     write_bytes(source / "bad.toml", MODE.encode())
     run = {"fast": True, "workers": 0, "max_size": SIZE}
     fleet(source, out, **run)
-    before, kept = rows_of(out), DataSet(out / "records")
+    before, kept = rows_of(out), FleetDataSet(out / "records")
     lost = failed(next(task for task in tasks_of(find_cases(source), settings())), f"{runners.DIED} under it")
     kept.keep({before[0]["key"]})
     kept.add([lost.row | {"key": before[1]["key"], "name": "good"}])
@@ -503,7 +514,7 @@ def test_outliers_are_what_stands_apart():
 
 def test_a_key_counts_once(tmp_path):
     task = next(iter(tasks_of(find_cases(_one(tmp_path)), settings())))
-    kept = DataSet(tmp_path / "set")
+    kept = FleetDataSet(tmp_path / "set")
     row = row_of(task)
     kept.add([row])
     kept.add([row, row | {"key": "other"}])
@@ -539,22 +550,18 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
         read_bytes(tmp_path / "in" / "ring.toml")
 
 
-def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path):
+def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path, forking):
     """SIGTERM is what batch systems send before they kill: what has come is kept, and one line says so."""
     words = ["fleet", records, "--out", tmp_path, "--fast", "--workers", "0", "--seed", "5"]
-    command = [
-        sys.executable,
-        "-c",
-        f"{few}from damping_pipelines.cli import main\nmain()",
-        *map(str, words),
-    ]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        first = process.stderr.readline()
-        process.terminate()
-        said = process.stderr.read().splitlines()
+    process = forking.start(f"{few}from damping_pipelines.cli import main\nmain()", *words)
+    while process.poll() is None and "\n" not in process.err.read_text():
+        time.sleep(0.01)
+    process.send(signal.SIGTERM)
+    code = process.wait()
+    first, *_, last = process.err.read_text().splitlines()
     assert first.startswith("fleet: 1/")
-    assert process.returncode == 130
-    assert said[-1] == "damping: interrupted; nothing half-written is left behind"
+    assert code == 130
+    assert last == "damping: interrupted; nothing half-written is left behind"
     done = rows_of(tmp_path)
     assert done
     assert done == rows_of(alone)[: len(done)]

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import resource
-import subprocess
-import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,9 +27,21 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.sampling
+@pytest.mark.xdist_group("forks")
 @pytest.mark.parametrize("number", [2, pytest.param(10, marks=pytest.mark.slow)])
-def test_studies_are_killed(tmp_path, number):
+def test_studies_are_killed(tmp_path, number, forking, monkeypatch):
     """At any moment and while it writes; the assertions are those of the benchmark, which kills fifty."""
+
+    class Forked(kills.Studies):
+        """Their server is one of the processes that need not import everything again."""
+
+        def __enter__(self):
+            code = "from benchmarks._short_study import serve; serve()"
+            fork, asked, answered = forking.talk(code, paths=[Path(kills.__file__).parents[1]])
+            self.server = SimpleNamespace(stdin=asked, stdout=answered, wait=fork.wait)
+            return self
+
+    monkeypatch.setattr(kills, "Studies", Forked)
     tally = kills.run(tmp_path, number, seed=3)
     assert tally.kills == number
     assert tally.fitting + tally.refused == number
@@ -140,24 +150,21 @@ def test_one_run_at_a_time(tmp_path):
         pass
 
 
-def limited(body: str, folder: Path, size: int | None = None) -> subprocess.CompletedProcess[str]:
-    """Run Python with files limited to ``size`` bytes, as a full disk is, and without the rights of the superuser."""
-
-    def limit() -> None:
-        if size is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-    return subprocess.run(
-        [sys.executable, "-c", f"import sys\nfrom pathlib import Path\nout = Path(sys.argv[1])\n{body}", str(folder)],
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=limit,
-        cwd=Path(__file__).parents[2],
-    )
+#: What runs with files limited to a number of bytes, as on a full disk; what it says has room until it ends.
+LIMITED = """import atexit, io, resource, sys
+from pathlib import Path
+out, size, limits = Path(sys.argv[1]), int(sys.argv[2]), resource.getrlimit(resource.RLIMIT_FSIZE)
+def say():
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    sys.__stderr__.write(sys.stderr.getvalue())
+atexit.register(say)
+sys.stderr = io.StringIO()
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+"""
 
 
-def test_a_full_disk_leaves_the_earlier_results(tmp_path):
+@pytest.mark.xdist_group("forks")
+def test_a_full_disk_leaves_the_earlier_results(tmp_path, forking):
     put(tmp_path, OLD)
     body = (
         "from damping_pipelines.manifest import publish\n"
@@ -166,20 +173,21 @@ def test_a_full_disk_leaves_the_earlier_results(tmp_path):
         "try: publish(out, files, seed=2, versions={}, inputs={})\n"
         "except InputError as error: print(error)\n"
     )
-    done = limited(body, tmp_path, size=5000)
+    done = forking.run(LIMITED + body, tmp_path, 5000)
     assert done.stdout.count("\n") == 1
     assert "cannot be written (File too large); expected a writable place with free space" in done.stdout
     assert contents(tmp_path) == OLD
     assert verify(tmp_path).manifest.seed == 1
 
 
-def test_a_study_on_a_full_disk(tmp_path):
+@pytest.mark.xdist_group("forks")
+def test_a_study_on_a_full_disk(tmp_path, forking):
     """It ends with one line before it has computed anything."""
     settings = kills.Studies(tmp_path).settings
     out = tmp_path / "out"
     put(out, OLD)
     body = f"from damping_pipelines.cli import main\nmain(['study', {str(settings)!r}, '--out', str(out)])"
-    done = limited(body, out, size=5)
+    done = forking.run(LIMITED + body, out, 5)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "cannot be written (File too large)" in done.stderr

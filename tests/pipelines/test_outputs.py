@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -23,8 +21,8 @@ from damping_pipelines.manifest import (
     sole_writer,
     verify,
 )
-from damping_pipelines.records import MOST_ROWS
 from damping_pipelines.store import write_text
+from damping_pipelines.tables import MOST_POINTS as MOST_ROWS
 from damping_validation import bands
 
 ROOT = Path(__file__).parents[2]
@@ -193,24 +191,23 @@ def test_a_number_that_sets_the_work_has_its_limit(tmp_path, damping, option):
     assert not (tmp_path / "out").exists()
 
 
-def check_to(output: str, *words: object) -> subprocess.CompletedProcess[str]:
-    """``damping check`` with standard output full, or closed by its reader."""
-    command = [sys.executable, "-m", "damping_pipelines.cli", "check", *map(str, words)]
-    if output == "full":
-        with Path("/dev/full").open("w") as full:
-            return subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+#: ``damping check`` with standard output full, or closed by its reader.
+CHECK = """import os, sys
+from damping_pipelines.cli import main
+if sys.argv.pop(1) == "closed":
     read, write = os.pipe()
     os.close(read)
-    try:
-        return subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
-    finally:
-        os.close(write)
+    os.dup2(write, 1)
+main(["check", *sys.argv[1:]])
+"""
 
 
+@pytest.mark.xdist_group("forks")
 @pytest.mark.parametrize("output", ["full", "closed"])
 @pytest.mark.parametrize("words", [(), ("--json", "-")])
-def test_standard_output_that_takes_nothing(output, words):
-    run = check_to(output, ROOT / "examples" / "bolted-joint" / "record.csv", *words)
+def test_standard_output_that_takes_nothing(output, words, forking):
+    record = ROOT / "examples" / "bolted-joint" / "record.csv"
+    run = forking.run(CHECK, output, record, *words, out=Path("/dev/full"))
     assert run.returncode == 1
     assert run.stderr.count("\n") == 1
     assert run.stderr.startswith("damping: standard output ")

@@ -19,8 +19,8 @@ from damping.forces import (
     VelocityPower,
     VelocitySquared,
     Viscous,
+    damping_term,
 )
-from damping.forces.powers import damping_term
 from damping.predict.steady import (
     backbone,
     complex_stiffness,

@@ -16,7 +16,7 @@ from damping.predict.steady import steady_state
 from damping.records.mode import Mode, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
-from damping_pipelines.records import sweep
+from damping_pipelines.tables import sweep
 
 MODEL = """
 [mode]

@@ -16,6 +16,7 @@ from damping.records.audit import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
+from damping.records.runs import find_prominent
 from damping.records.view import View
 
 ROOT = Path(__file__).parents[2]
@@ -154,3 +155,18 @@ def test_phases_turned_by_other_modes_are_of_no_fast_sweep():
     found = audit(record_of(table), mode)
     assert found.verdict != "refuse"
     assert "sweep-rate" not in [finding.check for finding in found.findings]
+
+
+def test_prominent_peaks_are_those_of_scipy():
+    from scipy.signal import find_peaks
+
+    rng = np.random.default_rng(15)
+    for decimals in (0, 1, 8):  # 0: flat tops
+        for n in (1, 2, 3, 7, 60):
+            values = np.round(np.cumsum(rng.normal(size=n)), decimals)
+            for least in (1e-12, 1.0):
+                places, expected = find_peaks(values, prominence=least)
+                own, prominences = find_prominent(values, least)
+                assert own.tolist() == places.tolist()
+                # rounding of a difference
+                assert prominences == pytest.approx(expected["prominences"], rel=1e-12)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from damping.forces import energy_per_cycle
 from damping.forces.joints import Slip
-from damping.forces.powers import energy_per_cycle
 from damping.predict.steady import steady_state
 from damping_reed1970.chapter_2 import REFERENCE, equal_amplitudes, hysteresis_loops, printed_energy, slip_equivalent
 from damping_reed1970.chapter_4 import SWEEP_C, resonances

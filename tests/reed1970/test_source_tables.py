@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from damping.forces import make
+from damping.forces import energy_per_cycle, make
 from damping.forces.contract import Sum
-from damping.forces.powers import energy_per_cycle
 from damping.ranking import Ranking
 from damping_reed1970 import data_folder, load_table
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import AnalysisError
-from damping.regression.design import Design, correlations, decompose, design_of_arrays, variables
+from damping.regression.design import Design, correlations, decompose, design_of_arrays, tabulate_variables
 from damping.regression.fit import fit, one_term_fits
-from damping.regression.program import breakdown, deviations_of, goodness_of_fit
+from damping.regression.program import break_down, deviations_of, sum_up
 
 Build = Callable[..., Design]
 SEEDS = st.integers(0, 2**32 - 1)
@@ -76,24 +76,22 @@ def test_definitions(random_design: Build) -> None:
     ]
     for ours, defined in pairs:
         assert ours == pytest.approx(defined, rel=1e-10)
-    sums = goodness_of_fit(found)
     expected = [fitted.sum(), observed.sum(), -error.sum(), fitted @ fitted, observed @ observed, error @ error]
-    np.testing.assert_allclose(list(vars(sums).values()), expected, rtol=1e-10, atol=1e-12)
-    bands = breakdown(deviations)
-    assert [band.number for band in bands] == np.histogram(np.abs(percent), [0, 1, 2, 5, 10, 20, 50, 100, 1e9])[
-        0
-    ].tolist()
-    assert sum(band.percent for band in bands) == pytest.approx(100 * 11 / 12, rel=1e-12)
+    np.testing.assert_allclose(list(sum_up(found).values()), expected, rtol=1e-10, atol=1e-12)
+    bands = break_down(deviations)
+    edges = [0, 1, 2, 5, 10, 20, 50, 100, 1e9]
+    assert bands["number"].tolist() == np.histogram(np.abs(percent), edges)[0].tolist()
+    assert bands["percent"].sum() == pytest.approx(100 * 11 / 12, rel=1e-12)
 
 
 def test_variables_and_correlations(random_design: Build) -> None:
     design = random_design(3, n=15, k=3)
     design = design_of_arrays(np.column_stack([design.columns, np.full(15, 0.1)]), design.observed)
     all_columns = np.column_stack([design.columns, design.observed])
-    for variable, column in zip(variables(design), all_columns.T, strict=True):
+    for numbers, column in zip(tabulate_variables(design).drop(columns="name").to_numpy(), all_columns.T, strict=True):
         m = len(column)
         expected = [sum(column), sum(column) / m, np.sqrt(((column - column.mean()) ** 2).sum() / m), sum(column**2)]
-        np.testing.assert_allclose(list(vars(variable).values())[1:], expected, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(numbers, expected, rtol=1e-12, atol=1e-14)
     matrix = correlations(design)
     varies = [0, 1, 2, 4]
     np.testing.assert_allclose(

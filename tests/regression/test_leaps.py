@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from damping.errors import AnalysisError
+from damping.regression.criteria import NAMES
 from damping.regression.design import Design, design_of_arrays
-from damping.regression.fit import NAMES
 from damping.regression.subsets import Subsets, all_subsets, best_subsets, rank_subsets
 
 STRD = Path(__file__).parents[1] / "reference" / "strd"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from damping.errors import AnalysisError
-from damping.regression.power_law import fit_power_law
+from damping.regression.fit import fit_power_law
 from damping_reed1970 import load_table
 
 

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from damping.errors import AnalysisError, InputError
 from damping.regression import subsets as subsets_module
+from damping.regression.criteria import NAMES
 from damping.regression.design import Design, design_of_arrays
-from damping.regression.fit import NAMES, fit
+from damping.regression.fit import fit
 from damping.regression.subsets import all_subsets, best_subsets
 
 Build = Callable[..., Design]

@@ -20,9 +20,10 @@ from damping.ranking import rank_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping.regression.power_law import fit_power_law
+from damping.regression.fit import fit_power_law
 from damping.report.page import Section, Table
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
+from damping.report.study import Rendered, render
 from damping_reed1970 import data_folder
 
 LAWS = (Law(("viscous", "displacement-velocity")), Law(("velocity-power",)), Law(("viscous",)), Law(("coulomb",)))
@@ -111,6 +112,12 @@ def study(peaks: RecordResult, sweep: RecordResult) -> StudyResult:
     )
 
 
+@pytest.fixture(scope="session")
+def rendered(study: StudyResult) -> Rendered:
+    """The page of the study."""
+    return render(study)
+
+
 HOSTILE = "<img src=x onerror=alert(1)>&\"'$x$</script>"
 
 
@@ -137,3 +144,9 @@ def hostile(study: StudyResult) -> StudyResult:
         versions={HOSTILE: HOSTILE},
         exhibits=(Exhibit([section], tables={HOSTILE: table}),),
     )
+
+
+@pytest.fixture(scope="session")
+def rendered_hostile(hostile: StudyResult) -> Rendered:
+    """The page of the study with markup in its texts."""
+    return render(hostile)

@@ -11,20 +11,15 @@ import numpy as np
 import pytest
 
 from damping.report import format_between, format_signed, number
-from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))
 #: Widths of a telephone and of a desk screen, pixels.
 WIDTHS = (390, 1280)
 #: A page that can be sent by mail.
 MOST_BYTES = 6_000_000
-
-
-@pytest.fixture(scope="module")
-def rendered(study: StudyResult) -> Rendered:
-    return render(study)
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +42,9 @@ def test_committed_pages(check_page, path, width, scheme):
     check_page(path, width, scheme)
 
 
-def test_hostile_text_stays_text(opened, hostile, tmp_path):
+def test_hostile_text_stays_text(opened, rendered_hostile, tmp_path):
     path = tmp_path / "page.html"
-    path.write_text(render(hostile).html)
+    path.write_text(rendered_hostile.html)
     with opened(path) as one:
         one.page.locator(".explorer input").first.press("ArrowLeft")
         one.page.locator(".sort").first.click()

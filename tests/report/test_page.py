@@ -18,13 +18,24 @@ import pytest
 
 from damping.plots import to_svg
 from damping.records.view import Finding
-from damping.report import format_force_text, format_share, format_signed, number
+from damping.report import describe_written, format_force_text, format_share, format_signed, number
 from damping.report.figures import record_figures
-from damping.report.page import Fold, Footer, Heading, List, Section, Table, Text, describe_written, render_page
+from damping.report.page import (
+    Fold,
+    Footer,
+    Heading,
+    List,
+    Section,
+    Table,
+    Text,
+    fill_text,
+    render_page,
+    write_sections,
+)
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
-from damping.report.text import fill_text, write_sections
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 
@@ -54,11 +65,6 @@ class Reader(HTMLParser):
 
     def count(self, tag: str) -> int:
         return sum(name == tag for name, _ in self.elements)
-
-
-@pytest.fixture(scope="module")
-def rendered(study: StudyResult) -> Rendered:
-    return render(study)
 
 
 @pytest.fixture(scope="module")
@@ -161,8 +167,8 @@ def test_files_named_on_the_page_exist(rendered: Rendered) -> None:
     assert set(named) <= set(rendered.tables)
 
 
-def test_hostile_text_is_text(hostile: StudyResult) -> None:
-    out = render(hostile)
+def test_hostile_text_is_text(rendered_hostile: Rendered) -> None:
+    out = rendered_hostile
     reader = Reader(out.html)
     assert not reader.open
     assert reader.count("img") == 0

@@ -34,6 +34,7 @@ from damping.report.tables import record_tables
 from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.chapter_6 import UNITS
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares the study
 POUND = Units("lb", "in", "s")
 
 
@@ -125,7 +126,7 @@ def test_priors_have_their_closed_forms(peaks: RecordResult) -> None:
     scatter = np.log(np.quantile(drawn["scatter"], [0.05, 0.5, 0.95]) / SCATTER_MEDIAN)
     np.testing.assert_allclose(scatter, SCATTER_LOG_SD * z, rtol=0.0, atol=SCATTER_LOG_SD * tolerance)
     power = next(c for c in peaks.ranking.candidates if c.name == "velocity-power")
-    low, high = EXPONENT.fitted_range
+    low, high = EXPONENT.prior.range
     exponent = np.quantile(prior_draws(power.coordinates)["velocity-power exponent"], [0.25, 0.75])
     # standard error of a quartile of a uniform: sqrt(3/16/n) of its range; five of them
     uniform = 5.0 * np.sqrt(3.0 / 16.0 / PRIOR_DRAWS) * (high - low)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from damping_validation.generator.balance import TrueRows, plain_rows
+from damping_validation.generator.laws import Structure
 from damping_validation.generator.plan import Bench
-from damping_validation.generator.structure import Structure, TrueRows, plain_rows
 
 OMEGA = 2 * np.pi * 3.0
 MASS = 10.0

@@ -19,11 +19,10 @@ from damping_validation.generator import (
     draw_case,
     strata,
 )
-from damping_validation.generator.balance import predicted
+from damping_validation.generator.balance import chosen_rows
 from damping_validation.generator.effects import TrueEffect
-from damping_validation.generator.refit import KINDS, LIBRARY, OUTSIDE, applied, gap, name_effect
+from damping_validation.generator.refit import KINDS, LIBRARY, OUTSIDE, applied, gap, name_effect, predicted
 from damping_validation.generator.steady import STEPS, TrueMotion, guesses, steady, steady_state, true_record
-from damping_validation.generator.structure import chosen_rows
 
 #: What a kind is at size zero: parameters three tolerances off, else the simulation itself.
 WRONG = {"viscous-coefficient", "natural-frequency"}

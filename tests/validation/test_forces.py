@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from damping_validation.generator.balance import averages
-from damping_validation.generator.laws import TrueJoint, TrueLaw
-from damping_validation.generator.structure import Structure
+from damping_validation.generator.laws import Structure, TrueJoint, TrueLaw
 
 A = np.array([0.3, 1.0, 2.5])
 

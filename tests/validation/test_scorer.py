@@ -14,7 +14,7 @@ import pytest
 
 from damping.errors import InputError
 from damping_validation.blind import read_sealed, read_verdicts
-from damping_validation.doubt import regress
+from damping_validation.guard import regress
 from damping_validation.scorer import (
     Figure,
     Goal,

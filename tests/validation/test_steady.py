@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from damping_validation.generator.balance import sweep_phasor
-from damping_validation.generator.laws import Partner, TrueJoint, TrueLaw
+from damping_validation.generator.balance import TrueRows, plain_rows, sweep_phasor
+from damping_validation.generator.laws import Partner, Side, Structure, TrueJoint, TrueLaw
 from damping_validation.generator.steady import STEPS, TrueMotion, TrueState, guesses, steady, steady_state, true_record
-from damping_validation.generator.structure import Side, Structure, TrueRows, plain_rows
 
 from .conftest import A_TOP, MASS, OMEGA, VISCOUS, XI
 

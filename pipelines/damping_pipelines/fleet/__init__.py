@@ -1,1 +1,281 @@
-"""``damping fleet``: many records ranked, extrapolated and diagnosed on Dask, streamed to a Parquet data set."""
+"""The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+
+from distributed import Client
+
+from damping.errors import AnalysisError, InputError
+from damping.extrapolation import check_loads
+from damping.progress import Advance
+from damping.records.audit import require_checks
+from damping_pipelines.fleet.analyse import OUT_OF_TIME
+from damping_pipelines.fleet.dataset import (
+    MULTIPLES,
+    TIME_LIMIT,
+    FleetCase,
+    FleetDataSet,
+    FleetResult,
+    FleetSettings,
+    FleetTask,
+    find_cases,
+    tasks_of,
+)
+from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
+from damping_pipelines.fleet.runners import (
+    DIED,
+    INTERNAL,
+    OTHER_CODE,
+    PATIENCE,
+    check_address,
+    connected,
+    distributed,
+    serial,
+)
+from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
+from damping_pipelines.store import write_text
+from damping_pipelines.terminal import console, progress
+
+#: Rows of a batch at most.
+BATCH = 32
+#: Seconds after which a batch is written however few rows it has: what a lost power costs.
+PERIOD = 5.0
+
+
+def fleet(
+    records: Path,
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    fast: bool = False,
+    workers: int | None = None,
+    force: Sequence[float] = (),
+    level: float = 0.9,
+    seed: int = 0,
+    dashboard: str = "off",
+    replace: bool = False,
+    max_size: int,
+    despite: Sequence[str] = (),
+    time_limit: float = TIME_LIMIT,
+) -> None:
+    """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
+
+    Args:
+        scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
+            record after the other).
+        fast: few importance draws. force: design forces; none: multiples of each record's own.
+        dashboard: address on which a local cluster shows its dashboard; ``off``: nowhere.
+        replace: drop what ``out`` holds of other records, settings or versions.
+        time_limit: seconds that a record may take.
+
+    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: every record failed, or the
+    workers are gone.
+    """
+    check_loads(force or MULTIPLES, level)
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    if not time_limit > 0.0:
+        raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
+    require_checks(despite)
+    address = None if dashboard == "off" else dashboard
+    check_address(address)
+    settings = FleetSettings(
+        seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
+    )
+    cases = find_cases(records)
+    with sole_writer(out, ("fleet.html",)):
+        _fleet(cases, out, settings, scheduler, workers, address, replace=replace)
+
+
+def _fleet(
+    cases: list[FleetCase],
+    out: Path,
+    settings: FleetSettings,
+    scheduler: str | None,
+    workers: int | None,
+    dashboard: str | None,
+    *,
+    replace: bool,
+) -> None:
+    kept = FleetDataSet(out / "records")
+    for path in kept.set_broken_aside():
+        print(
+            f"damping: {path.stem} could not be read: kept as {path.name}, its records are computed again",
+            file=sys.stderr,
+        )
+    book = _Book(kept, out, _final(kept))
+    if not replace:
+        _refuse_loss(kept, tasks_of(cases, settings))
+    with progress("fleet", len(cases)) as done:
+        tasks = book.new(tasks_of(cases, settings), done)
+        first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
+        tasks = itertools.chain(first, tasks)
+        if not first or (scheduler is None and workers == 0):
+            book.keep(serial(tasks), done)
+        else:
+            with connected(scheduler, workers, dashboard) as client:
+                _greet(client, done, shown=scheduler is not None or dashboard is not None)
+                if scheduler is not None:
+                    _check_code(client)
+                book.keep(distributed(client, tasks), done)
+    _drop(out, book.wanted, kept)
+    _finish(out, kept, settings)
+
+
+@dataclass
+class _Book:
+    """What is there, what is wanted, and results not written yet."""
+
+    kept: FleetDataSet
+    out: Path
+    there: set[str]
+    wanted: set[str] = field(default_factory=set)
+    results: list[FleetResult] = field(default_factory=list)
+    written: float = field(default_factory=time.monotonic)
+
+    def new(self, tasks: Iterable[FleetTask], done: Advance) -> Iterator[FleetTask]:
+        """Tasks whose results are not there."""
+        known = 0
+        for task in tasks:
+            self.wanted.add(task.key)
+            if task.key in self.there:
+                known += 1
+                continue
+            if known:
+                done("done in an earlier run", known)
+                known = 0
+            yield task
+        if known:
+            done("done in an earlier run", known)
+
+    def keep(self, results: Iterator[FleetResult], done: Callable[[str], None]) -> None:
+        """Write results in batches as they come; what has come is written even when the run is interrupted."""
+        try:
+            for result in results:
+                self.results.append(result)
+                row = result.row
+                done(row["name"] + (f" {row['status']}: {row['reason']}" if row["reason"] else ""))
+                if len(self.results) >= BATCH or time.monotonic() - self.written > PERIOD:
+                    self.flush()
+        finally:
+            self.flush()
+
+    def flush(self) -> None:
+        """Pages first, so that a row never lacks its page."""
+        for result in self.results:
+            for name, html in result.pages.items():
+                write_text(self.out / name, html)
+        self.kept.add([result.row for result in self.results])
+        self.results, self.written = [], time.monotonic()
+
+
+def _final(kept: FleetDataSet) -> set[str]:
+    """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
+    table = kept.read(["reason"])
+    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME))
+    final = set(table.loc[~chance, "key"])
+    if chance.any():
+        kept.keep(final)
+    return final
+
+
+def _greet(client: Client, done: Advance, *, shown: bool) -> None:
+    """Say where the scheduler and its dashboard are."""
+    about = client.scheduler_info()
+    sentence = f"scheduler {about['address']}"
+    if shown and about["services"].get("dashboard"):
+        sentence += f", dashboard {client.dashboard_link}"
+        if find_spec("bokeh") is None:
+            sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
+    if not client.ncores():
+        sentence += f", no worker yet (waiting {PATIENCE:g} s for one)"
+    done(sentence, 0)
+
+
+def _check_code(client: Client) -> None:
+    """Workers of a scheduler that was there before must compute with what this process has; so must later ones, by row.
+
+    InputError: one does not.
+    """
+    own = describe_code()
+    for address, theirs in client.run(describe_code).items():
+        for name, version in own.items():
+            if theirs.get(name) != version:
+                raise InputError(
+                    f"worker {address} has {name} {theirs.get(name)}",
+                    expected=f"{version}, as here: results depend on it",
+                )
+
+
+def _refuse_loss(kept: FleetDataSet, tasks: Iterable[FleetTask]) -> None:
+    """InputError where rows are there that this run does not want, though nothing says that their record changed."""
+    names, contents, keys = set(), set(), set()
+    for task in tasks:
+        names.add(task.name)
+        contents.add((task.name, *task.digests))
+        keys.add(task.key)
+    table = kept.read(["record_sha256", "model_sha256"])
+    other = table[~table["key"].isin(keys)]
+    contained = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
+    lost = [content[0] for content in contained if content[0] not in names or content in contents]
+    if lost:
+        raise InputError(
+            f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}",
+            file=kept.folder,
+            expected="another --out, or --replace to drop them",
+        )
+
+
+def _drop(out: Path, wanted: set[str], kept: FleetDataSet) -> None:
+    """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
+    table = kept.read(["report"])
+    for report in table.loc[~table["key"].isin(wanted), "report"]:
+        stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
+        for name in (f"{stem}.html", f"{stem}-gap.html"):
+            (out / "reports" / name).unlink(missing_ok=True)
+    kept.keep(wanted)
+
+
+def _seal(out: Path, kept: FleetDataSet, page: bytes, settings: FleetSettings) -> None:
+    """The page and the manifest, which names every file of the run."""
+    rows = kept.read(["report", "record_sha256", "model_sha256"])
+    stems = [f"reports/{Path(report).stem}" for report in rows["report"]]
+    pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
+    parts = [path.relative_to(out).as_posix() for path in kept.files()]
+    inputs = {
+        name: digest((a + b).encode()) for name, a, b in rows[["name", "record_sha256", "model_sha256"]].to_numpy()
+    }
+    publish(
+        out,
+        {"fleet.html": page},
+        seed=settings.seed,
+        versions=settings.versions,
+        inputs=inputs,
+        kept=[*parts, *(name for name in pages if (out / name).is_file())],
+    )
+
+
+def _finish(out: Path, kept: FleetDataSet, settings: FleetSettings) -> None:
+    """The page of the fleet, and what to say at the end."""
+    table = kept.read(COLUMNS)
+    asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
+    page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
+    _seal(out, kept, page.encode(), settings)
+    counts = table["status"].value_counts()
+    outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
+    console().print(
+        f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written",
+        highlight=False,
+        markup=False,
+    )
+    if not len(table.loc[table["status"] != "failed"]):
+        raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")

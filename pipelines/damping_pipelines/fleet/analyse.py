@@ -2,45 +2,75 @@
 
 from __future__ import annotations
 
-import ctypes
-import tempfile
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import pandas as pd
 
-from damping.errors import DampingError, InputError, escape_control
+from damping import report
+from damping.errors import DampingError, escape_control
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import trace_loads
-from damping.extrapolation.near import near_resonance
+from damping.extrapolation.curve import Curve, trace_loads
+from damping.extrapolation.near import Plan, near_resonance
+from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
-from damping.infer.observations import observe
+from damping.infer.observations import Observations, observe
+from damping.plots import identifier, to_svg
+from damping.plots.curves import design_loads
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import audit
-from damping.records.mode import Mode, read_mode
-from damping.records.reading import read_record
+from damping.records.audit import Audit, audit
+from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.report.forms import gap_form, loads_form, rank_form
-from damping.report.gap_page import render_gap_page
-from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, row_of
-from damping_pipelines.fleet.record_page import FleetLoads, FleetRecord, describe_failed_page, record_page
+from damping.report import forms, number, page
+from damping.report.gap_page import describe_diagnosis, render_gap_page
+from damping.report.tables import tabulate_by_model
+from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
+from damping_pipelines.terminal import OutOfTimeError, limit_time
 
-#: Stem of the model file while it is read; a mode without a name gets that of the record instead.
-_UNNAMED = "mode-without-a-name"
 #: Forces over which bands are drawn.
 _GRID = 40
 Made = TypeVar("Made")
 #: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
 OUT_OF_TIME = "out of time"
+#: Columns of the loads, as ``damping.report.forms.tabulate_loads`` names them, that a row holds under the same names.
+_LOADS = (
+    *("extrapolation_ratio", "median", "low", "high", "frequency", "damping_ratio", "damping_ratio_low"),
+    *("damping_ratio_high", "linear", *(f"linear_overprediction_{name}" for name in ("percent", "low", "high"))),
+)
+
+
+@dataclass(frozen=True)
+class FleetLoads:
+    """What extrapolation gave; ``curve``: damping there; ``bands`` over a grid of forces, None with ``--fast``."""
+
+    plan: Plan
+    design: Loads
+    curve: Curve
+    bands: Loads | None
+
+
+@dataclass(frozen=True)
+class FleetRecord:
+    """What became of a record; a stage that was not asked for or failed is None, and ``reasons`` say why it failed."""
+
+    task: FleetTask
+    record: Record
+    mode: Mode
+    data: Observations
+    audit: Audit
+    ranking: Ranking | None = None
+    loads: FleetLoads | None = None
+    diagnosis: Diagnosis | None = None
+    reasons: tuple[str, ...] = ()
 
 
 def analyse(task: FleetTask) -> FleetResult:
@@ -65,7 +95,7 @@ def failed(task: FleetTask, reason: str) -> FleetResult:
 
 def _analyse(task: FleetTask) -> FleetResult:
     try:
-        record, mode = _read(task)
+        record, mode = read_files(task)
         findings = audit(record, mode)
         findings.require(task.settings.despite)
         measured = prepare(record, mode)
@@ -73,26 +103,6 @@ def _analyse(task: FleetTask) -> FleetResult:
     except DampingError as error:
         return failed(task, escape_control(str(error)))
     return _complete(FleetRecord(task, measured.record, measured.mode or mode, data, findings))
-
-
-def _read(task: FleetTask) -> tuple[Record, Mode]:
-    """Record and mode; messages name the files as the user knows them."""
-    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), task.inputs, strict=True))
-    with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
-        paths = [Path(folder, name) for name in names]
-        for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
-            with path.open("wb") as stream:
-                stream.write(content or b"")
-        try:
-            record, mode = read_record(paths[0]), read_mode(paths[1])
-        except InputError as error:
-            known = names[Path(error.file).name] if error.file else None
-            raise InputError(
-                error.message, file=known, line=error.line, column=error.column, expected=error.expected
-            ) from error
-    first, second = names.values()
-    name = task.name if mode.name == _UNNAMED else mode.name
-    return replace(record, source=first), replace(mode, source=second, name=name)
 
 
 def _complete(read: FleetRecord) -> FleetResult:
@@ -107,9 +117,7 @@ def _complete(read: FleetRecord) -> FleetResult:
             reasons.append(f"{stage}: {escape_control(str(error))}")
             return None
 
-    def rank() -> Ranking:
-        return rank_laws(read.data, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
-
+    rank = partial(rank_laws, read.data, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
     ranking = attempt("rank", rank)
     loads = attempt("extrapolate", lambda: _predict_loads(read, estimate))
     diagnosed = task.is_model or bool(read.mode.damping)
@@ -132,8 +140,8 @@ def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
     )
     bands = None
     if not settings.fast:
-        grid = np.linspace(0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest), _GRID)
-        bands = predicted.predict_at(grid)
+        ends = 0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest)
+        bands = predicted.predict_at(np.linspace(*ends, _GRID))
     backbone = find_backbone(read.record, read.mode, read.audit.implied)
     curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
     return FleetLoads(predicted.plan, predicted.loads, curve, bands)
@@ -161,35 +169,22 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
 def _ranking_columns(ranking: Ranking) -> dict[str, Any]:
     """The law of largest weight, and the form."""
     best = max(ranking.candidates, key=lambda candidate: candidate.weight)
-    return {
-        "law": best.name,
-        "weight": best.weight,
-        "average_absolute_percent": best.average_absolute_percent,
-        "held_out_error": best.held_out_error,
-        "rank_form": to_json(rank_form(ranking)),
-    }
+    numbers = {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
+    return {"law": best.name, **numbers, "rank_form": to_json(forms.rank_form(ranking))}
 
 
 def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
     """The prediction at the largest design force with the damping there, and the form."""
-    loads, best, ratio = predicted.design, predicted.plan.laws[0], predicted.curve.damping_ratio
+    loads, best = predicted.design, predicted.plan.laws[0]
     i = int(loads.force.argmax())
+    row = forms.tabulate_loads(loads, predicted.curve).iloc[i]
     return {
         "load_law": best.name,
         "load_weight": best.weight,
-        "design_force": loads.force[i],
-        "extrapolation_ratio": loads.ratio[i],
-        **{name: getattr(loads.average, name)[i] for name in ("median", "low", "high")},
-        "frequency": predicted.curve.frequency.median[i],
-        "damping_ratio": ratio.median[i],
-        "damping_ratio_low": ratio.low[i],
-        "damping_ratio_high": ratio.high[i],
-        "linear": loads.linear[i],
-        "linear_overprediction_percent": loads.overprediction[i],
-        "linear_overprediction_low": loads.overprediction_low[i],
-        "linear_overprediction_high": loads.overprediction_high[i],
+        "design_force": row["force"],
+        **row[list(_LOADS)],
         "cautions": list(loads.cautions[i]),
-        "loads_form": to_json(loads_form(loads, predicted.plan, predicted.curve)),
+        "loads_form": to_json(forms.loads_form(loads, predicted.plan, predicted.curve)),
     }
 
 
@@ -200,34 +195,104 @@ def _gap_columns(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects_probability": diagnosis.hypotheses[0].probability,
         "unexplained": diagnosis.unexplained,
         **{f"gap_{name}": getattr(diagnosis.gap, name) for name in ("nominal", "before", "after", "shrinkage")},
-        "gap_form": to_json(gap_form(diagnosis)),
+        "gap_form": to_json(forms.gap_form(diagnosis)),
     }
 
 
-class OutOfTimeError(BaseException):
-    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+#: The way back.
+SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 
 
-@contextmanager
-def limit_time(seconds: float) -> Iterator[None]:
-    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+def record_page(record: FleetRecord) -> str:
+    """The page as HTML. Equal arguments give equal text."""
+    loads, diagnosis = record.loads, record.diagnosis
+    values = {"record": record, "told": describe_diagnosis(diagnosis) if diagnosis else None}
+    parts: dict[str, page.Block] = {"summary": SUMMARY}
+    if record.ranking or loads:
+        parts["facts"] = _collect_facts(record)
+    if record.ranking:
+        parts["laws"] = _tabulate_laws(record.ranking)
+    if loads:
+        parts |= _build_loads(record, loads)
+    if diagnosis:
+        rows = [(" + ".join(e.effects) or "no effect", e.probability) for e in diagnosis.explanations]
+        explanations = pd.DataFrame(rows, columns=["explanation", "p"])
+        parts["explanations"] = page.Table(explanations, "", {"p": report.format_share}, {"p": "probability"})
+        address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
+        parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
+    return _describe_page(record.task, page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
 
-    It is raised between two instructions of Python: a single call into native code is waited for.
-    """
-    thread = ctypes.c_ulong(threading.get_ident())
-    over, lock = False, threading.Lock()
 
-    def stop() -> None:
-        with lock:
-            if not over:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+def describe_failed_page(task: FleetTask, reason: str) -> str:
+    """The page of a record of which nothing could be done."""
+    method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
+    answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
+    return _describe_page(task, [answer, page.Section("fleet", "The fleet", [SUMMARY])])
 
-    timer = threading.Timer(seconds, stop)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        with lock:
-            over = True
-        timer.cancel()
+
+def _describe_page(task: FleetTask, sections: Sequence[page.Section]) -> str:
+    return page.render_page(task.name, sections, page.Footer(task.seed, task.settings.versions, task.inputs))
+
+
+def _collect_facts(record: FleetRecord) -> page.Facts:
+    facts = []
+    if record.ranking:
+        best = max(record.ranking.candidates, key=lambda candidate: candidate.weight)
+        facts.append((best.name, f"law of largest weight ({report.format_share(best.weight)})"))
+    if record.loads:
+        design, units = record.loads.design, record.mode.units
+        i, average = int(design.force.argmax()), design.average
+        band = report.format_between(average.low[i], average.high[i])
+        where = f"resonant amplitude at {report.format_force_text(design.force[i], units.force)}, {band}"
+        facts.append((report.format_quantity(average.median[i], units.length), where))
+        facts.append((report.format_signed(design.overprediction[i]), "linear damping over that"))
+    return page.Facts(facts)
+
+
+def _tabulate_laws(ranking: Ranking) -> page.Table:
+    frame = forms.tabulate_candidates(ranking).drop(columns=["score_standard_error", "physical", "equivalents"])
+    parameters = ([(f"{x.force} {x.shape}".strip(), x.value) for x in c.coefficients] for c in ranking.candidates)
+    texts = ["; ".join(f"{name} {number(value)}" for name, value in own) for own in parameters]
+    frame.insert(len(frame.columns) - 1, "coefficients", texts)
+    headings = {"score": "−2 ln Z", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
+    percents = dict.fromkeys(("held_out_error", "average_absolute_percent"), report.format_percent)
+    formats = {"weight": report.format_share, "score": lambda value: report.format_decimals(value, 1), **percents}
+    if frame["held_out_error"].isna().all():  # not asked for, or one level
+        frame = frame.drop(columns="held_out_error")
+    return page.Table(frame, "", formats, headings)
+
+
+def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block]:
+    design, units = loads.design, record.mode.units
+    average = design.average
+    frame = pd.DataFrame(
+        {
+            "force": design.force,
+            "times tested": design.ratio,
+            "median": average.median,
+            "predictive": [report.format_between(a, b) for a, b in zip(average.low, average.high, strict=True)],
+            "linear": design.linear,
+            "over": design.overprediction,
+            "cautions": ["; ".join(caution) for caution in design.cautions],
+        }
+    )
+    headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
+    formats = {"force": lambda force: f"{force:.6g}", "over": report.format_signed}
+    laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
+    laws.insert(1, "weight", [band.weight for band in design.by_model])
+    blocks: dict[str, page.Block] = {
+        "loads by force": page.Table(frame, "", formats, headings),
+        "loads by law": page.Table(laws, "", {"weight": report.format_share}),
+    }
+    if loads.bands is not None and np.isfinite(average.median).any():
+        blocks["loads"] = _draw_loads(record, design, loads.bands)
+    return blocks
+
+
+def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> page.FigureBlock:
+    data, units, name = record.data, record.mode.units, record.task.name
+    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
+    tables = (forms.tabulate_loads(bands), tested, forms.tabulate_loads(design))
+    drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
+    caption = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
+    return page.FigureBlock(to_svg(drawn, identifier(name), f"{name}: design loads", caption), caption)

@@ -9,8 +9,9 @@ import hashlib
 import io
 import json
 import os
+import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,11 @@ from damping import __version__
 from damping.arrays import plain
 from damping.errors import InputError, escape_control
 from damping.plots import identifier
+from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record
+from damping.records.record import Record
 from damping.records.text import read_bytes
-from damping_pipelines.manifest import digest_code
+from damping_pipelines.manifest import digest, digest_code
 from damping_pipelines.store import write_bytes
 
 #: Design forces where none are asked for, in multiples of the largest tested force of each record.
@@ -36,11 +40,9 @@ TIME_LIMIT = 3600.0
 class FleetSettings:
     """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result.
 
-    Attributes:
-        seed: of the run. fast: few importance draws. level: content of the bands.
-        forces: design forces; empty for ``MULTIPLES`` of each record's own. versions: of what computes.
-        max_size: largest input file, bytes. despite: checks of the audit whose refusal is passed over.
-        code: digest of versions and source (``manifest.digest_code``). time_limit: seconds that a record may take.
+    ``fast``: few importance draws. ``level``: content of the bands. ``forces``: design forces; empty for ``MULTIPLES``
+    of each record's own. ``max_size``: largest input file, bytes. ``despite``: checks of the audit whose refusal is
+    passed over. ``code``: digest of versions and source. ``time_limit``: seconds that a record may take.
     """
 
     seed: int
@@ -57,7 +59,7 @@ class FleetSettings:
     def digest(self) -> str:
         """SHA-256 of every field that a result depends on."""
         fields = {name: value for name, value in asdict(self).items() if name not in ("max_size", "time_limit")}
-        return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()
+        return digest(json.dumps(fields, sort_keys=True).encode())
 
     @property
     def method(self) -> str:
@@ -67,11 +69,7 @@ class FleetSettings:
 
 @dataclass(frozen=True)
 class FleetCase:
-    """A record with its mode or model.
-
-    Attributes:
-        name: as shown. entry: as it stands in the folder. is_model: whether there is a ``model.toml``, to be diagnosed.
-    """
+    """A record, ``name`` as shown and ``entry`` in its folder, with its mode or (``is_model``) a model to diagnose."""
 
     name: str
     entry: str
@@ -84,9 +82,8 @@ class FleetCase:
 class FleetTask:
     """A record to analyse. Files go with it, so that workers need no folder in common.
 
-    Attributes:
-        name: as shown. key: of content, name and settings. seed: of the record. record_text, model_text: the files;
-            None where one cannot be read, and then ``problem`` says why. is_model: diagnose.
+    ``key``: of content, name and settings. ``seed``: of the record. ``record_text``, ``model_text``: the files; None
+    where one cannot be read, and then ``problem`` says why.
     """
 
     name: str
@@ -101,7 +98,7 @@ class FleetTask:
     @property
     def digests(self) -> tuple[str, str]:
         """SHA-256 of record and model."""
-        return hashlib.sha256(self.record_text or b"").hexdigest(), hashlib.sha256(self.model_text or b"").hexdigest()
+        return digest(self.record_text or b""), digest(self.model_text or b"")
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -126,10 +123,7 @@ class FleetResult:
 def find_cases(folder: Path) -> list[FleetCase]:
     """Records ``NAME.csv`` with ``NAME.toml``, and ``NAME/data.csv`` with ``NAME/model.toml``, by name.
 
-    A record without its TOML is listed too, and fails for that reason.
-
-    Raises:
-        InputError: no such folder, or nothing in it.
+    A record without its TOML is listed too, and fails for that reason. InputError where there is none at all.
     """
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder of records")
@@ -157,12 +151,11 @@ def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetT
     for case in cases:
         record, first = _content(case.record, settings.max_size)
         model, second = _content(case.model, settings.max_size)
-        parts = (settings.digest, os.fsencode(case.entry), case.is_model, record, model)
-        digest = hashlib.sha256()
-        for part in parts:
+        hashed = hashlib.sha256()
+        for part in (settings.digest, os.fsencode(case.entry), case.is_model, record, model):
             content = part if isinstance(part, bytes) else repr(part).encode()
-            digest.update(len(content).to_bytes(8, "big") + content)
-        key = digest.hexdigest()
+            hashed.update(len(content).to_bytes(8, "big") + content)
+        key = hashed.hexdigest()
         seed = seed_of(settings.seed, key)
         yield FleetTask(case.name, key, seed, record, model, case.is_model, settings, first or second)
 
@@ -180,27 +173,52 @@ def _content(path: Path, max_size: int) -> tuple[bytes | None, str]:
         return None, f"{describe_shown(path.name)}: {error.message}"
 
 
+#: Stem of the model file while it is read; a mode without a name gets that of the record instead.
+_UNNAMED = "mode-without-a-name"
+
+
+def read_files(task: FleetTask) -> tuple[Record, Mode]:
+    """Record and mode of a task; messages name the files as the user knows them."""
+    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), task.inputs, strict=True))
+    with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
+        paths = [Path(folder, name) for name in names]
+        for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
+            with path.open("wb") as stream:
+                stream.write(content or b"")
+        try:
+            record, mode = read_record(paths[0]), read_mode(paths[1])
+        except InputError as error:
+            known = names[Path(error.file).name] if error.file else None
+            raise InputError(
+                error.message, file=known, line=error.line, column=error.column, expected=error.expected
+            ) from error
+    first, second = names.values()
+    name = task.name if mode.name == _UNNAMED else mode.name
+    return replace(record, source=first), replace(mode, source=second, name=name)
+
+
 #: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
 SCHEMA = pa.schema(
     [
-        *((name, pa.string()) for name in ("key", "name", "status", "reason", "audit", "method", "mode", "report")),
-        *((name, pa.string()) for name in ("units_force", "units_length", "record_sha256", "model_sha256")),
-        *((name, pa.string()) for name in ("version", "code")),
-        *((name, pa.int64()) for name in ("seed", "rows", "levels")),
-        ("largest_tested_force", pa.float64()),
-        ("law", pa.string()),
-        *((name, pa.float64()) for name in ("weight", "average_absolute_percent", "held_out_error")),
-        ("load_law", pa.string()),
-        ("load_weight", pa.float64()),
-        *((name, pa.float64()) for name in ("design_force", "extrapolation_ratio", "median", "low", "high", "linear")),
-        *((name, pa.float64()) for name in ("frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high")),
-        *((f"linear_overprediction_{name}", pa.float64()) for name in ("percent", "low", "high")),
-        ("cautions", pa.list_(pa.string())),
-        ("effects", pa.list_(pa.string())),
-        ("effects_probability", pa.float64()),
-        ("unexplained", pa.bool_()),
-        *((f"gap_{name}", pa.float64()) for name in ("nominal", "before", "after", "shrinkage")),
-        *((name, pa.string()) for name in ("rank_form", "loads_form", "gap_form")),
+        (name, kind)
+        for kind, names in (
+            (pa.string(), "key name status reason audit method mode report units_force units_length"),
+            (pa.string(), "record_sha256 model_sha256 version code"),
+            (pa.int64(), "seed rows levels"),
+            (pa.float64(), "largest_tested_force"),
+            (pa.string(), "law"),
+            (pa.float64(), "weight average_absolute_percent held_out_error"),
+            (pa.string(), "load_law"),
+            (pa.float64(), "load_weight design_force extrapolation_ratio median low high linear"),
+            (pa.float64(), "frequency damping_ratio damping_ratio_low damping_ratio_high"),
+            (pa.float64(), "linear_overprediction_percent linear_overprediction_low linear_overprediction_high"),
+            (pa.list_(pa.string()), "cautions effects"),
+            (pa.float64(), "effects_probability"),
+            (pa.bool_(), "unexplained"),
+            (pa.float64(), "gap_nominal gap_before gap_after gap_shrinkage"),
+            (pa.string(), "rank_form loads_form gap_form"),
+        )
+        for name in names.split()
     ]
 )
 
@@ -224,7 +242,7 @@ def row_of(task: FleetTask) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class DataSet:
+class FleetDataSet:
     """Rows kept under ``folder``. A row is known by its ``key``."""
 
     folder: Path
@@ -233,14 +251,10 @@ class DataSet:
         """The Parquet files that are ours, in order of name."""
         return sorted(self.folder.glob("part-*.parquet"))
 
-    def read(self, columns: Sequence[str], keys: Collection[str] | None = None) -> pd.DataFrame:
-        """Columns of all rows (of those with ``keys``), sorted by name and key; a key counts once.
-
-        Raises:
-            InputError: a file that is no Parquet file of a fleet.
-        """
+    def read(self, columns: Sequence[str]) -> pd.DataFrame:
+        """Columns of all rows, sorted by name and key, a key once. InputError for a file that is none of a fleet."""
         wanted = list(dict.fromkeys(("name", "key", *columns)))
-        frames = [self._rows(path, wanted, keys) for path in self.files()]
+        frames = [self._table(path, wanted).to_pandas() for path in self.files()]
         if not frames:
             return pd.DataFrame(columns=wanted)
         table = pd.concat(frames, ignore_index=True).drop_duplicates("key")
@@ -261,27 +275,23 @@ class DataSet:
         """Add a batch as one file, named after its keys."""
         if rows:
             table = pa.Table.from_pylist([plain(row) for row in rows], schema=SCHEMA)
-            digest = hashlib.sha256("".join(sorted(row["key"] for row in rows)).encode()).hexdigest()
-            write_bytes(self.folder / f"part-{digest[:20]}.parquet", _parquet(table))
+            name = digest("".join(sorted(row["key"] for row in rows)).encode())[:20]
+            write_bytes(self.folder / f"part-{name}.parquet", _parquet(table))
 
     def keep(self, keys: Collection[str]) -> None:
         """Take out rows with other keys (of records that are gone or have changed), file by file."""
         for path in self.files():
-            table = self._table(path, None)
+            table = self._table(path, SCHEMA.names)
             kept = table.filter(pa.array([key in keys for key in table["key"].to_pylist()], pa.bool_()))
             if len(kept) == 0:
                 path.unlink()
             elif len(kept) < len(table):
                 write_bytes(path, _parquet(kept))
 
-    def _rows(self, path: Path, columns: Sequence[str], keys: Collection[str] | None) -> pd.DataFrame:
-        frame: pd.DataFrame = self._table(path, columns).to_pandas()
-        return frame if keys is None else frame[frame["key"].isin(keys)]
-
     @staticmethod
-    def _table(path: Path, columns: Sequence[str] | None) -> pa.Table:
+    def _table(path: Path, columns: Sequence[str]) -> pa.Table:
         try:
-            return pq.ParquetFile(path).read(columns=None if columns is None else list(columns))
+            return pq.ParquetFile(path).read(columns=list(columns))
         except (pa.ArrowException, OSError, KeyError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(f"is no part of a fleet ({reason})", file=path, expected="a folder of its own") from error

@@ -15,8 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from damping.arrays import FloatArray
 from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
-from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page
-from damping.report.text import write_sections
+from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500

@@ -52,8 +52,7 @@ def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
 def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
 
-    Raises:
-        InputError: no scheduler answers at the address.
+    InputError: no scheduler answers at the address.
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it, a row or a message says
     settings = {
@@ -113,9 +112,7 @@ def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse
 
     A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
     once more at the end, one at a time, so that a record fails for what it does itself and not for its neighbours.
-
-    Raises:
-        AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
+    AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
     """
     suspects: list[FleetTask] = []
     for task, outcome in _outcomes(client, tasks, work, "record"):
@@ -182,8 +179,7 @@ class _Crew:
     def threads(self) -> int:
         """Threads of all workers; at least 1, so that a task waits for workers that are on their way.
 
-        Raises:
-            AnalysisError: there was none for too long, or no scheduler.
+        AnalysisError: there was none for too long, or no scheduler.
         """
         now = time.monotonic()
         if now - self._looked >= _LOOK:

@@ -13,11 +13,10 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray, Floats
-from damping.forces import CATALOGUE, case_five, force_class, make
+from damping.forces import CATALOGUE, case_five, energy_factor, energy_per_cycle, force_class, make
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Slip
-from damping.forces.polynomial import VelocitySquared
-from damping.forces.powers import energy_factor, energy_per_cycle
+from damping.forces.powers import VelocitySquared
 
 #: The force whose energy term each case of Table 2.I adds (case V: its second term, C5 Q^2 Q').
 CASES = {

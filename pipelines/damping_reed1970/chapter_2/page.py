@@ -144,8 +144,7 @@ def normal_modes(mass: FloatArray, stiffness: FloatArray, reference: int) -> Nor
         mass: (n, n) symmetric positive definite, or the n lumped masses. stiffness: (n, n) symmetric.
         reference: node whose displacement is the modal coordinate.
 
-    Raises:
-        AnalysisError: a mode does not move the reference node, so that its shape cannot be scaled there.
+    AnalysisError: a mode does not move the reference node, so that its shape cannot be scaled there.
     """
     squared, vectors = eigh(stiffness, np.diag(mass) if np.ndim(mass) == 1 else mass)
     omega = np.sqrt(np.maximum(squared, 0.0))  # rounding leaves rigid-body modes slightly negative

@@ -111,9 +111,8 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         fixed: parameters that are not fitted, by name (theta in rad).
         extras: those of ``EXTRAS`` that are fitted too.
 
-    Raises:
-        AnalysisError: nothing to fit, no more numbers than parameters, no minimum with both planes inside the swept
-            frequencies, or parameters that the data do not determine.
+    AnalysisError: nothing to fit, no more numbers than parameters, no minimum with both planes inside the swept
+    frequencies, or parameters that the data do not determine.
     """
     fixed = dict(fixed or {})
     free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))

@@ -12,7 +12,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
 from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
-from damping.regression.power_law import fit_power_law
+from damping.regression.fit import fit_power_law
 from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 

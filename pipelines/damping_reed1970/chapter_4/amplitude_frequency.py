@@ -19,8 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray, Floats
+from damping.forces import damping_term
 from damping.forces.contract import Force
-from damping.forces.powers import damping_term
 from damping.plots import ALERT, INK, MEASURED, MUTED, WIDTH, build_panel, law_style, styled
 from damping.predict.steady import phase_lag
 from damping_reed1970.chapter_2 import CASES

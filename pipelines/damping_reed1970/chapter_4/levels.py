@@ -101,8 +101,7 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
         mass: generalized mass of each sweep (sweeps,), where xi is to be kept as in the report; None: the coefficient.
         alphas: of case V, in 1/length^2.
 
-    Raises:
-        AnalysisError: fewer than two sweeps of different resonant amplitude.
+    AnalysisError: fewer than two sweeps of different resonant amplitude.
     """
     if np.unique(data.tested_amplitude).size < 2:
         raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")

@@ -19,8 +19,7 @@ from damping.extrapolation.draws import Member
 from damping.extrapolation.prediction import Loads, predict
 from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
-from damping.regression.fit import Fit, fit
-from damping.regression.power_law import Form, PowerLaw, fit_power_law
+from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law
 from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_4 import (
     A_LINEAR_PRINTED,

@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.forces import force_class
-from damping.forces.powers import coefficient_from_energy
+from damping.forces import coefficient_from_energy, force_class
 from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import Fit, fit

@@ -16,15 +16,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
-from damping.forces import component, make
+from damping.forces import component, energy_per_cycle, make
 from damping.forces.contract import Sum
-from damping.forces.powers import energy_per_cycle
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.plots import AVERAGE, INK, LINEAR, MUTED, build_panel, draw_plain_rows, styled
 from damping.predict.steady import resonant_amplitude
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping.regression.power_law import Form
+from damping.regression.fit import Form
 from damping.report import format_between, number
 from damping.report.page import Table
 from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table

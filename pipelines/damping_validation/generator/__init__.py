@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from damping_validation.generator.balance import TrueRows, plain_rows, recorded
 from damping_validation.generator.plan import (
     Bench,
     columns,
@@ -35,7 +36,6 @@ from damping_validation.generator.refit import (
 )
 from damping_validation.generator.rig import RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors, true_record
-from damping_validation.generator.structure import TrueRows, plain_rows, recorded
 
 __all__ = ["BlindCase", "NoSteadyStateError", "Stratum", "draw", "draw_case", "draw_further_rows", "strata"]
 
@@ -168,8 +168,7 @@ def draw_further_rows(
         kind, field, seed: as the case was drawn. proposed: ``force, frequency_low, frequency_high`` (Hz), ``points,
             added_mass`` of each further sweep. asked: columns that the new rows are to fill.
 
-    Raises:
-        NoSteadyStateError: the structure does not come to rest under that drive.
+    NoSteadyStateError: the structure does not come to rest under that drive.
     """
     drawn = draw(kind, field, np.random.default_rng(seed))
     rng = np.random.default_rng((*seed, 1))

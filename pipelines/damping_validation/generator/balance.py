@@ -1,4 +1,4 @@
-"""First-harmonic balance of a true structure: where the integration in time starts, and how large an effect is drawn.
+"""The rows of a test, what a sensor shows of the motion, and the first-harmonic balance: where integration starts.
 
 On q = A sin(theta) the forces have in-phase and quadrature averages S and C (``averages``), and the balance
 |k - M omega^2 + i c omega + (S + i C)/A| A = F is solved row by row on a grid of amplitudes, then refined.
@@ -9,21 +9,129 @@ While the frequency moves, q = Re z(t) exp(i theta) with omega = theta' obeys, b
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from damping_validation.generator.laws import DEGREE, RATE_BOUND, VELOCITY_POWER, Array, TrueJoint, TrueLaw
-from damping_validation.generator.structure import (
-    Complex,
-    Structure,
-    TrueRows,
-    chosen_rows,
-    recorded,
-    show_signal,
-    side_phasors,
-)
+from damping_validation.generator import laws
+from damping_validation.generator.laws import Array, Complex, Structure, TrueJoint, TrueLaw
+
+
+@dataclass(frozen=True)
+class TrueRows:
+    """What the test recorded and what it truly was, one entry a row, in the order tested.
+
+    ``sweep`` numbers the sweeps, ``force`` is the recorded force, ``omega`` the drive in rad/s, ``up`` the direction of
+    all sweeps. ``drive`` is true force over recorded force, ``tuning`` the true natural frequency over the structure's,
+    ``loss`` the true viscous coefficient over the structure's, ``gain`` and ``lag`` what the instruments add, ``delay``
+    what they add to the time, s, ``leak`` a foreign phasor in the record. ``added`` is a known mass, ``rate`` the true
+    d omega/dt, rad/s^2, ``time`` in s. The sensor shows at most ``clip`` and compresses beyond ``knee``; a reading is
+    a multiple of ``quantum``, and lags by ``slew`` times itself, rad/length.
+    """
+
+    sweep: npt.NDArray[np.int64]
+    force: Array
+    omega: Array
+    up: bool
+    drive: Array
+    tuning: Array
+    loss: Array
+    gain: Array
+    lag: Array
+    leak: Complex
+    added: Array
+    rate: Array
+    time: Array
+    clip: float = np.inf
+    knee: float = np.inf
+    quantum: float = 0.0
+    delay: float = 0.0
+    slew: float = 0.0
+
+    @property
+    def swept(self) -> bool:
+        """Whether the frequency moved while a row was taken."""
+        return bool(np.any(self.rate))
+
+
+#: Time between two rows of a test, cycles of the drive.
+CYCLES_A_ROW = 200.0
+
+
+def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> TrueRows:
+    """Rows of a faultless rig, each dwelt at for ``CYCLES_A_ROW``."""
+    unit, zero = np.ones(force.size), np.zeros(force.size)
+    time = np.cumsum(2 * np.pi * CYCLES_A_ROW / omega)
+    return TrueRows(sweep, force, omega, up, unit, unit, unit, unit, zero, zero.astype(complex), zero, zero, time)
+
+
+def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
+    """The chosen rows alone."""
+    return replace(rows, **{name: column[chosen] for name, column in _list_columns(rows).items()})
+
+
+def _list_columns(rows: TrueRows) -> dict[str, Any]:
+    """What rows hold one entry a row of."""
+    every = {part.name: getattr(rows, part.name) for part in fields(rows)}
+    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
+
+
+def joined_rows(rows: TrueRows, more: TrueRows) -> TrueRows:
+    """Rows of one test and then of another of the same rig."""
+    joined: dict[str, Any] = {
+        name: np.concatenate([column, getattr(more, name)]) for name, column in _list_columns(rows).items()
+    }
+    return replace(rows, **joined)
+
+
+def show_signal(signal: Array, rows: TrueRows) -> Array:
+    """What the sensor shows of a displacement: compressed beyond its knee, clipped at its limit."""
+    if np.isfinite(rows.knee):
+        signal = rows.knee * np.tanh(signal / rows.knee)
+    return np.clip(signal, -rows.clip, rows.clip)
+
+
+def recorded(X: Complex, rows: TrueRows, order: int = 1) -> tuple[Array, Array]:
+    """Amplitude and lag (rad, from -pi/2 to 3 pi/2) that the rig records of a phasor A exp(-i phi) of a harmonic."""
+    X = rows.gain * X * np.exp(-1j * (rows.lag + order * rows.omega * rows.delay + rows.slew * np.abs(X)))
+    if order == 1:
+        X = X + rows.leak
+    lag = np.mod(-np.angle(X) + np.pi / 2, 2 * np.pi) - np.pi / 2
+    amplitude = np.abs(X)
+    if rows.quantum:
+        amplitude = np.maximum(np.round(amplitude / rows.quantum), 1.0) * rows.quantum
+    return amplitude, lag
+
+
+def side_phasors(structure: Structure, rows: TrueRows) -> list[Complex]:
+    """Steady phasors of the other modes' own coordinates, row by row."""
+    w, M = rows.omega, structure.mass
+    return [
+        side.drive * rows.force * rows.drive
+        / (M * side.omega**2 - (M + rows.added * side.loaded) * w**2 + 2j * M * side.zeta * side.omega * w)
+        for side in structure.sides
+    ]  # fmt: skip
+
+
+def project(structure: Structure, rows: TrueRows, samples: Array) -> tuple[Complex, Complex, Complex]:
+    """Phasors A exp(-i phi) of signals A sin(n omega t - phi), from one cycle of the main displacement (steps, rows).
+
+    At the sensor for n = 1 and 3, across the measured axis for n = 1.
+    """
+    steps = len(samples)
+    angle = 2 * np.pi * np.arange(steps) / steps
+    signal, across = structure.share * samples, structure.across * samples
+    for side, phasor in zip(structure.sides, side_phasors(structure, rows), strict=True):
+        own = (phasor * np.exp(1j * angle)[:, None]).imag
+        signal, across = signal + side.seen * own, across + side.across * own
+    first, third = (np.exp(1j * (np.pi / 2 - order * angle)) * 2 / steps for order in (1, 3))
+    shown = show_signal(signal, rows)
+    return first @ shown, third @ shown, first @ across
+
 
 _ANGLES = 2 * np.pi * (np.arange(96) + 0.5) / 96
 _GRID = 240
@@ -34,7 +142,7 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
     """(S + i C)/A of the structure's forces at unit frequency, summed by their power of frequency, for each A."""
     total: dict[int, Complex] = {}
     for law in structure.averaged_laws:
-        power = VELOCITY_POWER.get(law.kind, 0)
+        power = laws.VELOCITY_POWER.get(law.kind, 0)
         total[power] = total.get(power, 0.0) + _average_law(law, A, structure.omega)
     for joint in structure.joints:
         total[0] = total.get(0, 0.0) + _average_joint(joint, A)
@@ -43,10 +151,10 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
 
 def _average_law(law: TrueLaw, A: Array, omega: float) -> Complex:
     """By sampling; once and for all amplitudes where the force is homogeneous in q and v."""
-    if law.kind in DEGREE:
-        shape: Complex = _average_unit(law.kind) * A.astype(complex) ** (DEGREE[law.kind] - 1)
+    if law.kind in laws.DEGREE:
+        shape: Complex = _average_unit(law.kind) * A.astype(complex) ** (laws.DEGREE[law.kind] - 1)
         return law.coefficient * shape
-    return _sample_law(law, A, omega if law.kind in RATE_BOUND else 1.0)
+    return _sample_law(law, A, omega if law.kind in laws.RATE_BOUND else 1.0)
 
 
 @cache
@@ -131,16 +239,14 @@ def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Comple
 
 def guess(structure: Structure, rows: TrueRows, other: bool = False) -> Complex:
     """Phasor of the main coordinate on the branch that the sweep follows, or on the other one."""
-    if not (structure.averaged_laws or structure.joints):
-        return main_phasor(structure, rows, False)
     return main_phasor(structure, rows, upper_branch(structure, rows) != other)
 
 
 def upper_branch(structure: Structure, rows: TrueRows) -> bool:
     """Which of several steady states the sweep follows: the upper one if it runs the way the resonance bends."""
     A = np.geomspace(1e-3, 1.0, 30) * np.max(rows.force) / (structure.viscous * structure.omega)
-    stiffening = float(np.sum(averages(structure, A).get(0, np.zeros(A.size)).real))
-    return (stiffening >= 0) == rows.up
+    stiffening = averages(structure, A).get(0, np.zeros(A.size)).real
+    return (float(np.sum(stiffening)) >= 0) == rows.up
 
 
 #: Change of frequency in a step of a moving sweep, half-power half-widths: each step is exact for a fixed frequency.
@@ -167,10 +273,10 @@ def _move(structure: Structure, rows: TrueRows, z: complex, before: int, here: i
     span, rate = rows.omega[here] - rows.omega[before], rows.rate[here]
     if span == 0.0:  # read twice on the way
         return z
-    count = int(np.ceil(abs(span) / (_SWEEP_STEP * structure.viscous / (2 * structure.mass)))) or 1
-    if rate * span <= 0.0:  # dwelt at, or met against its own direction
-        return complex(guess(structure, chosen_rows(rows, np.arange(rows.omega.size) == here))[0])
     row = chosen_rows(rows, np.arange(rows.omega.size) == here)
+    if rate * span <= 0.0:  # dwelt at, or met against its own direction
+        return complex(guess(structure, row)[0])
+    count = int(np.ceil(abs(span) / (_SWEEP_STEP * structure.viscous / (2 * structure.mass)))) or 1
     M, c = structure.mass + row.added[0], structure.viscous * row.loss[0]
     F, h = structure.share * row.force[0] * row.drive[0], span / rate / count
     k, nonlinear = structure.mass * (structure.omega * row.tuning[0]) ** 2, structure.averaged_laws or structure.joints
@@ -192,9 +298,3 @@ def _move(structure: Structure, rows: TrueRows, z: complex, before: int, here: i
             after = last + (z - first) * decay + (last - first) / h * (1 - decay) / pull
         z = after
     return complex(z)
-
-
-def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
-    """Amplitude and lag that the rig records, by first-harmonic averages."""
-    main = sweep_phasor(structure, rows) if rows.swept else guess(structure, rows)
-    return recorded(sensor_phasor(structure, rows, main), rows)

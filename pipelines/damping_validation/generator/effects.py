@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.special import gamma
 
-from damping_validation.generator.laws import Array, Partner, TrueJoint, TrueLaw
+from damping_validation.generator.balance import TrueRows
+from damping_validation.generator.laws import Array, Partner, Side, Structure, TrueJoint, TrueLaw
 from damping_validation.generator.plan import Bench, Generator, force_unit, log_uniform
-from damping_validation.generator.structure import Side, Structure, TrueRows
 
 Shape: TypeAlias = tuple[float, ...]
 Truth: TypeAlias = tuple[Structure, TrueRows]

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[Any]
+Complex = npt.NDArray[np.complex128]
 Function = Callable[[Array, Array, Array, float], Array]
 
 
@@ -216,3 +217,51 @@ COUPLINGS: Mapping[str, Callable[[Partner, Array, Array, Array, Array], tuple[Ar
     "memory": _memory,
     "heated-spring": _heated,
 }
+
+
+@dataclass(frozen=True)
+class Side:
+    """Another mode between drive and sensor, q'' + 2 zeta omega q' + omega^2 q = drive F/M, seen as ``seen`` q.
+
+    ``across`` of it shows across the measured axis. ``loaded``: mass added to the main mode moves with this one too.
+    It acts on nothing, so that its steady motion is known in closed form.
+    """
+
+    omega: float
+    zeta: float
+    drive: float
+    seen: float
+    across: float = 0.0
+    loaded: bool = False
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Main mode (mass, undamped omega in rad/s of the stuck state, viscous coefficient), its forces, and other modes.
+
+    The main coordinate takes ``share`` of the force and shows ``share`` of its motion at the sensor (1 but for a drive
+    at an angle to the principal planes), ``across`` of it across the measured axis. Other modes are per unit of the
+    same mass.
+    """
+
+    mass: float
+    omega: float
+    viscous: float
+    laws: tuple[TrueLaw, ...] = ()
+    joints: tuple[TrueJoint, ...] = ()
+    sides: tuple[Side, ...] = ()
+    share: float = 1.0
+    across: float = 0.0
+    partners: tuple[Partner, ...] = ()
+
+    @property
+    def averaged_laws(self) -> tuple[TrueLaw, ...]:
+        """The forces whose averages a first-harmonic balance takes, those of partners that are not linear included."""
+        laws = [partner.stand_in for partner in self.partners]
+        return (*self.laws, *(replace(law, coefficient=law.coefficient * self.mass) for law in laws if law))
+
+    @property
+    def bent(self) -> bool:
+        """Whether two steady states may exist at one frequency."""
+        laws = any(law.kind in ELASTIC for law in self.laws)
+        return laws or any(partner.cubic or partner.stand_in for partner in self.partners)

@@ -13,16 +13,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.laws import Array, TrueLaw
-from damping_validation.generator.structure import (
-    Complex,
-    Structure,
-    TrueRows,
-    chosen_rows,
-    joined_rows,
-    plain_rows,
-    recorded,
-)
+from damping_validation.generator.balance import TrueRows, chosen_rows, joined_rows, plain_rows, recorded
+from damping_validation.generator.laws import Array, Complex, Structure, TrueLaw
 
 Generator: TypeAlias = np.random.Generator
 

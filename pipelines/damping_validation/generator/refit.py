@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from damping_validation.generator.balance import predicted
+from damping_validation.generator.balance import TrueRows, guess, recorded, sensor_phasor, sweep_phasor
 from damping_validation.generator.effects import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
-from damping_validation.generator.laws import Array
+from damping_validation.generator.laws import Array, Complex, Structure
 from damping_validation.generator.plan import (
     Bench,
     Generator,
@@ -30,7 +30,6 @@ from damping_validation.generator.plan import (
 )
 from damping_validation.generator.rig import DRIFT_KINDS, FOREIGN_KINDS, FOREIGN_RIG, RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors
-from damping_validation.generator.structure import Complex, Structure, TrueRows, recorded
 
 KINDS: Mapping[str, Kind] = {**FORCE_KINDS, **PATH_KINDS, **DRIFT_KINDS, **RIG_KINDS, **FOREIGN_KINDS}
 
@@ -119,6 +118,12 @@ def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), 
         diff_step=np.full(start.size, 1e-4),
     )
     return float(np.sqrt(np.mean(left(fit.x) ** 2)))
+
+
+def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
+    """Amplitude and lag that the rig records, by first-harmonic averages."""
+    main = sweep_phasor(structure, rows) if rows.swept else guess(structure, rows)
+    return recorded(sensor_phasor(structure, rows, main), rows)
 
 
 def _simulated(bench: Bench, effects: tuple[TrueEffect, ...], x: Array, sweeps: int) -> tuple[Structure, TrueRows]:

@@ -15,9 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.balance import guess, sensor_phasor, sweep_phasor
-from damping_validation.generator.laws import JUMPS, Array
-from damping_validation.generator.structure import Complex, Structure, TrueRows, chosen_rows, project, recorded
+from damping_validation.generator.balance import (
+    TrueRows,
+    chosen_rows,
+    guess,
+    project,
+    recorded,
+    sensor_phasor,
+    sweep_phasor,
+)
+from damping_validation.generator.laws import JUMPS, Array, Complex, Structure
 
 STEPS = 256
 _SMOOTHED = 1.5  # steps on either side of a change of sign
@@ -215,9 +222,7 @@ def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], ste
     """Steady phasors, row by row, before gain, lag and leak: at the sensor, its third harmonic, across the axis.
 
     ``guesses`` of the main coordinate's phasor are tried in turn where those before gave no stable state.
-
-    Raises:
-        NoSteadyStateError: no stable steady state near any guess, or a record that another cycle changes.
+    NoSteadyStateError: no stable steady state near any guess, or a record that another cycle changes.
     """
     motion = TrueMotion(structure, rows, steps)
     state = steady_state(motion, guesses)
@@ -231,8 +236,7 @@ def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], ste
 def steady_state(motion: TrueMotion, guesses: Sequence[Complex]) -> TrueState:
     """State at the start of a steady cycle, on the branch that the sweep follows.
 
-    Raises:
-        NoSteadyStateError: no stable steady state near any guess.
+    NoSteadyStateError: no stable steady state near any guess.
     """
     state, stable = shoot(motion, started(motion, guesses[0]))
     for further in guesses[1:]:

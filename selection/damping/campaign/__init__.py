@@ -1,1 +1,231 @@
-"""Campaigns: files of several levels, modes and sensors to a record a mode and the response of every sensor."""
+"""Campaigns: files of several levels, modes and sensors to a record a mode and the response of every sensor.
+
+Here from the files to the answer: every mode at every tested and design level, each sensor's peak there.
+
+A tested level is answered by what was measured there, a design level by the laws of the mode's record. A band of modal
+amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
+
+A notch lowers the input at a mode so that a sensor keeps to its limit. The upper end of the 90 % band, below which the
+peak lies with 95 %, is interpolated over levels; the level at which it meets the limit is allowed. With the whole input
+D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance,
+at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import exp, hypot, log, log10, pi, sqrt
+from pathlib import Path
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.campaign.answer import (
+    NORMAL_90,
+    At,
+    Campaign,
+    DesignLevel,
+    ModeAnswer,
+    Notch,
+    Response,
+    SensorPrediction,
+    compare_predictions,
+)
+from damping.campaign.decays import answer_decays
+from damping.campaign.modal_fit import receptance
+from damping.campaign.records import DrivenMode, Level, fit_levels, modal_loads, tie_modes
+from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
+from damping.campaign.sources import read_runs
+from damping.errors import InputError
+from damping.formats.quantity import unit
+
+#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
+LEAST_SPREAD = 0.01
+#: Half of the range around a resonance in which its peak is sought, in half-power half-widths.
+_SEARCHED = 1.5
+#: Levels at which responses are predicted between the lowest and the design level.
+NOTCH_LEVELS = 10
+
+
+def analyse(
+    files: Sequence[Path],
+    design: Sequence[DesignLevel | float] = (),
+    frequencies: Sequence[float] = (),
+    seed: int = 1970,
+    max_size: int = 200_000_000,
+    corrections: Corrections | None = None,
+    limits: Mapping[str, float] | None = None,
+    before: Sequence[SensorPrediction] = (),
+) -> Campaign:
+    """Everything from some files.
+
+    Args:
+        design: levels asked, in the unit of the drive; of free decays the amplitude of the sensor that moves most.
+            By default twice the top level. frequencies: of the modes, Hz, where they are not to be looked for.
+        corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit. before:
+            what was predicted of these runs.
+
+    Raises:
+        InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
+    """
+    runs, summary = read_runs(files, max_size, corrections)
+    inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
+    if runs[0].is_time:
+        return answer_decays(runs, inputs, frequencies, seed, summary)
+    tested = [float(run.level or 0.0) for run in runs]
+    inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
+    asked = tuple(float(level.level.max()) for level in inputs)
+    levels, names = fit_levels(runs, frequencies), runs[0].names
+    unknown = next((name for name in limits or {} if name not in names), None)
+    if unknown is not None:
+        raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
+    modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tie_modes(levels))
+    campaign = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
+    return replace(campaign, outcomes=compare_predictions(before, campaign))
+
+
+def _answer_driven(
+    levels: Sequence[Level],
+    mode: DrivenMode,
+    design: Sequence[DesignLevel],
+    seed: int,
+    limits: Mapping[str, float],
+) -> ModeAnswer:
+    """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
+    run = levels[0].run
+    of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
+    tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
+    wanted = [level.at(float(mode.frequency[-1])) for level in design]
+    asked = [*tested, *wanted, *(list_levels(tested, wanted) if limits else [])]
+    loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
+    frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
+    places = []
+    for k, level in enumerate(asked):
+        measured = k < len(levels)
+        ratio = _measured_ratio(mode, k) if measured else None
+        if not measured and np.isfinite(bands[k]).all():
+            per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
+            z, high, low = (float(per_amplitude / A) for A in bands[k])
+            ratio = (z, low, high)
+        drive, nearest = level * unit(run.drive_unit).factor, levels[k if measured else -1]
+        response = _list_responses(nearest, mode, float(frequency[k]), ratio, drive) if ratio else ()
+        cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
+        stated = float(levels[k].run.level or 0.0) if measured else level
+        reached = None if stated == level else level
+        if reached is not None:
+            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
+        places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
+    count = len(tested) + len(wanted)
+    notches = [
+        notch
+        for level in wanted
+        for notch in find_notches(mode.mode.name, places[len(tested) :], max(tested), level, limits)
+    ]
+    forces = tuple(float(of_force * level) for level in wanted)
+    answers = tuple(places[:count])
+    return ModeAnswer(law, answers, mode.left_out, mode.record, mode.mode, forces, tuple(notches))
+
+
+def _find_input(level: Level, frequency: float) -> float:
+    """The input at a mode in the unit of the drive: the run's level, but where it was notched there."""
+    stated = float(level.run.level or 0.0)
+    measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
+    return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
+
+
+def _measured_ratio(mode: DrivenMode, k: int) -> tuple[float, float, float]:
+    """Damping ratio (median, low, high) that was measured at a level."""
+    spread = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD))
+    return float(mode.ratio[k]), float(mode.ratio[k]) * exp(-spread), float(mode.ratio[k]) * exp(spread)
+
+
+def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
+    """Tested frequencies, then those of the design levels on a straight line through the tested ones over amplitude."""
+    known = amplitude[:count]
+    beyond = amplitude[count:]
+    if count < 3 or not np.isfinite(amplitude).all():
+        return np.concatenate([tested, np.full(len(beyond), tested[-1])])
+    slope, start = np.polyfit(known, tested, 1)
+    return np.concatenate([tested, start + slope * beyond])
+
+
+def _list_responses(
+    level: Level, mode: DrivenMode, frequency: float, ratio: tuple[float, float, float], drive: float
+) -> tuple[Response, ...]:
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
+    peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
+    responses = []
+    for s, sensor in enumerate(level.run.channels):
+        if np.isfinite(mode.residues[s]):
+            size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
+            spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
+            median, low, high = (float(part) for part in size)
+            below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
+            band = (median, median * exp(-below), median * exp(above))
+            responses.append(Response(sensor.name, sensor.quantity, sensor.unit, band))
+    return tuple(responses)
+
+
+def _peaks(level: Level, mode: DrivenMode, frequency: float, ratio: float) -> FloatArray:
+    """|H| of each sensor (sensors,) at its peak nearest to the resonance, with the other modes and the base.
+
+    Where a sensor has no peak there (it stands on the slope of a neighbour) it is |H| at the resonance.
+    """
+    fit, k = level.fit, mode.number
+    f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
+    columns = fit.columns(f)
+    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]))
+    coefficients = fit.local[k].copy()
+    coefficients[:, 2 + k] = np.nan_to_num(mode.residues)
+    size = np.abs(coefficients @ columns.T)
+    middle = len(f) // 2
+    inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
+    places = [np.flatnonzero(row) + 1 for row in inner]
+    nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
+    return np.asarray(size[np.arange(len(size)), nearest])
+
+
+def list_levels(tested: Sequence[float], design: Sequence[float]) -> list[float]:
+    """Levels (in the unit of the drive) at which responses are needed for notches."""
+    return [float(level) for level in np.geomspace(0.5 * min(tested), max(*tested, *design), NOTCH_LEVELS)]
+
+
+def find_notches(
+    mode: str, places: Sequence[At], top: float, design: float, limits: Mapping[str, float]
+) -> tuple[Notch, ...]:
+    """The notch of each limited sensor at a mode, at a design level.
+
+    Args:
+        places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
+        limits: by sensor, in its unit.
+    """
+    notches = []
+    for sensor, limit in limits.items():
+        rows = sorted(
+            (at.level, response.band[2], at.ratio[2], at.frequency, response.unit)
+            for at in places
+            for response in at.response
+            if response.sensor == sensor and at.ratio is not None
+        )
+        if not rows:
+            continue
+        level, upper, ratio, frequency = (np.array([row[k] for row in rows], dtype=float) for k in range(4))
+        allowed = _invert(level, upper, limit)
+        z, f = (float(np.interp(np.log(allowed), np.log(level), values)) for values in (ratio, frequency))
+        half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
+        low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
+        depth = max(20.0 * log10(design / allowed), 0.0)
+        unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
+        notches.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
+    return tuple(notches)
+
+
+def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:
+    """Level at which the upper bound meets the limit, straight on logarithmic axes; in proportion beyond the ends."""
+    rising = np.maximum.accumulate(upper)
+    if limit <= rising[0] or limit >= rising[-1]:
+        end = 0 if limit <= rising[0] else -1
+        return float(level[end] * limit / rising[end])
+    return float(np.exp(np.interp(np.log(limit), np.log(rising), np.log(level))))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.series import Summary
+from damping.formats import Summary
+from damping.records.audit import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
@@ -182,18 +184,30 @@ class SensorPrediction:
 
 @dataclass(frozen=True)
 class ModeAnswer:
-    """A mode with its record and its levels; ``law`` is the one with the largest weight, ``findings`` its audit."""
+    """A mode with its record and its levels; ``law`` is the one with the largest weight."""
 
-    name: str
-    frequency: float
     law: str
     places: tuple[At, ...]
     left_out: dict[str, str]
     record: Record
     mode: Mode
     design_forces: tuple[float, ...]
-    findings: tuple[Finding, ...] = ()
     notches: tuple[Notch, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the mode."""
+        return self.mode.name
+
+    @property
+    def frequency(self) -> float:
+        """Frequency at the lowest level, Hz."""
+        return self.mode.frequency
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """The audit of its record."""
+        return audit(self.record, self.mode).findings
 
 
 @dataclass(frozen=True)

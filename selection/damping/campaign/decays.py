@@ -17,11 +17,10 @@ from scipy.signal import find_peaks, welch
 from damping.arrays import FloatArray
 from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
 from damping.campaign.records import DEAD, modal_loads
-from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
+from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
+from damping.formats import Summary
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
-from damping.records.audit import audit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
@@ -62,8 +61,8 @@ class DecayMode:
     mode: Mode
 
 
-def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> tuple[list[str], list[DecayMode]]:
-    """Names of the sensors and the modes of free decays.
+def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[DecayMode]:
+    """The modes of free decays.
 
     Args:
         frequencies: Hz, where they are known; else the peaks of the spectrum of the smallest decay.
@@ -71,12 +70,12 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     Raises:
         InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
-    names = list_common_sensors(runs)
-    kinds = {channel.quantity for run in runs for channel in run.channels if channel.name in names}
+    names = runs[0].names
+    kinds = {channel.quantity for run in runs for channel in run.channels}
     if len(kinds) > 1:
         raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
     order = ORDERS[kinds.pop()]
-    motions = [_motions(run, names) for run in runs]
+    motions = [_motions(run) for run in runs]
     size = [float(np.max(np.abs(x))) for _, x in motions]
     at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])
     if not at:
@@ -109,7 +108,7 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
         raise AnalysisError("; ".join(unusable.values()))
     if unusable:  # their shapes have no part in telling the others apart
         return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
-    return names, modes
+    return modes
 
 
 def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
@@ -123,12 +122,15 @@ def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> b
     return False
 
 
-def _motions(run: CampaignRun, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def _motions(run: CampaignRun) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and motions (sensors, n) in SI, each about its mean."""
-    by_name = {channel.name: channel for channel in run.channels}
-    factor = np.array([unit(by_name[name].unit).factor if by_name[name].unit else 1.0 for name in names])
-    x = np.asarray(values_of(run, names), dtype=float) * factor[:, None]
+    x = np.array([np.asarray(channel.samples, dtype=float) * _find_factor(channel) for channel in run.channels])
     return run.x, x - np.mean(x, axis=1, keepdims=True)
+
+
+def _find_factor(sensor: Channel) -> float:
+    """The unit of a sensor in SI; 1 where it has none."""
+    return unit(sensor.unit or "1").factor
 
 
 def _peaks(t: FloatArray, x: FloatArray) -> list[float]:
@@ -208,24 +210,20 @@ def answer_decays(
     summary: Summary,
 ) -> Campaign:
     """The answer of runs that are free decays, at every tested and design amplitude."""
-    names, modes = decay_modes(runs, frequencies)
-    channel = runs[0].channels[0]
-    answers = tuple(_decaying(names, runs[0], mode, design, seed) for mode in modes)
+    answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies))
     tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
     beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
     asked = tuple(float(level.level.max()) for level in design) or tuple(beyond)
-    return Campaign(answers, tuple(tested), asked, channel.unit, summary)
+    return Campaign(answers, tuple(tested), asked, runs[0].channels[0].unit, summary)
 
 
-def _decaying(
-    names: Sequence[str], run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int
-) -> ModeAnswer:
+def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
-    sensor = {channel.name: channel for channel in run.channels}[names[mode.reference]]
+    sensor = run.channels[mode.reference]
     at_rest = float(mode.mode.frequency)
     table = mode.record.table.sort_values("amplitude")
     A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
-    to_reading = (2.0 * pi * at_rest) ** ORDERS[sensor.quantity] / (unit(sensor.unit).factor if sensor.unit else 1.0)
+    to_reading = (2.0 * pi * at_rest) ** ORDERS[sensor.quantity] / _find_factor(sensor)
     tops = np.sort(mode.tops)
     beyond = [level.at(at_rest) for level in design] or [float(2.0 * tops[-1] * to_reading)]
     asked = [*(float(top) for top in tops * to_reading), *beyond]
@@ -248,11 +246,10 @@ def _decaying(
             cautions.append("no damping ratio: the predictions do not reach this amplitude")
         if not tested:
             cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
-        places.append(At(level, tested, frequency, ratio, _list_shaped(names, run, mode, level), tuple(cautions)))
+        places.append(At(level, tested, frequency, ratio, _list_shaped(run, mode, level), tuple(cautions)))
     nearest = [_crossing(grid, loads.average.median, level / to_reading) for level in beyond]
     forces = tuple(float(force) for force in nearest if np.isfinite(force))
-    findings, name = audit(mode.record, mode.mode).findings, mode.mode.name
-    return ModeAnswer(name, at_rest, law, tuple(places), mode.left_out, mode.record, mode.mode, forces, findings)
+    return ModeAnswer(law, tuple(places), mode.left_out, mode.record, mode.mode, forces)
 
 
 def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
@@ -263,16 +260,14 @@ def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
     return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
 
 
-def _list_shaped(names: Sequence[str], run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
+def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
     """Amplitude of every sensor kept, by the shape."""
-    by_name = {channel.name: channel for channel in run.channels}
     responses = []
-    for s, name in enumerate(names):
-        if not np.isfinite(mode.shape[s]):
-            continue
-        factor = (unit(by_name[names[mode.reference]].unit or "1").factor) / unit(by_name[name].unit or "1").factor
-        size = abs(mode.shape[s]) * level * factor
-        spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
-        sensor = by_name[name]
-        responses.append(Response(name, sensor.quantity, sensor.unit, (size, size * exp(-spread), size * exp(spread))))
+    for s, sensor in enumerate(run.channels):
+        if np.isfinite(mode.shape[s]):
+            factor = _find_factor(run.channels[mode.reference]) / _find_factor(sensor)
+            size = abs(mode.shape[s]) * level * factor
+            spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
+            band = (size, size * exp(-spread), size * exp(spread))
+            responses.append(Response(sensor.name, sensor.quantity, sensor.unit, band))
     return tuple(responses)

@@ -16,7 +16,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
-from damping.campaign.runs import ORDERS, CampaignRun, list_common_sensors, values_of
+from damping.campaign.runs import ORDERS, CampaignRun
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.near import near_resonance
@@ -60,7 +60,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class ModeFound:
+class DrivenMode:
     """A mode of all levels.
 
     ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN of a sensor left out; ``reference`` is the
@@ -68,7 +68,6 @@ class ModeFound:
     sensor.
     """
 
-    name: str
     number: int
     reference: int
     residues: FloatArray
@@ -82,19 +81,18 @@ class ModeFound:
     mode: Mode
 
 
-def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> tuple[list[str], list[Level]]:
-    """Names of the sensors, and every level with its modes, found on the lowest and followed upwards.
+def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
+    """Every level with its modes, found on the lowest and followed upwards.
 
     Raises:
         InputError: sensors whose motion is not understood. AnalysisError: no mode.
     """
-    names = list_common_sensors(runs)
     levels: list[Level] = []
     starts: Sequence[float] = frequencies
     ratios: Sequence[float] = ()
     for run in runs:
-        f, H, drive = _accelerations(run, names)
-        third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, names, 3)[1]
+        f, H, drive = _accelerations(run)
+        third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
         if not len(starts):
             starts = find_peaks_of(f, H)
@@ -103,18 +101,15 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         fit = fit_level(f, H, starts, sign, ratios)
         levels.append(Level(run, f, H, drive, fit, third))
         starts, ratios = list(fit.frequency), list(fit.ratio)
-    return names, levels
+    return levels
 
 
-def _accelerations(
-    run: CampaignRun, names: Sequence[str], harmonic: int = 1
-) -> tuple[FloatArray, ComplexArray, FloatArray]:
+def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
 
     ``harmonic``: 3 for the third harmonics of the sensors.
     """
     assert run.drive is not None
-    by_name = {channel.name: channel for channel in run.channels}
     drive_unit = unit(run.drive_unit)
     if run.is_base_driven and drive_unit.powers != (0, 1, -2):
         raise InputError(f"a drive in {run.drive_unit}", expected="a force, or an acceleration of the base")
@@ -122,23 +117,23 @@ def _accelerations(
     f, drive = run.x[keep], np.asarray(run.drive)[keep] * drive_unit.factor
     w = harmonic * 2.0 * pi * f
     rows = []
-    for name, values in zip(names, values_of(run, names, harmonic), strict=True):
-        sensor = by_name[name]
-        motion = values[keep] * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
+    for sensor in run.channels:
+        samples = np.asarray(sensor.samples if harmonic == 1 else sensor.third)[keep]
+        motion = samples * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
         rows.append(motion / drive_unit.factor if sensor.per_drive else motion / drive)
     return f, np.array(rows), np.abs(drive)
 
 
-def tie_modes(names: Sequence[str], levels: Sequence[Level]) -> list[ModeFound]:
+def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
     """Modes of all levels by order of frequency, those that no sensor sees left out.
 
     Raises:
         AnalysisError: none is left.
     """
-    out = _bad_sensors(names, levels)
-    modes: list[ModeFound] = []
+    out = _find_bad_sensors(levels)
+    modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):
-        mode = _tie(names, levels, k, dict(out), len(modes) + 1)
+        mode = _tie(levels, k, dict(out), len(modes) + 1)
         if mode is not None:
             modes.append(mode)
     if not modes:
@@ -146,35 +141,29 @@ def tie_modes(names: Sequence[str], levels: Sequence[Level]) -> list[ModeFound]:
     return modes
 
 
-def _bad_sensors(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
-    """Sensors that are dead, or reversed where the base is seen in all of them."""
-    bad = {}
+def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
+    """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
+    bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
     base = np.median([level.fit.base for level in levels], axis=0)
-    absolute = levels[0].run.is_base_driven and np.median(base) > 0.5
-    for s, name in enumerate(names):
+    absolute = run.is_base_driven and np.median(base) > 0.5
+    for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
             bad[name] = "dead: it reads next to nothing"
         elif absolute and abs(base[s]) < 0.3:
             bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
         elif absolute and base[s] < 0.0:
             bad[name] = "reversed: it moves against the base below resonance"
-    if not absolute and not levels[0].run.is_base_driven:
-        bad |= _reversed_at_drive(names, levels)
+    if not run.is_base_driven:
+        residues = np.median([level.fit.residues for level in levels], axis=0)
+        at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
+        bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
     return bad
 
 
-def _reversed_at_drive(names: Sequence[str], levels: Sequence[Level]) -> dict[str, str]:
-    """The sensor where the force acts, where it moves against the force in every mode."""
-    at_drive = {channel.name for channel in levels[0].run.channels if channel.at_drive}
-    residues = np.median([level.fit.residues for level in levels], axis=0)
-    against = [name for name, row in zip(names, residues, strict=True) if name in at_drive and np.all(row < 0.0)]
-    return dict.fromkeys(against, "reversed: it moves against the force where the force acts")
-
-
-def _tie(
-    names: Sequence[str], levels: Sequence[Level], k: int, left_out: dict[str, str], number: int
-) -> ModeFound | None:
+def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
+    """The mode of place ``k`` of every level, by the sensors that are not left out; None where none of them sees it."""
+    names = levels[0].run.names
     r = np.array([level.fit.residues[:, k] for level in levels])
     sd = np.array([level.fit.residues_sd[:, k] for level in levels]).clip(min=1e-300)
     mean = np.sum(r / sd**2, axis=0) / np.sum(1.0 / sd**2, axis=0)
@@ -189,32 +178,28 @@ def _tie(
             left_out[name] = "it does not peak at this resonance"
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
-    cautions = _list_shape_cautions(r[:, kept], levels)
+    cautions = []
+    for level, row in zip(levels[1:], r[1:, kept], strict=True):
+        lowest = r[0, kept]
+        mac = float((row @ lowest) ** 2 / ((row @ row) * (lowest @ lowest)))
+        if mac < ALIKE:
+            cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
     residues = np.where(kept, mean, np.nan)
-    record = _record(levels, k, residues, reference)
     frequency, ratio, ratio_sd = (
         np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
     )
-    mass = 1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])
-    name = f"mode-{number}"
     relative = float(error[reference] / abs(mean[reference]))
-    tolerance = Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05)
     mode = Mode(
-        name=name, frequency=float(frequency[0]), mass=float(mass), tolerance=tolerance, units=Units("N", "m", "s")
+        name=f"mode-{number}",
+        frequency=float(frequency[0]),
+        mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
+        tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05),
+        units=Units("N", "m", "s"),
     )
-    return ModeFound(
-        name, k, reference, residues, error / np.abs(mean), frequency, ratio, ratio_sd, left_out, cautions, record, mode
+    record, error = _record(levels, k, residues, reference), error / np.abs(mean)
+    return DrivenMode(
+        k, reference, residues, error, frequency, ratio, ratio_sd, left_out, tuple(cautions), record, mode
     )
-
-
-def _list_shape_cautions(r: FloatArray, levels: Sequence[Level]) -> tuple[str, ...]:
-    """Levels whose shape is not that of the lowest."""
-    shape_cautions = []
-    for level, row in zip(levels[1:], r[1:], strict=True):
-        mac = float((row @ r[0]) ** 2 / ((row @ row) * (r[0] @ r[0])))
-        if mac < ALIKE:
-            shape_cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
-    return tuple(shape_cautions)
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:

@@ -16,7 +16,7 @@ Corrections are a small TOML file. Names are those of the table that is shown::
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -25,9 +25,10 @@ import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
 from damping.errors import InputError
+from damping.formats import Samples, Summary
 from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, describe_nearest, read_toml
+from damping.signals.tracking import track_sine
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
@@ -61,6 +62,24 @@ class Corrections:
         """What is stated of a channel."""
         return self.channels.get(name, ChannelCorrection())
 
+    def is_drive(self, name: str) -> bool:
+        """Whether a channel is the drive: as stated, else by its name."""
+        role = self.of(name).role
+        return role == "drive" or (not role and bool(DRIVE.search(name)))
+
+    def choose_drive(self, units: Mapping[str, str]) -> str | None:
+        """The channel that is the drive, of all by their units: as stated, by its name, or the only force."""
+        named = next((name for name in units if self.is_drive(name)), None)
+        forces = [name for name, text in units.items() if text and unit(text).powers == (1, 0, 0)]
+        return named or (forces[0] if len(forces) == 1 else None)
+
+    def join_controls(self, values: Sequence[Samples]) -> Samples:
+        """One drive (n,) of several control channels: their average, or at each row the one that is largest."""
+        stacked = np.array(values)
+        if self.control == "average":
+            return np.asarray(np.mean(stacked, axis=0))
+        return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
+
     def require_known(self, runs: Collection[str], channels: Collection[str]) -> None:
         """InputError for a run or channel that the files do not have, naming the nearest one."""
         for what, stated, known in (("run", self.levels, runs), ("channel", self.channels, channels)):
@@ -83,17 +102,13 @@ def read_corrections(path: str | Path) -> Corrections:
     control = drive.text("control", default="average")
     if control not in CONTROLS:
         raise drive.error("control", f"is {control!r}", " or ".join(CONTROLS))
-    return Corrections(
-        {name: _read_level(runs.table(name)) for name in runs.values},
-        {name: _read_channel(channels.table(name)) for name in channels.values},
-        control,
-        str(path),
-    )
-
-
-def _read_level(run: TomlTable) -> float | None:
-    run.only("level", "out")
-    return None if run.truth("out") else run.number("level", above=0.0)
+    levels = {}
+    for name in runs.values:
+        run = runs.table(name)
+        run.only("level", "out")
+        levels[name] = None if run.truth("out") else run.number("level", above=0.0)
+    corrected = {name: _read_channel(channels.table(name)) for name in channels.values}
+    return Corrections(levels, corrected, control, str(path))
 
 
 def _read_channel(channel: TomlTable) -> ChannelCorrection:
@@ -107,9 +122,8 @@ def _read_channel(channel: TomlTable) -> ChannelCorrection:
     return ChannelCorrection(role, text, -scale if channel.truth("reverse") else scale)
 
 
+#: Order of the time derivative of displacement.
 ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
-
-
 _MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
 
 
@@ -124,7 +138,7 @@ class Channel:
     name: str
     quantity: str
     unit: str
-    values: Samples
+    samples: Samples
     per_drive: bool = False
     at_drive: bool = False
     third: Samples | None = None
@@ -132,7 +146,7 @@ class Channel:
     def scaled(self, factor: float) -> Channel:
         """The channel with every value times a factor."""
         third = None if self.third is None else self.third * factor
-        return replace(self, values=self.values * factor, third=third)
+        return replace(self, samples=self.samples * factor, third=third)
 
 
 @dataclass(frozen=True)
@@ -156,6 +170,11 @@ class CampaignRun:
         """Whether the drive is a motion."""
         return not self.is_time and unit(self.drive_unit).powers != (1, 0, 0)
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the sensors."""
+        return [channel.name for channel in self.channels]
+
 
 def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
@@ -178,31 +197,41 @@ def describe_quantity(text: str, name: str) -> str:
     return _MOTIONS[powers]
 
 
-def list_common_sensors(runs: Sequence[CampaignRun]) -> list[str]:
-    """Names of the sensors that every run has, in the order of the first. InputError where there is none."""
-    names = [channel.name for channel in runs[0].channels]
-    kept = [name for name in names if all(name in {channel.name for channel in run.channels} for run in runs)]
+def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
+    """The runs with the sensors that every run has, in the order of the first. InputError where there is none."""
+    kept = [name for name in runs[0].names if all(name in run.names for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
-    return kept
-
-
-def values_of(run: CampaignRun, names: Sequence[str], harmonic: int = 1) -> Samples:
-    """Values (sensors, n) of a run, or its third harmonics."""
-    by_name: Mapping[str, Channel] = {channel.name: channel for channel in run.channels}
-    return np.array([by_name[name].values if harmonic == 1 else by_name[name].third for name in names])
-
-
-def is_drive(name: str, stated: Corrections) -> bool:
-    """Whether a channel is the drive: as stated, else by its name."""
-    role = stated.of(name).role
-    return role == "drive" or (not role and bool(DRIVE.search(name)))
+    by_name = [{channel.name: channel for channel in run.channels} for run in runs]
+    return [replace(run, channels=tuple(own[name] for name in kept)) for run, own in zip(runs, by_name, strict=True)]
 
 
 def find_level(text: str) -> tuple[float, str] | None:
     """A level and its unit in a label; None where there is none."""
     match = LEVEL.search(text)
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
+
+
+def make_decay(
+    label: str, t: FloatArray, names: Sequence[str], units: Sequence[str], samples: Sequence[FloatArray]
+) -> CampaignRun:
+    """The run of motions against time that nothing drives: a free decay."""
+    texts = [text.replace("m/s2", "m/s^2") for text in units]
+    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, texts, samples, strict=True)]
+    return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
+
+
+def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
+    """A row a run and a row a channel: what can be corrected, by the names that a correction uses."""
+    for run in runs:
+        drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
+        kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
+        span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
+        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
+    for channel in {channel.name: channel for run in runs for channel in run.channels}.values():
+        ratio = ", per drive" if channel.per_drive else ""
+        text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
+        summary.add(f"channel {channel.name!r}", text, "found in the file")
 
 
 @dataclass(frozen=True)
@@ -226,10 +255,8 @@ class Source:
             raise InputError(f"the drive of {run.label!r} is zero", expected="a control above 0")
         if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
             return replace(run, level=measured)
-        level, control = (
-            stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor,
-            f"the control of {run.label!r}",
-        )
+        level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
+        control = f"the control of {run.label!r}"
         if abs(measured / level - 1.0) <= LABEL_AGREES:
             return replace(run, level=level)
         g = STANDARD_GRAVITY_M_S2
@@ -239,3 +266,28 @@ class Source:
             return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
         self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
         return replace(run, level=measured)
+
+    def track(
+        self,
+        label: str,
+        names: Sequence[str],
+        units: Sequence[str],
+        drive: str,
+        step: float,
+        blocks: Iterable[FloatArray],
+    ) -> CampaignRun:
+        """The run of blocks of samples (channels, n), one of whose names is the drive."""
+        stated, place = self.stated, names.index(drive)
+        tracked = track_sine(blocks, place, step)
+        texts = [text.replace("m/s2", "m/s^2") for text in units]
+        order = np.argsort(tracked.frequency, kind="stable")
+        others = [(name, text) for k, (name, text) in enumerate(zip(names, texts, strict=True)) if k != place]
+        channels = tuple(
+            Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
+            for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
+            if stated.of(name).role != "out"
+        )
+        size = tracked.drive[order].astype(complex) * stated.of(drive).scale
+        text = stated.of(drive).unit or texts[place]
+        run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
+        return self.set_level(run, label)

@@ -1,16 +1,22 @@
 """Files of a campaign to runs: which level, which drive, which sensors, found in labels, units, groups and channels.
 
 A universal file says it in ID lines, points and units; an HDF5 file in a group a run; a table of time in a file a run.
+A drive in time is tracked some lines or samples at a time, so that a file of any size takes the memory of a block.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.campaign.runs import (
+    LEVEL,
     CampaignRun,
     Channel,
     Corrections,
@@ -18,38 +24,35 @@ from damping.campaign.runs import (
     correct_run,
     describe_quantity,
     find_level,
-    is_drive,
-)
-from damping.campaign.tracked import (
-    LOOKED_AT,
-    TIMES,
-    find_channels,
-    find_table,
+    keep_common_sensors,
     make_decay,
-    name_function,
-    read_histories,
-    track_channels,
-    track_group,
-    track_table,
+    summarise_runs,
 )
 from damping.errors import InputError, naming
-from damping.formats.arrays import read_arrays
+from damping.formats import Summary
+from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import read_columns
-from damping.formats.series import Samples, Summary
+from damping.formats.headers import ABSCISSAS, DELIMITERS, ROLE_NAMES, ColumnHeader, Layout, find_layout, parse_header
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes, read_start
 
-_FREQUENCIES = ("frequency", "freq", "f")
+#: Bytes of a table, and samples of all channels, that are read together.
+BLOCK = 8_000_000
+SAMPLES = 2_000_000
+#: First bytes of a table by which its layout is told.
+LOOKED_AT = 100_000
+#: Steps of time that differ by more than this share of one are no even sampling.
+UNEVEN = 0.02
 
 
 def read_runs(
     files: Sequence[Path], max_size: int, corrections: Corrections | None = None
 ) -> tuple[list[CampaignRun], Summary]:
-    """The runs of some files, lowest level first, as corrected, and what was understood.
+    """The runs of some files, lowest level first, as corrected, with their common sensors, and what was understood.
 
     Raises:
         InputError: a file that cannot be read, or in which no runs are found, with what is expected; a correction of
-            what is not there.
+            what is not there; no sensor that every run has.
     """
     summary, stated = Summary(), corrections or Corrections()
     runs: list[CampaignRun] = []
@@ -57,56 +60,59 @@ def read_runs(
         with naming(file):
             runs += _read(Source(Path(file), max_size, stated, summary))
     drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
-    sensors = [channel.name for run in runs for channel in run.channels]
-    stated.require_known([run.label for run in runs], [*drives, *sensors])
+    stated.require_known([run.label for run in runs], [*drives, *(name for run in runs for name in run.names)])
     runs = [correct_run(run, stated) for run in runs if stated.levels.get(run.label, 0.0) is not None]
     if not runs:
         raise InputError("every run is left out", file=stated.source or None, expected="one at least")
     if len({run.is_time for run in runs}) > 1:
         raise InputError("free decays beside sweeps", expected="files of one kind")
     runs = sorted(runs, key=lambda run: run.level or 0.0)
-    _summarise(runs, summary)
-    return runs, summary
-
-
-def _join_controls(values: Sequence[Samples], control: str) -> Samples:
-    """One drive (n,) of several control channels: their average, or at each row the one that is largest."""
-    stacked = np.array(values)
-    if control == "average":
-        return np.asarray(np.mean(stacked, axis=0))
-    return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
+    summarise_runs(runs, summary)
+    return keep_common_sensors(runs), summary
 
 
 def _read(source: Source) -> list[CampaignRun]:
     start = read_start(source.file, LOOKED_AT)
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
-    channels = find_channels(source, kind) if kind else None
-    if channels is not None:
-        return track_channels(channels, source, kind)
     if kind:
-        return _list_hdf(source)
-    if start.lstrip()[:2] == b"-1":
-        functions = read_functions(read_bytes(source.file, source.most), source.summary)
-        return _list_functions(functions, source)
-    table = find_table(start)
-    drive = next((h.name for h in table[1] if is_drive(h.name, source.stated)), None) if table else None
-    return [track_table(source, *table, drive) if table and drive else _read_decay(source)]
-
-
-def _list_functions(functions: Sequence[Function], source: Source) -> list[CampaignRun]:
-    """Runs of a universal file: functions of one level in their ID lines belong together."""
-    groups: dict[str, list[Function]] = {}
-    for function in functions:
+        contents = read_arrays(source.file, kind, [], None, rows=(0, 1))
+        return _list_channel_runs(source, kind, contents) if contents.steps else _list_group_runs(source, contents)
+    if start.lstrip()[:2] != b"-1":
+        return [_read_table(source, start)]
+    groups: dict[str, list[Function]] = {}  # functions of a universal file with one level in their ID lines
+    for function in read_functions(read_bytes(source.file, source.most), source.summary):
         level = find_level(function.title)
         groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(function)
-    return [_function_run(label, group, source) for label, group in groups.items()]
+    return [_join_functions(label, group, source) for label, group in groups.items()]
 
 
-def _function_run(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
+def _name_function(function: Function) -> str:
+    """Name of a channel: the ID line without its level."""
+    match = LEVEL.search(function.title)
+    name = function.title[: match.start()] + function.title[match.end() :] if match else function.title
+    return " ".join(name.split()) or f"node {function.response[0]}"
+
+
+def _join_functions(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
+    """The run of some functions of a universal file: of frequency, or of time (tracked where one is the drive)."""
+    if not any(function.is_time for function in group):
+        return _read_spectra(label, group, source)
+    t, names = group[0].x, [_name_function(function) for function in group]
+    if not all(function.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
+        raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
+    units = [function.units[0] for function in group]
+    samples = [np.asarray(function.y).real for function in group]
+    drive = source.stated.choose_drive(dict(zip(names, units, strict=True)))
+    if drive is None:
+        return make_decay(label, t, names, units, samples)
+    step = float(t[-1] - t[0]) / (len(t) - 1)
+    return source.track(label, names, units, drive, step, [np.array(samples)])
+
+
+def _read_spectra(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
+    """The run of functions of frequency."""
     stated = source.stated
-    if any(function.is_time for function in group):
-        return read_histories(label, group, source)
-    drives = [f for f in group if not f.per and (f.quantity == "force" or is_drive(name_function(f), stated))]
+    drives = [f for f in group if not f.per and (f.quantity == "force" or stated.is_drive(_name_function(f)))]
     sensors = [function for function in group if not any(function is drive for drive in drives)]
     ratio = bool(sensors) and bool(sensors[0].per)
     if not sensors or (not drives and not ratio):
@@ -115,84 +121,120 @@ def _function_run(label: str, group: Sequence[Function], source: Source) -> Camp
     x = sensors[0].x
     if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for f in group):
         raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
-    level, channels = find_level(label), tuple(_channel(sensor) for sensor in sensors)
+    level, channels = find_level(label), []
+    for sensor in sensors:
+        name, text = _name_function(sensor), sensor.units[0]
+        quantity = sensor.quantity or describe_quantity(text, name)
+        at_drive = sensor.per == "force" and sensor.response == sensor.reference
+        channels.append(Channel(name, quantity, text, np.asarray(sensor.y), bool(sensor.per), at_drive))
     if ratio:
         if level is None or not level[0] > 0.0:
             raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
         drive_unit = sensors[0].units[1] or level[1]
-        return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), channels)
-    drive = _join_controls([f.y * stated.of(name_function(f)).scale for f in drives], stated.control)
-    drive_unit = stated.of(name_function(drives[0])).unit or drives[0].units[0] or "g"
-    return source.set_level(CampaignRun(label, None, drive_unit, x, drive, channels), label)
+        return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), tuple(channels))
+    drive = stated.join_controls([f.y * stated.of(_name_function(f)).scale for f in drives])
+    drive_unit = stated.of(_name_function(drives[0])).unit or drives[0].units[0] or "g"
+    return source.set_level(CampaignRun(label, None, drive_unit, x, drive, tuple(channels)), label)
 
 
-def _channel(function: Function) -> Channel:
-    name, text = name_function(function), function.units[0]
-    quantity = function.quantity or describe_quantity(text, name)
-    at_drive = function.per == "force" and function.response == function.reference
-    return Channel(name, quantity, text, np.asarray(function.y), bool(function.per), at_drive)
-
-
-def _list_hdf(source: Source) -> list[CampaignRun]:
-    """Runs of an HDF5 file: every group with a frequency, a drive and other arrays."""
-    known = read_arrays(source.file, "hdf5", [], None).known
-    groups: dict[str, list[str]] = {}
-    for name in known:
-        group, _, leaf = name.rpartition("/")
-        groups.setdefault(group, []).append(leaf)
+def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
+    """Runs of an HDF5 file of mere arrays: every group with a frequency or times, a drive and other arrays."""
+    groups: dict[str, dict[str, str]] = {}
+    for path in contents.known:
+        group, _, leaf = path.rpartition("/")
+        groups.setdefault(group, {})[leaf] = path
     runs = []
-    for group, leaves in groups.items():
-        x = next((leaf for leaf in leaves if leaf.lower() in _FREQUENCIES), None)
-        drive = next((leaf for leaf in leaves if is_drive(leaf, source.stated)), None)
-        t = next((leaf for leaf in leaves if leaf.lower() in TIMES), None)
-        if t and drive and not x:
-            runs.append(track_group(source, group, t, drive, leaves, known))
-        if x and drive and len(leaves) > 2:
-            runs.append(_group_run(source, group, x, drive, leaves))
+    for group, paths in groups.items():
+        x = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["frequency"]), None)
+        drive = next((leaf for leaf in paths if source.stated.is_drive(leaf)), None)
+        t = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["time"]), None)
+        like = [path for path in paths.values() if t and contents.known[path] == contents.known[paths[t]]]
+        if t and drive and not x and paths[drive] in like:
+            runs.append(_track_group(source, group, paths[t], drive, like))
+        if x and drive and len(paths) > 2:
+            runs.append(_group_run(source, group, x, drive, paths))
     if not runs:
-        has = f"it has {', '.join(list(known)[:8])}"
+        has = f"it has {', '.join(list(contents.known)[:8])}"
         raise InputError("no runs", expected=f"groups with frequency, control (or force) and responses; {has}")
     return runs
 
 
-def _group_run(source: Source, group: str, x: str, drive: str, leaves: Sequence[str]) -> CampaignRun:
+def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[str, str]) -> CampaignRun:
+    """The run of a group with a frequency, a drive and complex spectra, each by its name in the group."""
     stated = source.stated.of(drive)
-    path = {leaf: f"{group}/{leaf}".lstrip("/") for leaf in leaves}
-    contents = read_arrays(source.file, "hdf5", list(path.values()), source.most)
-    f = contents.arrays[path[x]][0].real.reshape(-1)
-    units = {leaf: contents.units.get(path[leaf], "") for leaf in leaves}
+    contents = read_arrays(source.file, "hdf5", list(paths.values()), source.most)
+    f = contents.arrays[paths[x]][0].real.reshape(-1)
     level = find_level(group.replace("_", " "))
+    of_drive = contents.units.get(paths[drive], "")
     channels: list[Channel] = []
-    for leaf in leaves:
-        if leaf in (x, drive) or path[leaf] not in contents.arrays:
+    for leaf, path in paths.items():
+        if leaf in (x, drive) or path not in contents.arrays:
             continue
-        values = contents.arrays[path[leaf]][0]
+        values = contents.arrays[path][0]
         rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
-            what = f"{path[leaf]} is passed over: no complex spectra at {len(f)} frequencies"
+            what = f"{path} is passed over: no complex spectra at {len(f)} frequencies"
             source.summary.note(f"{source.file.name}: {what}")
             continue
-        text = units[leaf] or units[drive] or (level[1] if level else "")
+        text = contents.units.get(path, "") or of_drive or (level[1] if level else "")
+        quantity = describe_quantity(text, leaf)
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
-        channels += [
-            Channel(name, describe_quantity(text, leaf), text, row) for name, row in zip(names, rows, strict=True)
-        ]
-    drive_unit = stated.unit or units[drive] or (level[1] if level else channels[0].unit if channels else "")
-    values = contents.arrays[path[drive]][0] * stated.scale
+        channels += [Channel(name, quantity, text, row) for name, row in zip(names, rows, strict=True)]
+    drive_unit = stated.unit or of_drive or (level[1] if level else channels[0].unit if channels else "")
+    values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
-    control = _join_controls(list(rows), source.stated.control)
+    control = source.stated.join_controls(rows)
     return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)
 
 
-def _read_decay(source: Source) -> CampaignRun:
-    """The run of a table of motions against time: a free decay."""
+def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:
+    """The run of a group with times (at the path ``t``), a drive and responses of one length."""
+    first = read_arrays(source.file, "hdf5", paths, None, rows=(0, 1000))
+    step = np.diff(first.arrays[t][0].real.reshape(-1))
+    if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
+        raise InputError(f"{t} is not evenly spaced", expected="one step throughout, rising")
+    units = {path: first.units.get(path, "") for path in paths if path != t}
+    blocks = read_blocks(source.file, "hdf5", list(units), max(SAMPLES // len(units), 1), together=False)
+    names = [path.rpartition("/")[2] for path in units]
+    return source.track(group or source.file.stem, names, list(units.values()), drive, float(np.mean(step)), blocks)
+
+
+def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[CampaignRun]:
+    """Runs of a file of channels with their time step, one for each of its groups: tracked, or free decays."""
+    groups: dict[str, list[str]] = {}
+    for path in contents.steps:
+        groups.setdefault(path.rpartition("/")[0], []).append(path)
+    runs = []
+    for group, paths in groups.items():
+        label, units = group or source.file.stem, [contents.units.get(path, "") for path in paths]
+        steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
+        if len(steps) > 1 or len(sizes) > 1:
+            raise InputError(f"channels of {label} of several rates or lengths", expected="one for all")
+        start, step = next(iter(steps))
+        names = [path.rpartition("/")[2] for path in paths]
+        drive = source.stated.choose_drive(dict(zip(names, units, strict=True)))
+        if drive is None:
+            arrays = read_arrays(source.file, kind, [], source.most).arrays
+            t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
+            runs.append(make_decay(label, t, names, units, [arrays[path][0].reshape(-1) for path in paths]))
+        else:
+            blocks = read_blocks(source.file, kind, paths, max(SAMPLES // len(contents.known), 1), together=True)
+            runs.append(source.track(label, names, units, drive, step, blocks))
+    return runs
+
+
+def _read_table(source: Source, start: bytes) -> CampaignRun:
+    """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
+    layout = find_layout(start.decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
+    headers = [parse_header(name.strip()) for name in layout.names] if layout else []
+    time = next((header for header in headers if header.name.lower() in ROLE_NAMES["time"]), None)
+    drive = next((header.name for header in headers if source.stated.is_drive(header.name)), None)
+    if layout and time and drive:
+        return _track_table(source, layout, headers, time, drive)
     data = read_bytes(source.file, source.most)
-    table = find_table(data[:LOOKED_AT])
-    headers = table[1] if table else []
-    time = next((h for h in headers if h.name.lower() in TIMES), None)
-    sensors = [h for h in headers if h is not time and h.text]
+    sensors = [header for header in headers if header is not time and header.text]
     if time is None or not sensors:
-        first = data[:LOOKED_AT].decode("utf-8-sig", errors="replace").partition("\n")[0]
+        first = start.decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
         raise InputError(f"columns {describe_shortened(first, 80)}", expected=expected)
     roles = [f"sensor {k}" for k in range(len(sensors))]
@@ -202,14 +244,58 @@ def _read_decay(source: Source) -> CampaignRun:
     return make_decay(source.file.stem, numbers["time"], names, units, [numbers[role] for role in roles])
 
 
-def _summarise(runs: Sequence[CampaignRun], summary: Summary) -> None:
-    """A row a run and a row a channel: what can be corrected, by the names that a correction uses."""
-    for run in runs:
-        drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
-        kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
-        span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
-        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
-    for channel in {channel.name: channel for run in runs for channel in run.channels}.values():
-        ratio = ", per drive" if channel.per_drive else ""
-        text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
-        summary.add(f"channel {channel.name!r}", text, "found in the file")
+def _track_table(
+    source: Source, layout: Layout, headers: Sequence[ColumnHeader], time: ColumnHeader, drive: str
+) -> CampaignRun:
+    """The run of a table of time, a drive and responses. InputError for cells that are no numbers, or uneven times."""
+    columns = [k for k, header in enumerate(headers) if header.text and header is not time]
+    factor = ABSCISSAS["time"].get(time.unit.lower(), 1.0)
+    blocks = _list_table_blocks(source, layout, [headers.index(time), *columns])
+    first = next(blocks, None)
+    if first is None or first.shape[1] < 2:
+        raise InputError("no samples", expected="rows of time, drive and responses")
+    step = float(first[0, -1] - first[0, 0]) / (first.shape[1] - 1) * factor
+
+    def samples() -> Iterator[FloatArray]:
+        start = float(first[0, 0]) * factor
+        for block in chain([first], blocks):
+            t = block[0] * factor
+            off = np.max(np.abs(t - (start + step * np.arange(len(t)))))
+            if not step > 0.0 or not off <= max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
+                raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+            start = float(block[0, -1]) * factor + step
+            yield block[1:]
+
+    names, units = [headers[k].name for k in columns], [headers[k].unit for k in columns]
+    return source.track(source.file.stem, names, units, drive, step, samples())
+
+
+def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iterator[FloatArray]:
+    """Columns (k, n) of a table, some lines at a time."""
+    delimiter = DELIMITERS[layout.delimiter]
+    with source.file.open("rb") as stream:
+        for _ in range(layout.header):
+            stream.readline(BLOCK)
+        line = layout.header
+        while block := stream.read(BLOCK):
+            rest = stream.readline(BLOCK)
+            if len(rest) == BLOCK:
+                raise InputError(f"a line of more than {BLOCK} bytes", expected="rows of time, drive and responses")
+            block += rest
+            text = block.replace(b",", b".") if layout.decimal == "comma" else block
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)  # a block of blank lines or comments has no rows
+                    table = np.loadtxt(
+                        io.BytesIO(text),
+                        delimiter=None if delimiter == " " else delimiter,
+                        usecols=columns,
+                        ndmin=2,
+                        comments=["#", "%"] if layout.comments else None,
+                    )
+            except ValueError as error:
+                reason = describe_shortened(str(error), 100)
+                raise InputError(reason, expected=f"numbers in every row from line {line + 1} on") from None
+            line += block.count(b"\n")
+            if table.size:
+                yield table.T

@@ -16,7 +16,7 @@ from damping.arrays import Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
-from damping.forces.polynomial import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
+from damping.forces.powers import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms, either_sign
-from damping.forces.polynomial import Viscous
+from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
 #: True value over the simulated one, less 1; the value itself is positive.

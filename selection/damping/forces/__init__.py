@@ -1,7 +1,4 @@
-"""Every damping force by name, written out in full.
-
-Damping forces: one contract (`contract.Force`), one short module a force, the catalogue, what follows.
-"""
+"""Every damping force by name, written out in full, and what follows from the averages of any (`contract.Force`)."""
 
 from __future__ import annotations
 
@@ -9,19 +6,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
+from math import pi
 
 from damping.arrays import Floats
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
-from damping.forces.polynomial import (
+from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,
+    DisplacementVelocityPower,
+    EnergyTerm,
     QuadraticDisplacement,
+    VelocityPower,
     VelocitySquared,
     Viscous,
+    term_powers,
 )
-from damping.forces.powers import DisplacementVelocityPower, EnergyTerm, VelocityPower, term_powers
 from damping.forces.shapes import Shape
 
 #: The forces of Table 2.I, the two power laws of section 4.3, Coulomb friction and the slip joint of Fig. 2.4c.
@@ -113,7 +114,7 @@ def make(name: str, **parameters: Floats) -> Force:
     """The force called ``name`` with its parameters, numbers or arrays that broadcast.
 
     Raises:
-        InputError: no such force, or parameters other than ``parameter_names(name)``.
+        InputError: no such force, or parameters other than ``list_parameter_names(name)``.
     """
     wanted = list_parameter_names(name)
     if set(parameters) != set(wanted):
@@ -137,29 +138,56 @@ def case_five(coefficient: Floats, alpha: Floats) -> Sum:
     return Sum((Viscous(coefficient), QuadraticDisplacement(coefficient * alpha)))
 
 
+def energy_per_cycle(force: Force, A: Floats, omega: Floats) -> Floats:
+    """Delta W per cycle = int g dq = pi A C(A, omega) (Eq 2.3.2, Table 2.II)."""
+    return pi * A * force.quadrature(A, omega)
+
+
+def energy_content(force: Force, A: Floats, omega: Floats, M: Floats) -> Floats:
+    """Psi = Delta W/(M (A omega)^2), the loss over twice the largest kinetic energy (Eq 2.3.5, Table 2.II)."""
+    return energy_per_cycle(force, A, omega) / (M * (A * omega) ** 2)
+
+
+def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
+    """G = Delta W/(pi M omega_n^2 A^2) = C/(M omega_n^2 A), the damping term of Eq 4.2.4 and Table 4.III.
+
+    The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); this is what Table 4.III holds.
+    """
+    return force.quadrature(A, omega) / (M * omega_n**2 * A)
+
+
+def equivalent_viscous(force: Force, A: Floats, omega: Floats) -> Floats:
+    """The viscous coefficient of equal energy per cycle, Delta W/(pi A^2 omega) = C/(A omega) (Eq 4.3.1)."""
+    return force.quadrature(A, omega) / (A * omega)
+
+
+def energy_factor(kind: type[Force], **others: Floats) -> Floats:
+    """Energy per cycle over coefficient A^m omega^n, such as 8/3 of case III (Table 2.II).
+
+    ``others`` are the parameters beside the coefficient (``exponent`` of the power laws).
+
+    Raises:
+        AnalysisError: the energy of this force is no product of powers (slip).
+    """
+    if kind.energy_exponents is Force.energy_exponents:
+        raise AnalysisError("the energy per cycle of this force is no single product of powers of A and omega")
+    build: Callable[..., Force] = kind
+    return energy_per_cycle(build(1.0, **others), 1.0, 1.0)
+
+
+def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> Floats:
+    """The force's coefficient from that of its energy term a A^m omega^n: C = a/energy_factor (Table 5.I).
+
+    Raises:
+        AnalysisError: the energy of this force is no product of powers (slip).
+    """
+    return a / energy_factor(kind, **others)
+
+
 __all__ = [
-    "CATALOGUE",
-    "Component",
-    "Coulomb",
-    "CubicStiffness",
-    "Displacement",
-    "DisplacementVelocity",
-    "DisplacementVelocityPower",
-    "EnergyTerm",
-    "Force",
-    "PowerStiffness",
-    "QuadraticDisplacement",
-    "Slip",
-    "Sum",
-    "VelocityPower",
-    "VelocitySquared",
-    "Viscous",
-    "case_five",
-    "component",
-    "force_class",
-    "from_damping",
-    "make",
-    "parameter_names",
-    "shapes_of",
-    "term_name",
-]
+    "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Displacement", "DisplacementVelocity",
+    "DisplacementVelocityPower", "EnergyTerm", "Force", "PowerStiffness", "QuadraticDisplacement", "Slip", "Sum",
+    "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_term",
+    "energy_content", "energy_factor", "energy_per_cycle", "equivalent_viscous", "force_class", "from_damping",
+    "list_parameter_names", "make", "shapes_of",
+]  # fmt: skip

@@ -73,9 +73,11 @@ class Force(ABC):
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C(A, omega), the first-harmonic part in phase with velocity; unit of force."""
 
-    @abstractmethod
     def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A in closed form; unit of force."""
+        """dC/d ln A in closed form; unit of force: (m - 1) C where the energy is a A^m omega^n, others state theirs."""
+        exponents = self.energy_exponents
+        assert exponents is not None, f"{self.name} states neither energy_exponents nor a slope"
+        return (exponents[0] - 1.0) * self.quadrature(A, omega)
 
     @abstractmethod
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
@@ -92,11 +94,9 @@ class Force(ABC):
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A, for those who need them all."""
         C, slope = self.grow(A, omega)
-        return (
-            (C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega))
-            if self.restores
-            else (C, slope, 0.0, 0.0)
-        )
+        if not self.restores:
+            return C, slope, 0.0, 0.0
+        return C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega)
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -1,11 +1,4 @@
-"""Coulomb friction: a constant force against the velocity.
-
-The slip joint of Fig. 2.4c: an elastic element of stiffness K - K1 in series with dry friction (exact, bilinear).
-
-A cubic spring: conservative, so it bends the resonance and dissipates nothing.
-
-A spring whose force is a power of the displacement: conservative, the cubic one is that of exponent 3.
-"""
+"""Coulomb friction, the slip joint of Fig. 2.4c, and springs that are not linear."""
 
 from __future__ import annotations
 
@@ -44,10 +37,6 @@ class Coulomb(Force):
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 4 R/pi at any amplitude and frequency."""
         return (4.0 / pi) * self.coefficient * ones(A, omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = 0."""
-        return zeros(self.coefficient, A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'."""
@@ -126,16 +115,10 @@ class Slip(Force):
         return (Joint(self.stiffness, self.limit),)
 
 
-@dataclass(frozen=True)
-class CubicStiffness(Force):
-    """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
+class Spring(Force):
+    """A force of the displacement alone: it bends the resonance and dissipates nothing."""
 
     coefficient: Floats
-
-    name: ClassVar[str] = "cubic-stiffness"
-    label: ClassVar[str] = "cubic stiffness"
-    formula: ClassVar[str] = "k3 q^3"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH**3.0),)
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 0."""
@@ -144,6 +127,18 @@ class CubicStiffness(Force):
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """dC/d ln A = 0."""
         return zeros(self.coefficient, A, omega)
+
+
+@dataclass(frozen=True)
+class CubicStiffness(Spring):
+    """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "cubic-stiffness"
+    label: ClassVar[str] = "cubic stiffness"
+    formula: ClassVar[str] = "k3 q^3"
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH**3.0),)
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """S = (3/4) k3 A^3."""
@@ -159,11 +154,8 @@ class CubicStiffness(Force):
 
 
 @dataclass(frozen=True)
-class PowerStiffness(Force):
-    """g = k |q|^p sgn q: S = k A^p B(p), B = 2 Gamma(p/2 + 1)/(sqrt(pi) Gamma((p + 3)/2)).
-
-    k in force/length^p. C = 0.
-    """
+class PowerStiffness(Spring):
+    """g = k |q|^p sgn q: S = k A^p B(p), B = 2 Gamma(p/2 + 1)/(sqrt(pi) Gamma((p + 3)/2)). k in force/length^p."""
 
     coefficient: Floats
     exponent: Floats
@@ -175,14 +167,6 @@ class PowerStiffness(Force):
         Shape("coefficient", FORCE / LENGTH ** "exponent"),
         Shape("exponent", above=0.0),
     )
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C = 0."""
-        return zeros(self.coefficient, A, omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = 0."""
-        return zeros(self.coefficient, A, omega)
 
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """S = k B(p) A^p."""

@@ -1,18 +1,8 @@
-"""The gamma-function factors of section 4.3.
-
-Velocity raised to a real power, Eq 4.3.3.
-
-Displacement times velocity raised to a real power, Eq 4.3.4.
-
-One term a A^m omega^n of an energy polynomial (Eq 5.1.2) as a force.
-
-What follows from the averages of any force: energies, the damping term, equivalents, conversion factors.
-"""
+"""Damping forces that are products of powers of amplitude and frequency: cases I to V, power laws, energy terms."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import ClassVar
@@ -21,9 +11,121 @@ import numpy as np
 from scipy.special import gammaln
 
 from damping.arrays import Floats
-from damping.errors import AnalysisError
-from damping.forces.contract import AveragedForce, Force, absolute
+from damping.forces.contract import AveragedForce, Force, absolute, ones
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform, coefficient_in
+
+
+@dataclass(frozen=True)
+class Viscous(Force):
+    """g = C1 q'; energy per cycle C1 pi A^2 omega (Table 2.II, case I). C1 in force time/length."""
+
+    coefficient: Floats
+
+    viscous: ClassVar[bool] = True
+    name: ClassVar[str] = "viscous"
+    label: ClassVar[str] = "viscous (case I)"
+    formula: ClassVar[str] = "C1 q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (2.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH),)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = C1 A omega."""
+        return self.coefficient * (A * omega)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C1 q'."""
+        return sign * self.coefficient * speed
+
+
+@dataclass(frozen=True)
+class Displacement(Force):
+    """g = C2 |q| sgn q'; energy per cycle 2 C2 A^2 (Table 2.II, case II). C2 in force/length."""
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "displacement"
+    label: ClassVar[str] = "displacement (case II)"
+    formula: ClassVar[str] = "C2 |q| sgn q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (2.0, 0.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE / LENGTH),)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = (2/pi) C2 A, at any frequency."""
+        return (2.0 / pi) * self.coefficient * A * ones(omega)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C2 |q| sgn q'."""
+        return sign * self.coefficient * absolute(q)
+
+
+@dataclass(frozen=True)
+class VelocitySquared(Force):
+    """g = C3 q'^2 sgn q'; energy per cycle (8/3) C3 A^3 omega^2 (Table 2.II, case III). C3 in force time^2/length^2."""
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "velocity-squared"
+    label: ClassVar[str] = "velocity squared (case III)"
+    formula: ClassVar[str] = "C3 q'^2 sgn q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (3.0, 2.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME**2.0 / LENGTH**2.0),)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = (8/(3 pi)) C3 (A omega)^2."""
+        return (8.0 / (3.0 * pi)) * self.coefficient * (A * omega) ** 2
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C3 q'^2 sgn q'."""
+        return sign * self.coefficient * speed * speed
+
+
+@dataclass(frozen=True)
+class DisplacementVelocity(Force):
+    """g = C4 |q| q'; energy per cycle (4/3) C4 A^3 omega (Table 2.II, case IV). C4 in force time/length^2.
+
+    The printed psi of this case, 4 C4 A/(M omega), lost a factor 3 in the denominator (erratum E2II-1).
+    """
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "displacement-velocity"
+    label: ClassVar[str] = "displacement velocity (case IV)"
+    formula: ClassVar[str] = "C4 |q| q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (3.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH**2.0),)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = (4/(3 pi)) C4 A^2 omega."""
+        return (4.0 / (3.0 * pi)) * self.coefficient * (A * A * omega)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C4 |q| q'."""
+        return sign * self.coefficient * absolute(q) * speed
+
+
+@dataclass(frozen=True)
+class QuadraticDisplacement(Force):
+    """g = C5 q^2 q'; energy per cycle (pi/4) C5 A^4 omega (Table 5.I, case V). C5 in force time/length^3.
+
+    With viscous damping beside it and C5 = C1 alpha this is case V, C1 (1 + alpha q^2) q' (Table 2.I, erratum E2II-2).
+    """
+
+    coefficient: Floats
+
+    name: ClassVar[str] = "quadratic-displacement"
+    label: ClassVar[str] = "quadratic displacement (second term of case V)"
+    formula: ClassVar[str] = "C5 q^2 q'"
+    energy_exponents: ClassVar[tuple[float, float]] = (4.0, 1.0)
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH**3.0),)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = C5 A^3 omega/4."""
+        return 0.25 * self.coefficient * (A * A * A * omega)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """C5 q^2 q'."""
+        return sign * self.coefficient * q * q * speed
+
 
 #: Power of velocity, from 0 (Coulomb-like, case II) to 3; Table 2.I spans 0 to 2.
 EXPONENT = Shape("exponent", above=0.0, prior=Uniform(0.0, 3.0), label="exponent of velocity")
@@ -169,10 +271,6 @@ class EnergyTerm(AveragedForce):
         """C = (a/pi) A^(m-1) omega^n."""
         return self.coefficient / np.pi * A ** (self.amplitude_power - 1.0) * omega**self.frequency_power
 
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = (m - 1) C."""
-        return (self.amplitude_power - 1.0) * self.quadrature(A, omega)
-
 
 #: One factor of a term: a symbol and its power.
 _FACTOR = re.compile(r"(A|omega)(?:\^(-?\d+(?:\.\d+)?))?")
@@ -195,61 +293,3 @@ def _describe_power(symbol: str, power: float) -> str:
     if power == 0.0:
         return ""
     return symbol if power == 1.0 else f"{symbol}^{power:g}"
-
-
-__all__ = [
-    "B",
-    "beta",
-    "coefficient_from_energy",
-    "damping_term",
-    "energy_content",
-    "energy_factor",
-    "energy_per_cycle",
-    "equivalent_viscous",
-]
-
-
-def energy_per_cycle(force: Force, A: Floats, omega: Floats) -> Floats:
-    """Delta W per cycle = int g dq = pi A C(A, omega) (Eq 2.3.2, Table 2.II)."""
-    return pi * A * force.quadrature(A, omega)
-
-
-def energy_content(force: Force, A: Floats, omega: Floats, M: Floats) -> Floats:
-    """Psi = Delta W/(M (A omega)^2), the loss over twice the largest kinetic energy (Eq 2.3.5, Table 2.II)."""
-    return energy_per_cycle(force, A, omega) / (M * (A * omega) ** 2)
-
-
-def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
-    """G = Delta W/(pi M omega_n^2 A^2) = C/(M omega_n^2 A), the damping term of Eq 4.2.4 and Table 4.III.
-
-    The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); this is what Table 4.III holds.
-    """
-    return force.quadrature(A, omega) / (M * omega_n**2 * A)
-
-
-def equivalent_viscous(force: Force, A: Floats, omega: Floats) -> Floats:
-    """The viscous coefficient of equal energy per cycle, Delta W/(pi A^2 omega) = C/(A omega) (Eq 4.3.1)."""
-    return force.quadrature(A, omega) / (A * omega)
-
-
-def energy_factor(kind: type[Force], **others: Floats) -> Floats:
-    """Energy per cycle over coefficient A^m omega^n, such as 8/3 of case III (Table 2.II).
-
-    ``others`` are the parameters beside the coefficient (``exponent`` of the power laws).
-
-    Raises:
-        AnalysisError: the energy of this force is no product of powers (slip).
-    """
-    if kind.energy_exponents is Force.energy_exponents:
-        raise AnalysisError("the energy per cycle of this force is no single product of powers of A and omega")
-    build: Callable[..., Force] = kind
-    return energy_per_cycle(build(1.0, **others), 1.0, 1.0)
-
-
-def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> Floats:
-    """The force's coefficient from that of its energy term a A^m omega^n: C = a/energy_factor (Table 5.I).
-
-    Raises:
-        AnalysisError: the energy of this force is no product of powers (slip).
-    """
-    return a / energy_factor(kind, **others)

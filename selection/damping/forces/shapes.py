@@ -161,12 +161,6 @@ class Shape:
             raise InputError(f"the shape {self.name!r} of a force has no prior", expected="Shape(..., prior=...)")
         return self.prior.value(x, tested)
 
-    @property
-    def fitted_range(self) -> tuple[float, float]:
-        """Bounds in a least-squares fit: those of the prior where they are the same for every test, else its own."""
-        fixed = self.prior.range if self.prior else None
-        return fixed or (max(self.above, self.least), self.below)
-
 
 def coefficient_in(unit: Dimension) -> Shape:
     """The coefficient >= 0 that a force is proportional to."""

@@ -10,20 +10,18 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats.named import to_series
-from damping.formats.quantity import unit
-from damping.formats.series import (
+from damping.formats import (
     OWN_NAMES,
     ROLES,
     FileFacts,
-    HeaderFacts,
     Samples,
     Series,
     Stated,
@@ -31,6 +29,8 @@ from damping.formats.series import (
     list_units,
     require_response,
 )
+from damping.formats.named import to_series
+from damping.formats.quantity import unit
 from damping.records.text import describe_shortened, read_start, too_large
 
 #: Seconds after which a file that is still being read is given up.
@@ -105,6 +105,24 @@ def read_arrays(
     return Arrays(_unpacked(answer["loaded"], body), units, known, steps)
 
 
+def read_blocks(
+    path: str | Path, kind: str, names: Sequence[str], count: int, *, together: bool
+) -> Iterator[FloatArray]:
+    """Samples (names, n) of arrays of one length, at most ``count`` of each at a time.
+
+    ``together``: they are channels, of which all that the file has are read together.
+    """
+    first = 0
+    while True:
+        arrays = read_arrays(path, kind, [] if together else names, None, rows=(first, first + count)).arrays
+        block = np.array([arrays[name][0].real.reshape(-1) for name in names])
+        if block.shape[1]:
+            yield block
+        if block.shape[1] < count:
+            return
+        first += count
+
+
 _EXPECTED = {
     "mat5": "a whole MAT file of version 5 to 7.2",
     "mat73": "a whole MAT file of version 7.3",
@@ -158,7 +176,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
-    return _list_each(names, arrays, HeaderFacts(units), Path(path).stem, summary)
+    return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
 
 
 def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
@@ -172,7 +190,7 @@ def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -
 def _list_each(
     names: Mapping[str, str],
     arrays: Mapping[str, list[Samples]],
-    facts: HeaderFacts,
+    facts: FileFacts,
     stem: str,
     summary: Summary,
 ) -> list[Series]:

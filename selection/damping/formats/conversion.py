@@ -12,8 +12,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats import RESPONSES, SCALINGS, FileFacts, Series, Stated, Summary
 from damping.formats.quantity import SYSTEMS, Unit, unit
-from damping.formats.series import RESPONSES, SCALINGS, FileFacts, Series, Stated, Summary
 
 # Where a value came from, as the summary of an import says it.
 _STATED = "stated"

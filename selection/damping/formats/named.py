@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.formats import FileFacts, Samples, Series, Summary
 from damping.formats.headers import ABSCISSAS
-from damping.formats.series import FileFacts, HeaderFacts, Samples, Series, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -42,7 +42,7 @@ _FEWEST_ROWS = 4
 def to_series(
     arrays: Mapping[str, Samples],
     labels: Sequence[str] | None,
-    facts: HeaderFacts,
+    facts: FileFacts,
     name: str,
     summary: Summary,
     *,
@@ -70,11 +70,11 @@ def to_series(
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
-    known = FileFacts(
+    known = replace(
+        facts,
         response=None if "response" in facts.units else facts.response,
         scaling=facts.scaling or ("peak" if of_role else None),
         force_scaling=facts.force_scaling or ("peak" if own else None),
-        units=dict(facts.units),
         turn="angle" in arrays,
     )
     is_time = role == "time"
@@ -129,7 +129,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Samples], facts: HeaderFacts) -> dict[str, Samples]:
+def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
     Raises:

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import codecs
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
+from damping.arrays import FloatArray
 from damping.errors import InputError, naming
-from damping.formats.arrays import list_array_series
-from damping.formats.columns import read_columns
-from damping.formats.headers import ABSCISSAS, DECIMALS, DELIMITERS
-from damping.formats.named import to_series
-from damping.formats.quantity import SYSTEMS
-from damping.formats.series import (
-    LOCKIN_NAMES,
+from damping.formats import (
     OWN_NAMES,
     RESPONSES,
     ROLES,
     SCALINGS,
     UNIT_OF,
-    HeaderFacts,
+    FileFacts,
     Series,
     Stated,
     Summary,
-    drop_repeated,
     list_units,
     require_response,
 )
+from damping.formats.arrays import list_array_series
+from damping.formats.columns import read_columns
+from damping.formats.headers import ABSCISSAS, DECIMALS, DELIMITERS
+from damping.formats.named import to_series
+from damping.formats.quantity import SYSTEMS
 from damping.formats.uff import read_uff
 from damping.records.keys import describe_nearest
 from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes, read_start
@@ -57,15 +56,39 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         return _list_table_series(data, path, kind, stated, summary), summary
 
 
+#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
+_LOCKIN_NAMES: dict[str, tuple[str, ...]] = {
+    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
+    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
+    "y": ("y", "quadrature", "y1", "ch1 y"),
+    "amplitude": ("r", "mag", "magnitude", "r1"),
+    "lead_deg": ("theta", "phase", "theta1"),
+    "force_x": ("x2", "ch2 x", "reference x", "force x"),
+    "force_y": ("y2", "ch2 y", "reference y", "force y"),
+    "force": ("force", "r2", "force r"),
+    "force_lead_deg": ("theta2", "force theta"),
+}
+
+
+def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
+    twice = set()
+    if {"x", "y"} <= set(columns):
+        twice |= {"amplitude", "lead_deg"}
+    if {"force_x", "force_y"} <= set(columns):
+        twice |= {"force", "force_lead_deg"}
+    return {role: values for role, values in columns.items() if role not in twice}
+
+
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
     """Series of a table of text."""
-    known = LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
+    known = _LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
         by = "no header, columns by number" if columns.layout.numbered else "columns by name"
         layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
         summary.add("table", layout, "found in the file")
-    numbers = columns.numbers if stated.columns or kind == "csv" else drop_repeated(columns.numbers)
+    numbers = columns.numbers if stated.columns or kind == "csv" else _drop_repeated(columns.numbers)
     for role, header in columns.headers.items():
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
@@ -73,7 +96,7 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
     if kind == "csv":
         require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated)
-    facts = HeaderFacts(
+    facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=columns.response,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
@@ -85,22 +108,25 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
 
 def check(stated: Stated) -> None:
     """InputError for a statement that is not understood, naming what is."""
-    _one_of("--format", stated.format, FORMATS)
-    _one_of("--response", stated.response, RESPONSES)
-    _one_of("--scaling", stated.scaling, SCALINGS)
-    _one_of("--to", stated.system, SYSTEMS)
-    _one_of("--scaling force", stated.force_scaling, SCALINGS)
-    _one_of("--delimiter", stated.delimiter, ("auto", *DELIMITERS))
-    _one_of("--decimal", stated.decimal, ("auto", *DECIMALS))
     if stated.decimal == stated.delimiter == "comma":
         raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
-    for option, known, given in (
-        ("--column", tuple(ROLES), stated.columns),
-        ("--unit", ("force", "response", "energy", "mass", *ABSCISSAS), stated.units),
-        ("--scale", ("force", "response"), stated.scale),
-    ):
-        for key in given:
-            _one_of(option, key, known)
+    given: list[tuple[str, str | None, Collection[str]]] = [
+        ("--format", stated.format, FORMATS),
+        ("--response", stated.response, RESPONSES),
+        ("--scaling", stated.scaling, SCALINGS),
+        ("--to", stated.system, SYSTEMS),
+        ("--scaling force", stated.force_scaling, SCALINGS),
+        ("--delimiter", stated.delimiter, ("auto", *DELIMITERS)),
+        ("--decimal", stated.decimal, ("auto", *DECIMALS)),
+        *(("--column", role, ROLES) for role in stated.columns),
+        *(("--unit", what, ("force", "response", "energy", "mass", *ABSCISSAS)) for what in stated.units),
+        *(("--scale", what, ("force", "response")) for what in stated.scale),
+    ]
+    for option, value, known in given:
+        if value is not None and value not in known:
+            nearest = describe_nearest(value, known, likeness=0.5)
+            hint = f" (is {nearest!r} meant?)" if nearest else ""
+            raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
     if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
         raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
     if stated.consistent and stated.units:
@@ -117,13 +143,6 @@ def _heeded(stated: Stated, kind: str) -> None:
     for name, option in unheeded.items():
         if getattr(stated, name) != getattr(Stated(), name):
             raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
-
-
-def _one_of(option: str, value: str | None, known: Mapping[str, object] | tuple[str, ...]) -> None:
-    if value is not None and value not in known:
-        nearest = describe_nearest(value, known, likeness=0.5)
-        hint = f" (is {nearest!r} meant?)" if nearest else ""
-        raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
 
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:

@@ -10,9 +10,9 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError, naming
+from damping.formats import Imported, Series, Stated, Summary
 from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
-from damping.formats.series import Imported, Series, Stated, Summary
 from damping.records.record import Record, find_problems
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.

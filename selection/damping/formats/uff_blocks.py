@@ -7,56 +7,49 @@ the values, as text or (58b) as bytes. Header lines are counted, not searched, s
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+import numpy as np
+
 from damping.errors import InputError
-from damping.formats.quantity import unit
-from damping.formats.series import Summary
 from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
 #: Data sets of a file that are looked at.
 MOST_SETS = 50_000
-_CLOSING = re.compile(
-    rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t\r]*(?=\n|\Z)"
-)  # after bytes, where some programs end the line first
+#: A closing line after bytes, where some programs end the line first.
+_CLOSING = re.compile(rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t\r]*(?=\n|\Z)")
 _END = re.compile(rb"^[ \t]{0,8}-1[ \t\r]*$", re.MULTILINE)
 _KIND = re.compile(rb"[ \t]{0,8}(\d{1,6})([bB]?)((?:[ \t]+-?\d{1,12})*)[ \t]*")
-
-
-@dataclass(frozen=True)
-class UffBlock:
-    """One data set: its number ``kind``, whether ``binary``, the line it starts on, where its contents are.
-
-    ``header`` are the eleven lines of a set 58; ``fields`` the integers after ``58b``; ``closed``: a closing line was
-    found.
-    """
-
-    kind: int
-    binary: bool
-    line: int
-    fields: tuple[int, ...]
-    header: tuple[bytes, ...]
-    start: int
-    end: int
-    closed: bool
+_INTEGER = re.compile(rb"\s*[+-]?\d{1,12}\s*")
+#: Fortran's letter of an exponent to that of C.
+D_TO_E = bytes.maketrans(b"Dd", b"EE")
+#: Data sets of other numbers that are named.
+_MOST_OTHERS = 12
+_QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
+#: Data type of an abscissa that is time (field 1 of record 8 of data set 58).
+_TIME = 17
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Data characteristics of an axis: specific data type, label and label of the units ('' where there is none)."""
+    """Data characteristics of an axis: specific data type, and label of the units ('' where there is none)."""
 
     code: int
-    label: str
     unit: str
 
 
 @dataclass(frozen=True)
-class Header:
-    """Fields of the header of a data set 58; ``title`` is the first ID line, ``notes`` are the others."""
+class DataSet:
+    """One data set 58: its ``number`` from 1, the ``line`` it starts on, its header, and where its values are.
 
+    ``title`` is the first ID line, ``notes`` are the others; points are (node, direction). ``form`` is how a point is
+    stored as bytes (None: as text), ``closed``: a closing line was found; ``units_code`` is that of the data set 164
+    before it.
+    """
+
+    number: int
+    line: int
     title: str
     notes: tuple[str, ...]
     function: int
@@ -70,167 +63,176 @@ class Header:
     abscissa: Axis
     numerator: Axis
     denominator: Axis
+    form: np.dtype[np.void] | None
+    start: int
+    end: int
+    closed: bool
+    units_code: int
+
+    @property
+    def parts(self) -> int:
+        """Numbers of one value: 1 of a real one, 2 of a complex one."""
+        return _count_parts(self.ordinate)
+
+    @property
+    def quantity(self) -> str:
+        """What the ordinate is, '' where that is not known."""
+        return _QUANTITIES.get(self.numerator.code, "")
+
+    @property
+    def per(self) -> str:
+        """What the ordinate is divided by, '' where by nothing that is known."""
+        return _QUANTITIES.get(self.denominator.code, "")
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a time history."""
+        return self.function == 1 or self.abscissa.code == _TIME
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force and no ratio."""
+        return self.quantity == "force" and not self.per and self.function != 4
+
+    @property
+    def place(self) -> str:
+        """Where it was measured, in words."""
+        (node, direction), (at, along) = self.response_point, self.reference_point
+        return f"node {node} direction {direction}" + (f" from node {at} direction {along}" if at or along else "")
 
 
-class _Lines:
-    """Lines of the file from a place on; ``number`` is that of the line last read."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data, self.place, self.number = data, 0, 0
-
-    def next(self) -> bytes | None:
-        if self.place >= len(self.data):
-            return None
-        end = self.data.find(b"\n", self.place)
-        end = len(self.data) if end < 0 else end
-        line = self.data[self.place : end].rstrip(b"\r")
-        self.place, self.number = end + 1, self.number + 1
-        return line
-
-    def back(self, line: bytes | None) -> None:
-        """To the start of the line just read."""
-        if line is not None:
-            self.place = max(self.data.rfind(b"\n", 0, self.place - 1) + 1, 0)
-            self.number -= 1
-
-    def skip_to(self, place: int) -> None:
-        self.number += self.data.count(b"\n", self.place, place)
-        self.place = place
-
-
-def blocks(data: bytes, end_of_bytes: Callable[[UffBlock], int]) -> Iterator[UffBlock]:
-    """The data sets of a universal file in order; ``end_of_bytes`` tells where the values of a binary one end.
+def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
+    """The data sets 58 of a universal file in order, one at least, and the numbers of all other data sets.
 
     Raises:
-        InputError: a header of a data set 58 is cut off, or what ``end_of_bytes`` raises.
+        InputError: no data set 58, one whose header is cut off or wrong (the line is named), or more than
+            ``MOST_SETS``.
     """
-    lines = _Lines(data)
+    sets: list[DataSet] = []
+    others: list[int] = []
+    place = counted = units_code = 0
+    line = 1
     for _ in range(MOST_SETS):
-        opening = _END.search(data, lines.place)  # nothing of ours between sets
+        opening = _END.search(data, place)  # nothing of ours between sets
         if opening is None:
-            return
-        lines.skip_to(opening.start())
-        lines.next()
-        line = lines.next()
-        match = _KIND.fullmatch(line) if line is not None else None
-        if line is None or match is None:  # two delimiters in a row: the second opens a set
-            lines.back(line)
+            break
+        first = opening.end() + 1
+        line, counted = line + data.count(b"\n", counted, first), first
+        kind_line, place = _take_lines(data, first, 1)
+        match = _KIND.fullmatch(kind_line[0]) if kind_line else None
+        if match is None:  # two delimiters in a row: the second opens a set
+            place = first
             continue
-        block = _block(lines, match)
-        if block.binary:
-            block = replace(block, end=end_of_bytes(block), closed=True)
-        yield block
-        lines.skip_to(block.end)
-        closing = _END.match(data, lines.place) or _CLOSING.match(data, lines.place)
-        if closing is not None:
-            lines.skip_to(closing.end())
-            lines.next()
-    raise InputError(f"more than {MOST_SETS} data sets", expected="a file with fewer")
+        kind = int(match[1])
+        if kind == 58:
+            sets.append(_read_set(data, place, line, match, len(sets) + 1, units_code))
+            place = sets[-1].end
+        else:
+            if kind not in others and len(others) < _MOST_OTHERS:
+                others.append(kind)
+            if kind == 164:
+                units_code = _whole(data[place : place + 10].split(b"\n")[0])
+            end = _END.search(data, place)
+            place = len(data) if end is None else end.start()
+        closing = _END.match(data, place) or _CLOSING.match(data, place)
+        place = place if closing is None else closing.end() + 1
+    else:
+        raise InputError(f"more than {MOST_SETS} data sets", expected="a file with fewer")
+    if not sets:
+        has = f" (it has {', '.join(map(str, others))})" if others else ""
+        raise InputError(f"no data set 58{has}", expected="a universal file with functions at nodal DOF")
+    return sets, others
 
 
-def _block(lines: _Lines, match: re.Match[bytes]) -> UffBlock:
-    kind, number = int(match[1]), lines.number
-    fields = tuple(int(field) for field in match[3].split())
-    header: list[bytes] = []
-    if kind == 58:
-        for _ in range(HEADER_LINES):
-            line = lines.next()
-            if line is None:
-                raise InputError(
-                    "the file ends in the header of a data set 58",
-                    line=lines.number,
-                    expected=f"{HEADER_LINES} lines after its number",
-                )
-            header.append(line)
-    end = _END.search(lines.data, lines.place)
-    place = len(lines.data) if end is None else end.start()
-    binary = kind == 58 and bool(match[2])
-    return UffBlock(kind, binary, number, fields, tuple(header), lines.place, place, end is not None)
+def _take_lines(data: bytes, place: int, count: int) -> tuple[list[bytes], int]:
+    """Some lines from a place on, fewer where the file ends, and where the next one begins."""
+    lines: list[bytes] = []
+    while len(lines) < count and place < len(data):
+        end = data.find(b"\n", place)
+        end = len(data) if end < 0 else end
+        lines.append(data[place:end].rstrip(b"\r"))
+        place = end + 1
+    return lines, place
 
 
-def header(block: UffBlock) -> Header:
-    """The header fields of a data set 58.
-
-    Raises:
-        InputError: a field that is needed is no number, or out of range; the line is named.
-    """
-    lines = block.header
-    origin = _Fields(lines[5], block.line + 6)
-    form = _form(lines[6], block.line + 7)
-    axes = [_axis(lines[i], block.line + i + 1) for i in (7, 8, 9)]
-    ordinate, points, spacing = (int(value) for value in form[:3])
+def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number: int, units_code: int) -> DataSet:
+    """The data set 58 whose header begins at a place; ``match`` is that of the ``line`` before, with its number."""
+    lines, start = _take_lines(data, place, HEADER_LINES)
+    if len(lines) < HEADER_LINES:
+        expected = f"{HEADER_LINES} lines after its number"
+        raise InputError("the file ends in the header of a data set 58", line=line + len(lines), expected=expected)
+    function = lines[5][:5].strip()
+    if function and not _INTEGER.fullmatch(function):
+        message = f"{describe_shortened(_describe_decoded(function))!r} is no integer"
+        raise InputError(message, line=line + 6, expected="an integer")
+    described = _read_form(lines[6], line + 7)
+    ordinate, points, spacing = (int(value) for value in described[:3])
     if ordinate not in (2, 4, 5, 6):
-        raise InputError(
-            f"ordinate data type {ordinate}",
-            line=block.line + 7,
-            expected="2 or 4 (real, single or double precision), 5 or 6 (complex)",
-        )
+        expected = "2 or 4 (real, single or double precision), 5 or 6 (complex)"
+        raise InputError(f"ordinate data type {ordinate}", line=line + 7, expected=expected)
     if points < 1:
-        raise InputError(f"{points} points", line=block.line + 7, expected="at least one")
-    return Header(
-        title=_describe_text(lines[0], 0, 80),
-        notes=tuple(_describe_text(line, 0, 80) for line in lines[1:5]),
-        function=origin.integer(0, 5, required=True),
-        response_point=(origin.integer(41, 51), origin.integer(51, 55)),
-        reference_point=(origin.integer(66, 76), origin.integer(76, 80)),
+        raise InputError(f"{points} points", line=line + 7, expected="at least one")
+    axes = [Axis(_whole(content[:10]), _describe_text(content[46:80])) for content in lines[7:10]]
+    form = None
+    if match[2]:
+        form, end = _find_binary_form(data, start, match[3].split(), ordinate, points, spacing == 1, line)
+        closed = True
+    else:
+        closing = _END.search(data, start)
+        end, closed = len(data) if closing is None else closing.start(), closing is not None
+    return DataSet(
+        number=number,
+        line=line,
+        title=_describe_text(lines[0][:80]),
+        notes=tuple(_describe_text(content[:80]) for content in lines[1:5]),
+        function=_whole(function),
+        response_point=(_whole(lines[5][41:51]), _whole(lines[5][51:55])),
+        reference_point=(_whole(lines[5][66:76]), _whole(lines[5][76:80])),
         ordinate=ordinate,
         points=points,
         even=spacing == 1,
-        first=form[3],
-        step=form[4],
+        first=described[3],
+        step=described[4],
         abscissa=axes[0],
         numerator=axes[1],
         denominator=axes[2],
+        form=form,
+        start=start,
+        end=end,
+        closed=closed,
+        units_code=units_code,
     )
 
 
-@dataclass(frozen=True)
-class _Fields:
-    """One header line of fixed columns."""
-
-    content: bytes
-    line: int
-
-    def integer(self, start: int, end: int, *, required: bool = False) -> int:
-        """An integer; 0 where the field is blank or, unless ``required``, no integer."""
-        field = self.content[start:end].strip()
-        if re.fullmatch(rb"[+-]?\d{1,12}", field):
-            return int(field)
-        if field and required:
-            raise InputError(
-                f"{describe_shortened(_describe_decoded(field))!r} is no integer", line=self.line, expected="an integer"
-            )
-        return 0
+def _count_parts(ordinate: int) -> int:
+    """Numbers of one value of an ordinate data type: 1 of a real one, 2 of a complex one."""
+    return 1 if ordinate in (2, 4) else 2
 
 
-def _form(content: bytes, line: int) -> list[float]:
+def _whole(field: bytes) -> int:
+    """The integer in a field of a header; 0 where it is blank or holds none."""
+    return int(field) if _INTEGER.fullmatch(field) else 0
+
+
+def _read_form(content: bytes, line: int) -> list[float]:
     """Record 7: ordinate type, number of points, spacing, first abscissa, its step; by columns, else by blanks."""
     columns = [content[a:b] for a, b in ((0, 10), (10, 20), (20, 30), (30, 43), (43, 56))]
     for fields in (columns, content.split()[:5]):
         try:
-            values = [
-                float(field.replace(b"D", b"E").replace(b"d", b"e") or b"0") for field in map(bytes.strip, fields)
-            ]
+            values = [float(field.strip().translate(D_TO_E) or b"0") for field in fields]
         except ValueError:
             continue
         whole = [abs(value) < 1e12 and value == int(value) for value in values[:3] if value == value]
         if len(values) == 5 and len(whole) == 3 and all(whole):
             return values
-    raise InputError(
-        f"{describe_shortened(_describe_decoded(content.strip()))!r} does not describe the data",
-        line=line,
-        expected="ordinate data type, number of points, spacing, first abscissa, step",
-    )
+    message = f"{describe_shortened(_describe_decoded(content.strip()))!r} does not describe the data"
+    expected = "ordinate data type, number of points, spacing, first abscissa, step"
+    raise InputError(message, line=line, expected=expected)
 
 
-def _axis(content: bytes, line: int) -> Axis:
-    code = _Fields(content, line).integer(0, 10)
-    return Axis(code, _describe_text(content, 26, 46), _describe_text(content, 46, 80))
-
-
-def _describe_text(content: bytes, start: int, end: int) -> str:
+def _describe_text(field: bytes) -> str:
     """A text field; '' for NONE."""
-    text = _describe_decoded(content[start:end]).strip(" \0\t")
+    text = _describe_decoded(field).strip(" \0\t")
     return "" if text.upper() == "NONE" else text
 
 
@@ -242,52 +244,33 @@ def _describe_decoded(content: bytes) -> str:
         return content.decode("latin-1")
 
 
-#: Length and force of the units codes of data set 164 that need no factors.
-_UNIT_CODES = {
-    1: ("m", "N"),
-    2: ("ft", "lbf"),
-    3: ("m", "kgf"),
-    5: ("mm", "mN"),
-    7: ("in", "lbf"),
-    8: ("mm", "kgf"),
-} | {10: ("mm", "N")}
-_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+def _find_binary_form(
+    data: bytes, start: int, fields: list[bytes], ordinate: int, points: int, even: bool, line: int
+) -> tuple[np.dtype[np.void], int]:
+    """How one point of a binary set is stored, and where the values end.
 
+    As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
+    followed by the end of the set. ``fields`` follow ``58b``: byte order and floating-point format are used, the number
+    of bytes is not: some programs write half of it.
 
-def abscissa(x: FloatArray, axis: Axis, is_time: bool, summary: Summary) -> FloatArray:
-    """Abscissa in Hz or s."""
-    if is_time:
-        time = unit(axis.unit or "s", what="unit of time")
-        if time.powers != (0, 0, 1):
-            raise InputError(f"time in {axis.unit!r}", expected="a unit of time")
-        summary.add("time", time.text, "found in the file" if axis.unit else "of the format")
-        return x * time.factor
-    name = axis.unit.lower()
-    factors = {"": 1.0, "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "khz": 1e3, "rpm": 1.0 / 60.0}
-    factors |= dict.fromkeys(("rad/s", "rad/sec"), 1.0 / RAD_S_PER_HZ)
-    if name not in factors:
-        raise InputError(f"frequency in {axis.unit!r}", expected=f"one of {', '.join(filter(None, factors))}")
-    summary.add("frequency", axis.unit or "Hz", "found in the file" if axis.unit else "of the format")
-    return x * factors[name]
-
-
-def units(head: Header, quantity: str, per: str, code: int, summary: Summary) -> dict[str, str]:
-    """Units of response and force by their labels; where there are none, by the units ``code`` of data set 164.
-
-    ``quantity`` and ``per`` are what the ordinate is and what it is divided by ('' where that is not known).
+    Raises:
+        InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
     """
-    texts = {}
-    if head.numerator.unit:
-        texts["force" if (quantity == "force" and not per) else "response"] = head.numerator.unit
-    if head.function == 4 and head.denominator.unit:
-        texts["force"] = head.denominator.unit
-    if code in _UNIT_CODES:
-        length, force = _UNIT_CODES[code]
-        if quantity in _PER_TIME and "response" not in texts:
-            texts["response"] = length + _PER_TIME[quantity]
-            summary.note(f"units code {code} of data set 164 gives {length} and {force}")
-        if "force" in (quantity, per):
-            texts.setdefault("force", force)
-    elif code:
-        summary.note(f"units code {code} of data set 164 is not used: it names no units")
-    return texts
+    byte_order, number_format = (*map(int, fields), 0, 0)[:2]
+    if number_format not in (0, 2):
+        raise InputError(f"floating-point format {number_format}", line=line, expected="2 (IEEE 754) in data set 58b")
+    if byte_order not in (1, 2):
+        expected = "1 (little endian) or 2 (big endian) after 58b"
+        raise InputError(f"byte order {byte_order}", line=line, expected=expected)
+    order = "<" if byte_order == 1 else ">"
+    wide = "f4" if ordinate in (2, 5) else "f8"
+    ordinates = ("y", order + wide, (_count_parts(ordinate),))
+    forms = [np.dtype([ordinates])]
+    if not even:
+        forms = [np.dtype([("x", order + x), ordinates]) for x in dict.fromkeys((wide, "f4"))]
+    for form in forms:
+        end = start + points * form.itemsize
+        if end <= len(data) and _CLOSING.match(data, end):
+            return form, end
+    message = f"the bytes of {points} values are not followed by the end of the data set"
+    raise InputError(message, line=line + 7, expected="as many values as the header says, then a line with -1")

@@ -15,74 +15,40 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
+from damping.formats import Samples
 from damping.formats.named import cartesian
-from damping.formats.series import Samples
-from damping.formats.uff_blocks import Header, UffBlock
+from damping.formats.uff_blocks import D_TO_E, DataSet
 from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
 from damping.records.record import Record
 
 _PART = 1_000_000  # bytes of text taken at a time
 _NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran leaves the letter out where 3 digits follow
-_D_TO_E = bytes.maketrans(b"Dd", b"EE")
-_CLOSING = re.compile(rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t]*(?=[\r\n]|$)")
 _LONGEST = 40  # characters of a number
 _PADDING = 5  # zeros that may fill the last line beyond the points
 
 
-def values(data: bytes, block: UffBlock, header: Header) -> tuple[FloatArray, Samples]:
+def values(data: bytes, entry: DataSet) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
     Raises:
         InputError: fewer or more values than points, or something that is no number.
     """
-    if block.binary:
-        form, _ = binary_form(data, block, header)
-        table = np.frombuffer(data, dtype=form, count=header.points, offset=block.start)
-        x = _even(header, block) if header.even else table["x"].astype(np.float64)
+    if entry.form is not None:
+        table = np.frombuffer(data, dtype=entry.form, count=entry.points, offset=entry.start)
+        x = _even(entry) if entry.even else table["x"].astype(np.float64)
         return x, _ordinate(table["y"])
-    parts = 1 if header.ordinate in (2, 4) else 2
-    width = parts + (not header.even)
-    numbers = _from_text(data, block, width * header.points, _widths(header))
-    columns = numbers.reshape(header.points, width)
-    x = _even(header, block) if header.even else columns[:, 0].copy()
-    return x, _ordinate(columns[:, width - parts :])
+    width = entry.parts + (not entry.even)
+    columns = _from_text(data, entry, width * entry.points).reshape(entry.points, width)
+    x = _even(entry) if entry.even else columns[:, 0].copy()
+    return x, _ordinate(columns[:, width - entry.parts :])
 
 
-def binary_form(data: bytes, block: UffBlock, header: Header) -> tuple[np.dtype[np.void], int]:
-    """How one point of a binary set is stored, and where the values end.
-
-    As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
-    followed by the end of the set. The number of bytes in the header is not used: some programs write half of it.
-
-    Raises:
-        InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
-    """
-    order = _describe_byte_order(block)
-    wide = "f4" if header.ordinate in (2, 5) else "f8"
-    shape = (1 if header.ordinate in (2, 4) else 2,)
-    forms = [np.dtype([("y", order + wide, shape)])]
-    if not header.even:
-        forms = [np.dtype([("x", order + x), ("y", order + wide, shape)]) for x in dict.fromkeys((wide, "f4"))]
-    for form in forms:
-        end = block.start + header.points * form.itemsize
-        if end <= len(data) and _CLOSING.match(data, end):
-            return form, end
-    raise InputError(
-        f"the bytes of {header.points} values are not followed by the end of the data set",
-        line=block.line + 7,
-        expected="as many values as the header says, then a line with -1",
-    )
-
-
-def _even(header: Header, block: UffBlock) -> FloatArray:
-    if not (abs(header.first) <= LARGEST and (header.points == 1 or SMALLEST <= header.step <= LARGEST)):
-        raise InputError(
-            f"abscissa from {header.first:g} with increment {header.step:g}",
-            line=block.line + 7,
-            expected="an increment > 0 (even spacing)",
-        )
-    step = header.step if header.points > 1 else 0.0
-    return header.first + step * np.arange(header.points, dtype=np.float64)
+def _even(entry: DataSet) -> FloatArray:
+    if not (abs(entry.first) <= LARGEST and (entry.points == 1 or SMALLEST <= entry.step <= LARGEST)):
+        message = f"abscissa from {entry.first:g} with increment {entry.step:g}"
+        raise InputError(message, line=entry.line + 7, expected="an increment > 0 (even spacing)")
+    step = entry.step if entry.points > 1 else 0.0
+    return entry.first + step * np.arange(entry.points, dtype=np.float64)
 
 
 def _ordinate(columns: FloatArray) -> Samples:
@@ -92,41 +58,37 @@ def _ordinate(columns: FloatArray) -> Samples:
     return cartesian(columns[:, 0], columns[:, 1])
 
 
-def _widths(header: Header) -> tuple[int, ...]:
+def _widths(entry: DataSet) -> tuple[int, ...]:
     """Column widths of a line of values (record 12 of the format)."""
-    if header.ordinate in (2, 5):
+    if entry.ordinate in (2, 5):
         return (13,) * 6
-    if header.even:
+    if entry.even:
         return (20,) * 4
-    return (13, 20, 13, 20) if header.ordinate == 4 else (13, 20, 20)
+    return (13, 20, 13, 20) if entry.ordinate == 4 else (13, 20, 20)
 
 
-def _from_text(data: bytes, block: UffBlock, needed: int, widths: tuple[int, ...]) -> FloatArray:
+def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
     """The first ``needed`` numbers of the body."""
-    if needed > (block.end - block.start) // 2 + 1:  # a number and a blank each
-        raise _few(needed, None, block)
+    cut_off = "" if entry.closed else " (the file is cut off)"
+    as_the_header_says = f"{needed} values, as the header says"
+    if needed > (entry.end - entry.start) // 2 + 1:  # a number and a blank each
+        raise InputError(f"fewer values{cut_off}", line=entry.line + 12, expected=as_the_header_says)
     numbers = np.empty(needed)
-    count, line = 0, block.line + 12
-    for part in _parts(data, block.start, block.end):
-        values = _numbers(part, widths, line)
+    count, line = 0, entry.line + 12
+    for part in _parts(data, entry.start, entry.end):
+        values = _numbers(part, _widths(entry), line)
         taken = min(len(values), needed - count)
         numbers[count : count + taken] = values[:taken]
         surplus = values[taken:]
         if len(surplus) > _PADDING or np.any(surplus != 0.0):
-            raise InputError(
-                f"more values than the {needed} of the header", line=line, expected="as many as the header says"
-            )
+            message = f"more values than the {needed} of the header"
+            raise InputError(message, line=line, expected="as many as the header says")
         count += taken
         line += part.count(b"\n")
     if count < needed:
-        raise _few(needed, count, block)
+        message = f"{count} values where the header needs {needed}{cut_off}"
+        raise InputError(message, line=entry.line + 12, expected=as_the_header_says)
     return numbers
-
-
-def _few(needed: int, count: int | None, block: UffBlock) -> InputError:
-    has = "" if count is None else f" where the header needs {needed}"
-    message = f"{'fewer' if count is None else count} values{has}" + ("" if block.closed else " (the file is cut off)")
-    return InputError(message, line=block.line + 12, expected=f"{needed} values, as the header says")
 
 
 def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
@@ -139,7 +101,7 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
 
 def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
     """Numbers of some lines: separated by blanks, else in columns (where they may touch)."""
-    part = _NO_LETTER.sub(rb"E\1", part.translate(_D_TO_E))
+    part = _NO_LETTER.sub(rb"E\1", part.translate(D_TO_E))
     for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
         texts = fields(part)
         try:
@@ -147,16 +109,13 @@ def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
                 return np.array(texts, dtype=np.bytes_).astype(np.float64)
         except ValueError:
             continue
-    bad = next((i for i, text in enumerate(part.split(b"\n")) if not _readable(text, widths)), 0)
-    raise InputError("a value is not a number", line=line + bad, expected="numbers alone")
-
-
-def _readable(text: bytes, widths: tuple[int, ...]) -> bool:
-    try:
-        [float(field) for field in _in_columns(text, widths)]
-    except ValueError:
-        return False
-    return True
+    for number, text in enumerate(part.split(b"\n"), line):
+        try:
+            [float(field) for field in _in_columns(text, widths)]
+        except ValueError:
+            line = number
+            break
+    raise InputError("a value is not a number", line=line, expected="numbers alone")
 
 
 def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
@@ -172,25 +131,12 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-def _describe_byte_order(block: UffBlock) -> str:
-    """``<`` or ``>``: fields 1 (byte order) and 2 (floating-point format) of the first line."""
-    order, form = (*block.fields, 0, 0)[:2]
-    if form not in (0, 2):
-        raise InputError(f"floating-point format {form}", line=block.line, expected="2 (IEEE 754) in data set 58b")
-    if order not in (1, 2):
-        raise InputError(
-            f"byte order {order}", line=block.line, expected="1 (little endian) or 2 (big endian) after 58b"
-        )
-    return "<" if order == 1 else ">"
-
-
 #: Fourth ID line of a set whose amplitudes are those of the sine.
 PEAK = "peak amplitudes"
 #: Data types of data set 58: abscissa, numerator and denominator.
 _FREQUENCY = 18
 _DISPLACEMENT = 8
 _FORCE = 13
-_LAST_LINE = b"    -1\n"
 
 
 def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes, list[str]]:
@@ -211,7 +157,11 @@ def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple
     for label in record.sweeps:
         sweep = record.of(label)
         f, F = sweep.column("frequency"), sweep.column("force")
-        receptance = sweep.column("amplitude") / F * np.exp(-1j * _lag(sweep, label))
+        if not record.has_phase and len(sweep) > 1:
+            message = f"sweep {label!r} has no phases, and a frequency response is not complete without them"
+            raise AnalysisError(message)
+        lag = sweep.column("phase") if record.has_phase else np.full(1, 0.5 * np.pi)
+        receptance = sweep.column("amplitude") / F * np.exp(-1j * lag)
         title = " ".join(label.split())
         if len(title.encode()) > 80 or title != label:
             notes.append(f"label {label!r} is shortened")
@@ -219,14 +169,6 @@ def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple
         sets.append(_set(title, 4, f, receptance, (displacement, drive), binary))
         sets.append(_set(title, 12, f, F, (drive, _describe_axis(0, "NONE", "")), binary))
     return b"".join(sets), notes
-
-
-def _lag(record: Record, label: str) -> FloatArray:
-    if record.has_phase:
-        return record.column("phase")
-    if len(record) > 1:
-        raise AnalysisError(f"sweep {label!r} has no phases, and a frequency response is not complete without them")
-    return np.full(1, 0.5 * np.pi)
 
 
 def _describe_axis(code: int, label: str, unit: str) -> str:
@@ -249,8 +191,7 @@ def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, 
         *axes,
         _describe_axis(0, "NONE", ""),
     ]
-    values = numbers.astype("<f8").tobytes() if binary else _as_text(numbers)
-    return "".join(lines).encode() + values + _LAST_LINE
+    return "".join(lines).encode() + (numbers.astype("<f8").tobytes() if binary else _as_text(numbers)) + b"    -1\n"
 
 
 def _as_text(numbers: FloatArray) -> bytes:

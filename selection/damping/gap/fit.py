@@ -26,10 +26,12 @@ WILD_WEIGHT = 0.5
 #: More wild values than this share of all, and so many beside it, are no errors of measurement.
 MOST_WILD = 0.05
 _FEW_WILD = 2.0
-#: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large.
+#: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large: for a
+#: first look, which finds the same modes as a hundredth of it would, and where predictions are taken at the motion.
 _MOST_STEPS = 40
 _SETTLED = 0.01
-_ROUGHLY = 1e-3
+_ROUGHLY = 1e-2
+_FINELY = 1e-3
 #: Median residual, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
@@ -107,7 +109,7 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
     found = []
     for one in rough:
         model = one.model.at_motion(one.y)
-        y, r, J = _climb(model, one.y[np.newaxis].copy(), weights)
+        y, r, J = _climb(model, one.y[np.newaxis].copy(), weights, share=_FINELY)
         found.append(_fit(model, y[0], r[0], J[0], weights))
     return _list_distinct(found)
 
@@ -158,11 +160,12 @@ def _sd(fit: ModelFit) -> FloatArray:
 
 
 def _climb(
-    model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf
+    model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf, share: float = _ROUGHLY
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
 
-    Those are not far behind each other, nor behind the cost of a ``rival``.
+    Those are not far behind each other, nor behind the cost of a ``rival``. A fit has settled where a step gains no
+    more than ``share`` of what it costs beyond noise.
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
@@ -188,7 +191,7 @@ def _climb(
         better = gain > 0.0
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
-        little = _SETTLED + _ROUGHLY * np.maximum(cost - r.shape[1], 0.0)
+        little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
         settled = (better & (gain < little)) | (damping[at] > 1e6)
         active[at[settled & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))

@@ -254,7 +254,11 @@ class Search:
         models = [replace(fit.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
             models += [replace(models[0], parts=other) for other in _list_twins(parts)]
-        return list(chain.from_iterable(fit_roughly(model, x, rival=rival) for model in models))
+        z = np.zeros((len(x), 2 * fit.model.sweeps))
+        if base.effects:  # what the fit says of the sweeps may hold beside one more effect, or hide what it explains
+            rival = max(rival, fit.log_posterior)
+            x, z = np.concatenate([x, x]), np.concatenate([z, z + fit.y[fit.model.size :]])
+        return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""

@@ -2,8 +2,8 @@
 
 Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017) as far as the cause may be in no library: those of
 imitations differ by chance. The chance that the library holds the cause is logistic (as of Platt 1999) in what an
-answer leaves; its constants are those of ``python -m damping_validation.doubt``, a regression on answers to generated
-cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
+answer leaves; its constants are those of ``python -m damping_validation.guard --doubts``, a regression on answers to
+generated cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
 """
 
 from __future__ import annotations

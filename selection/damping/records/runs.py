@@ -148,12 +148,35 @@ def find_peaks_of(run: Run) -> IntArray:
     """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
-    from scipy.signal import find_peaks, medfilt  # noqa: PLC0415 - slow to import, and needed for long sweeps alone
+    smooth = run.compliance.copy()
+    smooth[1:-1] = _slide_median(run.compliance, 3)
+    return find_prominent(smooth, max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
 
-    smooth = medfilt(run.compliance, 3)
-    smooth[[0, -1]] = run.compliance[[0, -1]]
-    places = find_peaks(smooth, prominence=max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
-    return np.asarray(places, np.int64)
+
+def _slide_median(values: FloatArray, width: int) -> FloatArray:
+    """Medians of ``width`` neighbours, (n - width + 1,)."""
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(values, width), axis=1))
+
+
+def find_prominent(values: FloatArray, least: float) -> tuple[IntArray, FloatArray]:
+    """Places of local maxima (the middle of flat ones) with a prominence of at least ``least``, and their prominences.
+
+    A prominence is the height above the higher of the lowest values on both sides, up to where something is higher. As
+    `scipy.signal.find_peaks` has it, which takes longer to import than every command on a record takes to read it.
+    """
+    begin = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    level, end = values[begin], np.append(begin[1:], len(values)) - 1
+    tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
+    stand_out = np.array([_measure_prominence(level, int(top)) for top in tops])
+    kept = stand_out >= least
+    return ((begin + end) // 2)[tops[kept]], stand_out[kept]
+
+
+def _measure_prominence(level: FloatArray, top: int) -> float:
+    higher = np.flatnonzero(level > level[top])
+    left, right = higher[higher < top], higher[higher > top]
+    first, last = (left[-1] + 1 if len(left) else 0), (right[0] if len(right) else len(level))
+    return float(level[top] - max(level[first : top + 1].min(), level[top:last].min()))
 
 
 #: Humps of beats after a resonance that was passed fast stand out by so much at least, ln A/F (this and the next two
@@ -169,10 +192,8 @@ def count_beats(run: Run) -> int:
     """Humps on one side of the peak, lower and lower and closer and closer, as a resonance passed fast leaves them."""
     if len(run) < 10 * FEWEST_ROWS:
         return 0
-    from scipy.signal import find_peaks, medfilt  # noqa: PLC0415 - as above
-
-    smooth = medfilt(run.compliance, 5)[2:-2]
-    peaks, shape = find_peaks(smooth, prominence=max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
+    smooth = _slide_median(run.compliance, 5)
+    peaks, prominences = find_prominent(smooth, max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
     if len(peaks) < 2:
         return 0
     top = int(np.argmax(smooth[peaks]))
@@ -181,7 +202,7 @@ def count_beats(run: Run) -> int:
     humps = (peaks if top == 0 else peaks[::-1])[1:]
     heights, omega = smooth[humps] - smooth[peaks[top]], run.omega[2:-2]
     away = np.abs(omega[humps] - omega[peaks[top]])
-    stand_out = np.delete(shape["prominences"], top)
+    stand_out = np.delete(prominences, top)
     first = FIRST_BEAT[0] < -heights[0] < FIRST_BEAT[1] and stand_out.max() < DEEP
     closer = bool(np.all(np.diff(heights) < 0.0) and np.all(np.diff(away, prepend=0.0)[1:] < away[0]))
     return len(humps) if first and closer else 0

@@ -152,27 +152,18 @@ def design_of_arrays(
     return Design(names, columns, np.zeros_like(columns), response, observed)
 
 
-@dataclass(frozen=True)
-class Variable:
-    """ "Sum", "Average value", "Standard Deviation" (with 1/m) and "Sum of Squares" of a variable (section 5.2)."""
-
-    name: str
-    sum: float
-    mean: float
-    standard_deviation: float
-    sum_of_squares: float
-
-
-def variables(design: Design) -> list[Variable]:
-    """The transformed variables, then the response."""
-    names = (*design.names, design.response)
-    return [_variable(name, values) for name, values in zip(names, [*design.columns.T, design.observed], strict=True)]
-
-
-def _variable(name: str, values: FloatArray) -> Variable:
+def tabulate_variables(design: Design) -> pd.DataFrame:
+    """ "Sum", "Average value", "Standard Deviation" (with 1/m) and "Sum of Squares" (section 5.2): a row a transformed
+    variable, then the response."""
+    columns = [*design.columns.T, design.observed]
     with np.errstate(over="ignore"):
-        spread, squares = values.std(), np.sum(values**2)
-    return Variable(name, float(values.sum()), float(values.mean()), float(spread), float(squares))
+        numbers = {
+            "sum": [values.sum() for values in columns],
+            "mean": [values.mean() for values in columns],
+            "standard_deviation": [values.std() for values in columns],
+            "sum_of_squares": [np.sum(values**2) for values in columns],
+        }
+    return pd.DataFrame({"name": [*design.names, design.response], **numbers})
 
 
 def correlations(design: Design) -> FloatArray:
@@ -228,6 +219,20 @@ def decompose(design: Design) -> Basis:
     orthonormal, second = np.linalg.qr(times_matrix((head, tail), inverse))
     inverse = inverse @ np.linalg.inv(second)
     return Basis(scale, orthonormal, second @ first, inverse, condition_number)
+
+
+def solve_nonnegative(factor: FloatArray, along: FloatArray) -> FloatArray:
+    """Coefficients >= 0 (k,) that bring ``factor`` (m, k) nearest to ``along`` (m,): Lawson and Hanson's active set.
+
+    Raises:
+        AnalysisError: none is found.
+    """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
+
+    try:
+        return np.asarray(nnls(factor, along, maxiter=100 * len(along))[0])
+    except RuntimeError as error:
+        raise AnalysisError(f"no least-squares fit with coefficients >= 0 was found: {error}") from error
 
 
 def power_of_two(size: FloatArray) -> FloatArray:

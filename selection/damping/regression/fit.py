@@ -1,99 +1,24 @@
-"""One regression with its statistics and the criteria of selection (report, section 5.2): arrays in, a result out.
+"""One regression with its statistics (report, section 5.2), and the power law of section 4.3: arrays in, a result out.
 
 The fit minimises sum_j (sum_k a_k phi_k(Q_j) - E(Q_j))^2 (Eq. 5.2.4). The columns are replaced by an orthonormal basis,
 statsmodels fits what a first solution left over, and the coefficients and their statistics are linear combinations of
 that fit's: the condition of the columns costs no digits.
-
-With e the deviations, SSE = sum e^2, n observations and k coefficients, and K = k + 1 parameters (the coefficients and
-the variance of the deviations), for independent normal deviations of one variance
-
-    -2 ln L = n ln(SSE/n) + n ln(2 pi) + n
-    AIC  = -2 ln L + 2 K                              (Akaike 1974)
-    AICc = AIC + 2 K (K + 1)/(n - K - 1)              (Hurvich and Tsai 1989); none unless n > K + 1
-    BIC  = -2 ln L + K ln n                           (Schwarz 1978)
-    adjusted R^2 = 1 - (SSE/(n - k)) / (sum y^2/n)    about zero, so models with and without a constant compare
-    leave-one-out error = sqrt(mean (e/(1 - h))^2)    h the leverages (Allen 1974)
-
-Programs that leave the variance out of K give an AIC smaller by 2 and a BIC smaller by ln n. A criterion that does not
-exist is NaN. SSE below the rounding of the response counts as that rounding: exact fits differ in k alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
-from scipy.special import stdtr
+from scipy.special import stdtr, stdtrit
 
-from damping.arrays import BoolArray, FloatArray, Floats, IntArray
-from damping.errors import InputError
+from damping.arrays import BoolArray, FloatArray
+from damping.errors import AnalysisError
+from damping.forces.powers import B, beta
 from damping.regression import deviations
+from damping.regression.criteria import Criteria, criteria, leave_one_out
 from damping.regression.design import Basis, Design, decompose, power_of_two
-
-_ROUNDING = 16.0 * float(np.finfo(np.float64).eps)  # deviations below this share of the response say nothing
-#: Names on the command line, with the name in print.
-NAMES = {"bic": "BIC", "aic": "AIC", "aicc": "AICc", "adjusted-r2": "adjusted R^2", "loo": "leave-one-out error"}
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """All criteria of a model (or of models: arrays that broadcast)."""
-
-    aic: Floats
-    aicc: Floats
-    bic: Floats
-    adjusted_r_squared: Floats
-    leave_one_out_error: Floats
-
-    def score(self, criterion: str) -> Floats:
-        """The named criterion, as a score: lower is better (adjusted R^2 with its sign changed)."""
-        check_criterion(criterion)
-        if criterion == "adjusted-r2":
-            return -self.adjusted_r_squared
-        if criterion == "loo":
-            return self.leave_one_out_error
-        return {"bic": self.bic, "aic": self.aic, "aicc": self.aicc}[criterion]
-
-
-def criteria(sse: Floats, press: Floats, k: int | IntArray, observed: FloatArray) -> Criteria:
-    """The criteria of models fitted to one response.
-
-    Args:
-        sse: sums of squared deviations.
-        press: sums of squared leave-one-out errors (``leave_one_out`` gives them).
-        k: numbers of coefficients.
-        observed: the response (n,).
-    """
-    n = len(observed)
-    K: npt.NDArray[np.float64] = np.asarray(k, dtype=np.float64) + 1.0
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        total = observed @ observed
-        rounding = total * _ROUNDING**2
-        deviance = n * np.log(np.maximum(sse, rounding) / n) + n * (np.log(2.0 * np.pi) + 1.0)
-        aic, bic = deviance + 2.0 * K, deviance + K * np.log(n)
-        aicc = aic + 2.0 * K * (K + 1.0) / np.where(n > K + 1.0, n - K - 1.0, np.nan)
-        freedom = np.where(n > K - 1.0, n - K + 1.0, np.nan)
-        adjusted = 1.0 - np.maximum(sse, rounding) / freedom * np.divide(n, total)
-    exists = np.isfinite(freedom)
-    loo = np.sqrt(np.maximum(press, rounding) / n)
-    return Criteria(*(np.where(exists, value, np.nan)[()] for value in (aic, aicc, bic, adjusted, loo)))
-
-
-def leave_one_out(deviations: FloatArray, leverages: FloatArray) -> Floats:
-    """Sum of squared leave-one-out errors (e/(1 - h))^2 over the last axis; NaN where an h is 1 (an observation alone
-    determines a coefficient and cannot be left out)."""
-    left = np.subtract(1.0, leverages)
-    alone = np.min(left, axis=-1, initial=1.0) <= 1e-10
-    with np.errstate(divide="ignore", invalid="ignore"):
-        errors = np.divide(deviations, left, out=left)
-        return np.where(alone, np.nan, np.einsum("...n,...n->...", errors, errors))[()]
-
-
-def check_criterion(criterion: str) -> None:
-    """Raise InputError for a name that is not one of ``NAMES``."""
-    if criterion not in NAMES:
-        raise InputError(f"no criterion {criterion!r}", expected=f"one of {', '.join(NAMES)}")
 
 
 @dataclass(frozen=True)
@@ -136,7 +61,8 @@ class Fit:
     @property
     def sse(self) -> float:
         """Sum of squared deviations."""
-        return _squares(self.deviations)
+        with np.errstate(over="ignore"):
+            return float(self.deviations @ self.deviations)
 
     @property
     def rms_error(self) -> float:
@@ -225,11 +151,6 @@ def _statistics(left: FloatArray, basis: Basis) -> tuple[FloatArray, FloatArray,
     return correction, np.asarray(result.cov_params(r_matrix=basis.inverse)), np.asarray(result.resid)
 
 
-def _squares(values: FloatArray) -> float:
-    with np.errstate(over="ignore"):
-        return float(values @ values)
-
-
 def _explained(deviations: FloatArray, about: FloatArray) -> float:
     size = np.linalg.norm(about)
     return float(1.0 - (np.linalg.norm(deviations) / size) ** 2) if size > 0.0 else np.nan
@@ -243,3 +164,96 @@ def one_term_fits(design: Design) -> list[Fit]:
     """
     fits = [fit(design.take([i])) for i in range(design.k)]
     return sorted(fits, key=lambda single: single.sse)
+
+
+Form = Literal["velocity-power", "displacement-velocity-power"]
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Power-law damping from resonances at several force levels (section 4.3): ln F_e = ln k + s ln A_m.
+
+    The slope is the exponent: s = p for the force alpha |q'|^p sgn q' (4.3.3) and s = p + 1 for alpha |q| |q'|^p sgn q'
+    (4.3.4). The coefficient of each level is alpha = beta F/(omega A)^p (4.3.9) or alpha = B F/(omega^p A^(p+1))
+    (4.3.19).
+
+    Attributes:
+        form: force name. p: exponent of velocity; std_error of it. degrees_of_freedom: levels - 2.
+        p_low, p_high: t interval of ``level``; NaN without degrees of freedom. factor: beta(p) or B(p).
+        alphas: coefficient of each level (levels,); alpha: their mean, std_error_alpha: standard deviation over the
+            levels over sqrt(levels). log_k, slope: of the line; covariance of (log_k, slope), (2, 2).
+        r_squared_centred: of ln F about its mean.
+    """
+
+    form: Form
+    p: float
+    std_error: float
+    degrees_of_freedom: int
+    level: float
+    p_low: float
+    p_high: float
+    factor: float
+    alphas: FloatArray
+    alpha: float
+    std_error_alpha: float
+    log_k: float
+    slope: float
+    covariance: FloatArray
+    r_squared_centred: float
+
+    def amplitude(self, force: FloatArray | float) -> FloatArray:
+        """Resonant amplitude (F/k)^(1/s) of the fitted line (4.3.25 with its root mended, erratum E4325)."""
+        return np.exp((np.log(force) - self.log_k) / self.slope)
+
+    def amplitude_interval(self, force: float) -> tuple[float, float]:
+        """t interval of the line's amplitude at a force: d ln A = -(d ln k + ln A d s)/s, linearised."""
+        log_a = float(np.log(self.amplitude(force)))
+        gradient = np.array([1.0, log_a]) / self.slope
+        error = float(np.sqrt(gradient @ self.covariance @ gradient))
+        return float(np.exp(log_a - self.quantile * error)), float(np.exp(log_a + self.quantile * error))
+
+    @property
+    def quantile(self) -> float:
+        """Student t quantile of the interval."""
+        return float(stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * self.level))
+
+
+def fit_power_law(
+    F: FloatArray, A: FloatArray, omega: FloatArray | float, form: Form = "velocity-power", level: float = 0.95
+) -> PowerLaw:
+    """Fit ``ln F`` on ``ln A``.
+
+    Args:
+        F, A: resonant force and amplitude of each level, (levels,). omega: rad/s, one or one for each level.
+
+    Raises:
+        AnalysisError: fewer than two different amplitudes.
+    """
+    from statsmodels.regression.linear_model import OLS  # noqa: PLC0415 - as above
+
+    if len(np.unique(A)) < 2:
+        raise AnalysisError("a power law needs at least two levels of different resonant amplitude")
+    line = OLS(np.log(F), np.column_stack([np.ones(len(A)), np.log(A)])).fit(method="qr")
+    log_k, slope = (float(v) for v in line.params)
+    p = slope if form == "velocity-power" else slope - 1.0
+    factor = float(beta(p) if form == "velocity-power" else B(p))
+    alphas = factor * F / (omega**p * A**slope)
+    freedom = len(F) - 2
+    interval = line.conf_int(alpha=1.0 - level)[1] - slope if freedom > 0 else np.full(2, np.nan)
+    return PowerLaw(
+        form=form,
+        p=p,
+        std_error=float(line.bse[1]) if freedom > 0 else np.nan,
+        degrees_of_freedom=freedom,
+        level=level,
+        p_low=p + float(interval[0]),
+        p_high=p + float(interval[1]),
+        factor=factor,
+        alphas=np.asarray(alphas),
+        alpha=float(np.mean(alphas)),
+        std_error_alpha=float(np.std(alphas, ddof=1) / np.sqrt(len(alphas))),
+        log_k=log_k,
+        slope=slope,
+        covariance=np.asarray(line.cov_params()) if freedom > 0 else np.full((2, 2), np.nan),
+        r_squared_centred=float(line.rsquared),
+    )

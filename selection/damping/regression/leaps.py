@@ -28,9 +28,8 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.regression.design import Basis, Design
-from damping.regression.fit import leave_one_out
-from damping.regression.shortlist import LARGEST_LEVERAGE, Shortlist, SubsetProblem, state_problem
+from damping.regression.criteria import LARGEST_LEVERAGE, Shortlist, SubsetProblem, leave_one_out, state_problem
+from damping.regression.design import Basis, Design, solve_nonnegative
 
 #: Multiplications that a search may take, about two minutes; a node takes k^2, by leave-one-out n k more.
 MOST_WORK = 4e9
@@ -212,15 +211,10 @@ def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
 
 def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
     """Coefficients (b, k) of non-negative least squares on the terms inside, and the response's rest (b, k)."""
-    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
-
     coefficients = np.zeros(nodes.inside.shape)
     for row, inside in zip(coefficients, nodes.inside, strict=True):
         if inside.any():
-            try:
-                row[inside] = nnls(problem.factor[:, inside], problem.along, maxiter=100 * problem.k)[0]
-            except RuntimeError as error:
-                raise AnalysisError(f"no least-squares fit with coefficients >= 0 was found: {error}") from error
+            row[inside] = solve_nonnegative(problem.factor[:, inside], problem.along)
     return coefficients, problem.along - coefficients @ problem.factor.T
 
 

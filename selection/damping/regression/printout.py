@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from damping.arrays import Floats
 from damping.errors import escape_control
-from damping.regression.fit import NAMES, Fit
+from damping.regression.criteria import NAMES
+from damping.regression.fit import Fit
 from damping.regression.program import Regression
 
 #: Columns of a terminal that a line keeps to.
@@ -19,12 +21,8 @@ _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 
 def printout(result: Regression) -> str:
     """All statistics of one curve on one table, as text that ends in a line end."""
-    parts = [
-        _describe_heading(result),
-        _describe_variables(result),
-        _describe_correlations(result),
-        _describe_one_term(result),
-    ]
+    parts = [_describe_heading(result), _describe_variables(result)]
+    parts += [_describe_correlations(result), _describe_one_term(result)]
     if result.plane is not None:
         parts.append(_describe_section("PLANE THROUGH THE INDEPENDENT VARIABLES", _format_coefficients(result.plane)))
     selects = result.choice.method != "none" or result.choice.nonnegative
@@ -32,16 +30,11 @@ def printout(result: Regression) -> str:
         parts.append(_describe_section("REGRESSION OF ALL TERMS, COEFFICIENTS FREE", _format_coefficients(result.full)))
         parts.append(_describe_selection(result))
     fit = result.selected.fit
-    parts.append(
-        _describe_section("REGRESSION" + (" OF THE SELECTED TERMS" if selects else ""), _format_coefficients(fit))
-    )
+    title = "REGRESSION OF THE SELECTED TERMS" if selects else "REGRESSION"
+    parts.append(_describe_section(title, _format_coefficients(fit)))
     parts.append(_describe_section("TERMS IN DESCENDING ORDER OF T-RATIO", _rank_by_t_ratio(fit)))
-    parts += [
-        _describe_goodness(result),
-        _describe_criteria(result),
-        _describe_bands(result),
-        _describe_deviations(result),
-    ]
+    parts += [_describe_goodness(result), _describe_criteria(result)]
+    parts += [_describe_bands(result), _describe_deviations(result)]
     if result.notes:
         parts.append(_describe_section("NOTES", [line for note in result.notes for line in _wrap(f"- {note}")]))
     return _describe_shown("\n".join(parts))
@@ -49,16 +42,11 @@ def printout(result: Regression) -> str:
 
 def describe_comparison(results: Sequence[Regression]) -> str:
     """One line a fit, where several curves or several data sets were asked for."""
-    rows = [
-        (
-            result.data,
-            " + ".join(result.selected.fit.names),
-            str(result.selected.fit.k),
-            *map(_number, (result.selected.fit.rms_error, result.deviations.average_absolute_percent)),
-            *map(_number, (_score_by(result, "bic"), _score_by(result, "loo"))),
-        )
-        for result in results
-    ]
+    rows = []
+    for result in results:
+        fit, percent = result.selected.fit, result.deviations.average_absolute_percent
+        numbers = (fit.rms_error, percent, fit.criteria.bic, fit.criteria.leave_one_out_error)
+        rows.append((result.data, " + ".join(fit.names), str(fit.k), *map(_number, numbers)))
     header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
     return _describe_shown(_describe_section("COMPARISON OF FITS", _align_columns(header, rows, left=2)))
 
@@ -68,11 +56,7 @@ def _describe_shown(text: str) -> str:
     return "\n".join(map(escape_control, text.split("\n")))
 
 
-def _score_by(result: Regression, criterion: str) -> float:
-    return float(result.selected.fit.criteria.score(criterion))
-
-
-def _number(value: float) -> str:
+def _number(value: Floats) -> str:
     return "-" if np.isnan(value) else f"{value:.6g}"
 
 
@@ -118,7 +102,7 @@ def _wrap(text: str) -> list[str]:
 
 def _describe_variables(result: Regression) -> str:
     header = ("variable", "sum", "average value", "standard deviation", "sum of squares")
-    rows = [(v.name, *map(_number, (v.sum, v.mean, v.standard_deviation, v.sum_of_squares))) for v in result.variables]
+    rows = [(name, *map(_number, numbers)) for name, *numbers in result.variables.itertuples(index=False)]
     return _describe_section("TRANSFORMED VARIABLES", _align_columns(header, rows))
 
 
@@ -182,8 +166,8 @@ def _describe_goodness(result: Regression) -> str:
     table = _align_columns(
         ("", "fitted E", "observed E", "E fitted - observed"),
         [
-            ("sum", *map(_number, (sums.fitted, sums.observed, sums.difference))),
-            ("sum of squares", *map(_number, (sums.fitted_squared, sums.observed_squared, sums.difference_squared))),
+            ("sum", *map(_number, list(sums.values())[:3])),
+            ("sum of squares", *map(_number, list(sums.values())[3:])),
         ],
     )
     rows = [
@@ -198,33 +182,21 @@ def _describe_goodness(result: Regression) -> str:
         ("   R^2 about zero, 1 - SSE/sum y^2", fit.r_squared),
         ("   R^2 about the mean, 1 - SSE/sum (y - mean)^2", fit.r_squared_centred),
     ]
-    return _describe_section(
-        "GOODNESS OF FIT", [*table, "", *_align_columns(("", ""), [(k, _number(v)) for k, v in rows])[1:]]
-    )
+    figures = _align_columns(("", ""), [(name, _number(value)) for name, value in rows])[1:]
+    return _describe_section("GOODNESS OF FIT", [*table, "", *figures])
 
 
 def _describe_criteria(result: Regression) -> str:
-    values = result.selected.fit.criteria
-    rows = [
-        ("AIC", values.aic),
-        ("AICc", values.aicc),
-        ("BIC", values.bic),
-        ("adjusted R^2 about zero", values.adjusted_r_squared),
-        ("leave-one-out error", values.leave_one_out_error),
-    ]
-    return _describe_section(
-        "CRITERIA", _align_columns(("", ""), [(name, _number(float(value))) for name, value in rows])[1:]
-    )
+    names = ("AIC", "AICc", "BIC", "adjusted R^2 about zero", "leave-one-out error")
+    values = vars(result.selected.fit.criteria).values()
+    rows = [(name, _number(value)) for name, value in zip(names, values, strict=True)]
+    return _describe_section("CRITERIA", _align_columns(("", ""), rows)[1:])
 
 
 def _describe_bands(result: Regression) -> str:
     rows = [
-        (
-            f"{band.low:g} to {band.high:g}" if np.isfinite(band.high) else f"{band.low:g} and more",
-            str(band.number),
-            f"{band.percent:.1f}",
-        )
-        for band in result.bands
+        (f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more", str(number), f"{percent:.1f}")
+        for low, high, number, percent in result.bands.itertuples(index=False)
     ]
     header = ("i) |per cent deviation|", "observations", "per cent of them")
     return _describe_section("OBSERVATIONS BY PER CENT OF DEVIATION", _align_columns(header, rows))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -13,9 +13,9 @@ import pandas as pd
 from damping.arrays import FloatArray, IntArray, plain
 from damping.errors import AnalysisError
 from damping.regression import CONSTANT, Term, list_columns_of, parse_term
-from damping.regression.design import Columns, Design, Variable, correlations, design_of, variables
+from damping.regression.design import Columns, Design, correlations, design_of, tabulate_variables
 from damping.regression.fit import Fit, fit, one_term_fits
-from damping.regression.selecting import Choice, Selected, select
+from damping.regression.selecting import Choice, Selection, select
 from damping.regression.subsets import Subsets
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
@@ -64,45 +64,28 @@ def deviations_of(fit: Fit) -> Deviations:
     return Deviations(fit.observed, fit.fitted, fit.deviations, percent)
 
 
-@dataclass(frozen=True)
-class DeviationBand:
-    """Observations with low <= |percent deviation| < high: how many, and how many per cent of all."""
-
-    low: float
-    high: float
-    number: int
-    percent: float
-
-
-def breakdown(deviations: Deviations) -> list[DeviationBand]:
-    """The observations broken down by number and by percent, per band of percent deviation (item i).
+def break_down(deviations: Deviations) -> pd.DataFrame:
+    """A row a band of percent deviation, low <= |percent| < high (item i): ``low, high, number, percent`` of all.
 
     The last band is open; observations of 0, which have no percent, are in none.
     """
     edges = (0.0, *BANDS, np.inf)
     size = np.abs(deviations.percent)
-    numbers = [int(((size >= low) & (size < high)).sum()) for low, high in pairwise(edges)]
-    rows = zip(pairwise(edges), numbers, strict=True)
-    return [DeviationBand(low, high, number, 100.0 * number / len(size)) for (low, high), number in rows]
+    numbers = np.array([((size >= low) & (size < high)).sum() for low, high in pairwise(edges)])
+    return pd.DataFrame(
+        {"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": 100.0 * numbers / len(size)}
+    )
 
 
-@dataclass(frozen=True)
-class Sums:
-    """The "goodness-of-fit" sums of fitted E, observed E-bar and E - E-bar, and of their squares."""
+def sum_up(fit: Fit) -> dict[str, float]:
+    """The "goodness-of-fit" sums over all observations of fitted E, observed E-bar, E - E-bar, and of their squares.
 
-    fitted: float
-    observed: float
-    difference: float
-    fitted_squared: float
-    observed_squared: float
-    difference_squared: float
-
-
-def goodness_of_fit(fit: Fit) -> Sums:
-    """The sums over all observations. The difference is the report's fitted - observed: minus the deviation."""
-    columns = (fit.fitted, fit.observed, -fit.deviations)
+    The difference is the report's fitted - observed: minus the deviation.
+    """
+    columns = {"fitted": fit.fitted, "observed": fit.observed, "difference": -fit.deviations}
     with np.errstate(over="ignore"):
-        return Sums(*(float(c.sum()) for c in columns), *(float(c @ c) for c in columns))
+        squares = {f"{name}_squared": float(values @ values) for name, values in columns.items()}
+        return {name: float(values.sum()) for name, values in columns.items()} | squares
 
 
 @dataclass(frozen=True)
@@ -121,15 +104,15 @@ class Regression:
     design: Design
     rows: IntArray
     independent: dict[str, FloatArray]
-    variables: list[Variable]
+    variables: pd.DataFrame
     correlations: FloatArray
     one_term: list[Fit]
     full: Fit
     plane: Fit | None
-    selected: Selected
+    selected: Selection
     deviations: Deviations
-    sums: Sums
-    bands: list[DeviationBand]
+    sums: dict[str, float]
+    bands: pd.DataFrame
     notes: tuple[str, ...]
 
 
@@ -138,9 +121,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
 
     Args:
         columns: of the response and of everything the terms need.
-        response: name of the dependent column.
-        terms: the transformations.
-        choice: how terms are selected.
+        response: name of the dependent column. terms: the transformations. choice: how terms are selected.
         data: name of the table, for the print-out.
 
     Raises:
@@ -158,15 +139,15 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         design=design,
         rows=columns.rows,
         independent=independent,
-        variables=variables(design),
+        variables=tabulate_variables(design),
         correlations=correlations(design),
         one_term=one_term_fits(design),
         full=full,
         plane=plane,
         selected=selected,
         deviations=deviations,
-        sums=goodness_of_fit(selected.fit),
-        bands=breakdown(deviations),
+        sums=sum_up(selected.fit),
+        bands=break_down(deviations),
         notes=(*columns.notes, *why_not, *_collect_cautions(selected.fit)),
     )
 
@@ -225,17 +206,17 @@ def regress_form(result: Regression) -> Form:
         "proof": asdict(models.proof) if models is not None and models.proof is not None else None,
         "all_terms": _build_terms(result.full),
         "plane": None if result.plane is None else _build_terms(result.plane),
-        "variables": [asdict(variable) for variable in result.variables],
+        "variables": result.variables.to_dict("records"),
         "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
-        "goodness_of_fit": asdict(result.sums),
-        "breakdown": [asdict(band) for band in result.bands],
+        "goodness_of_fit": result.sums,
+        "breakdown": result.bands.to_dict("records"),
         "notes": list(result.notes),
     }
     return {**plain(form), "deviations": _build_deviations(result)}
 
 
-def _build_terms(fit: Fit) -> list[Form]:
-    return [{str(key): value for key, value in row.items()} for row in tabulate_terms(fit).to_dict("records")]
+def _build_terms(fit: Fit) -> list[dict[Hashable, Any]]:
+    return tabulate_terms(fit).to_dict("records")
 
 
 def _describe_one_term(fit: Fit) -> Form:

@@ -16,8 +16,9 @@ import numpy as np
 
 from damping.arrays import BoolArray, IntArray
 from damping.errors import AnalysisError, InputError
-from damping.regression.design import Basis, Design, decompose
-from damping.regression.fit import NAMES, Fit, check_criterion, fit
+from damping.regression.criteria import NAMES, check_criterion
+from damping.regression.design import Basis, Design, decompose, solve_nonnegative
+from damping.regression.fit import Fit, fit
 from damping.regression.subsets import Subsets, all_subsets, best_subsets, rank_subsets
 
 DIRECTIONS = ("backward", "forward", "stepwise")
@@ -39,16 +40,13 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected terms (indices into the design) and the whole way to them: "start" from all terms, or "add" the
-    first to none."""
+    """The selected terms (``chosen``, indices into the design), their ``fit``, the ``steps`` to them ("start" from all
+    terms, or "add" the first to none), and for ``best`` the best ``models``."""
 
     chosen: tuple[int, ...]
-    steps: tuple[Step, ...]
-
-    @property
-    def fit(self) -> Fit:
-        """The fit of the selected terms."""
-        return self.steps[-1].fit
+    fit: Fit
+    steps: tuple[Step, ...] = ()
+    models: Subsets | None = None
 
 
 Fitter: TypeAlias = Callable[[Design], Fit]
@@ -101,7 +99,7 @@ def stepwise(
             break
         steps.append(step)
         mask = mask ^ (np.array(design.names) == step.term)
-    return Selection(tuple(int(i) for i in np.flatnonzero(mask)), tuple(steps))
+    return Selection(tuple(int(i) for i in np.flatnonzero(mask)), steps[-1].fit, tuple(steps))
 
 
 @dataclass(frozen=True)
@@ -160,9 +158,7 @@ class _Search:
 
 
 def _flipped(mask: BoolArray, j: int) -> BoolArray:
-    changed = mask.copy()
-    changed[j] = not changed[j]
-    return changed
+    return np.asarray(mask ^ (np.arange(len(mask)) == j))
 
 
 def _describe_shown(criterion: str, before: float, after: float) -> str:
@@ -180,15 +176,9 @@ def fit_nonnegative(design: Design) -> Fit:
     Raises:
         AnalysisError: the design is numerically rank-deficient (the columns are named), or no solution is found.
     """
-    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
-
     basis = decompose(design)
     size = np.abs(design.observed).max() or 1.0
-    try:
-        solution, _ = nnls(basis.factor, basis.orthonormal.T @ (design.observed / size), maxiter=100 * design.k)
-    except RuntimeError as error:
-        raise AnalysisError(f"no least-squares fit with coefficients >= 0 was found: {error}") from error
-    free = np.flatnonzero(solution > 0.0)
+    free = np.flatnonzero(solve_nonnegative(basis.factor, basis.orthonormal.T @ (design.observed / size)) > 0.0)
     while len(free):
         fitted = fit(design.take(free))
         if (fitted.coefficients > 0.0).all():
@@ -256,17 +246,7 @@ class Choice:
             raise InputError(f"a T-ratio of {self.t_stop} to stop at", expected="a finite number >= 0")
 
 
-@dataclass(frozen=True)
-class Selected:
-    """The selected terms (``design``), their ``fit``, the ``steps`` to them, and for ``best`` the best ``models``."""
-
-    design: Design
-    fit: Fit
-    steps: tuple[Step, ...]
-    models: Subsets | None
-
-
-def select(design: Design, choice: Choice) -> Selected:
+def select(design: Design, choice: Choice) -> Selection:
     """Select among the terms of a design.
 
     Raises:
@@ -274,22 +254,20 @@ def select(design: Design, choice: Choice) -> Selected:
     """
     fitter = fit_nonnegative if choice.nonnegative else fit
     if choice.method == "none":
-        return Selected(design, fitter(design), (), None)
+        return Selection(tuple(range(design.k)), fitter(design))
     if choice.method == "best":
         return _best(design, choice)
-    selection = stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
-    return Selected(design.take(selection.chosen), selection.fit, selection.steps, None)
+    return stepwise(design, choice.method, criterion=choice.criterion, t_stop=choice.t_stop, fitter=fitter)
 
 
-def _best(design: Design, choice: Choice) -> Selected:
+def _best(design: Design, choice: Choice) -> Selection:
     """The best subset; its steps drop the other terms one after the other, so that they can be followed."""
     if design.k <= _MOST_TERMS_LISTED:
         models = rank_subsets(all_subsets(design), choice.criterion, nonnegative=choice.nonnegative)
     else:
         models = best_subsets(design, choice.criterion, nonnegative=choice.nonnegative, number=_BEST_LISTED)
-    kept = [int(i) for i in np.flatnonzero(models.members[0])]
-    chosen = design.take(kept)
+    chosen = tuple(int(i) for i in np.flatnonzero(models.members[0]))
     reason = f"not in the subset with the best {NAMES[choice.criterion]} of all {2**design.k - 1}"
-    best, score = fit(chosen), float(models.scores(choice.criterion)[0])
-    dropped = [name for i, name in enumerate(design.names) if i not in kept]
-    return Selected(chosen, best, tuple(Step("drop", name, reason, np.nan, score, best) for name in dropped), models)
+    best, score = fit(design.take(chosen)), float(models.scores(choice.criterion)[0])
+    dropped = [name for i, name in enumerate(design.names) if i not in chosen]
+    return Selection(chosen, best, tuple(Step("drop", name, reason, np.nan, score, best) for name in dropped), models)

@@ -18,14 +18,12 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
+from damping.regression.criteria import NAMES, Criteria, check_criterion, criteria, leave_one_out, rounding_of
 from damping.regression.design import Basis, Design, decompose
-from damping.regression.fit import NAMES, Criteria, check_criterion, criteria, leave_one_out
 from damping.regression.leaps import Proof, search
-from damping.regression.shortlist import rounding_of
 
 #: Of so many terms and no more every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
-_ONE_THREAD = 2**18  # multiplications
 _BLOCK = 9  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
 _BLOCK_SIZE = 2e6
 
@@ -59,15 +57,10 @@ class Subsets:
         return np.asarray(self.members.sum(axis=1))
 
     @cached_property
-    def standard_errors(self) -> FloatArray:
-        """Standard errors of the regressions, sqrt(SSE/(n - k)) (m,); NaN without degrees of freedom."""
-        freedom = len(self.observed) - self.sizes
-        return np.sqrt(self.sse / np.where(freedom > 0, freedom, np.nan))
-
-    @cached_property
     def std_errors(self) -> FloatArray:
-        """Standard errors of the coefficients (m, k)."""
-        return self.unit_errors * self.standard_errors[:, None]
+        """Standard errors of the coefficients (m, k); NaN without degrees of freedom."""
+        freedom = len(self.observed) - self.sizes
+        return self.unit_errors * np.sqrt(self.sse / np.where(freedom > 0, freedom, np.nan))[:, None]
 
     @cached_property
     def t_ratios(self) -> FloatArray:
@@ -115,13 +108,7 @@ def all_subsets(design: Design) -> Subsets:
     return replace(parts[0], **whole)
 
 
-def best_subsets(
-    design: Design,
-    criterion: str = "bic",
-    *,
-    nonnegative: bool = False,
-    number: int = 10,
-) -> Subsets:
+def best_subsets(design: Design, criterion: str = "bic", *, nonnegative: bool = False, number: int = 10) -> Subsets:
     """The best subsets of all, best first, with the ``proof`` that none is better.
 
     Args:
@@ -241,17 +228,9 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
     coefficients[new, upto] += last * amount
     variances[new, upto] += last**2
     rest[new, upto] -= direction * amount
-    added = _times(direction, basis.orthonormal[:, upto].T)
+    added = direction @ basis.orthonormal[:, upto].T
     np.add(leverages[old], np.square(added, out=added), out=leverages[new])
     members[new, j] = 1.0
-
-
-def _times(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a @ b in pieces that BLAS does not share among threads: on a busy machine waking those takes far longer."""
-    rows = max(_ONE_THREAD // b.size, 1)
-    if len(a) <= rows:
-        return a @ b
-    return np.concatenate([a[i : i + rows] @ b for i in range(0, len(a), rows)])
 
 
 def _project(directions: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -276,5 +255,5 @@ def _finished(state: _State, design: Design, basis: Basis, drop: int) -> Subsets
         coefficients=coefficients / basis.scale,
         unit_errors=np.sqrt(variances) / basis.scale,
         sse=np.einsum("mk,mk->m", rest, rest) + beyond @ beyond,
-        press=np.asarray(leave_one_out(beyond + _times(rest, basis.orthonormal.T), leverages)),
+        press=np.asarray(leave_one_out(beyond + rest @ basis.orthonormal.T, leverages)),
     )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from math import isfinite
-from typing import SupportsFloat
+from math import isfinite, isnan
+from typing import Any, SupportsFloat
+
+import numpy as np
+import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
 from damping.errors import InputError
@@ -64,6 +67,17 @@ def number(value: SupportsFloat, digits: int = 3) -> str:
     if -4 < power < 6:
         return f"{x:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
     return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def describe_written(value: Any) -> str:
+    """A value for people: numbers to four digits, yes and no, a dash for nothing."""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if value is None or value is pd.NA or (isinstance(value, float) and isnan(value)) or value == "":
+        return NOTHING
+    if isinstance(value, int | np.integer):
+        return str(value)
+    return number(value, 4) if isinstance(value, float | np.floating) else str(value)
 
 
 def format_decimals(value: float, digits: int) -> str:
@@ -216,3 +230,18 @@ def _format_power(power: float) -> str:
     if power == 1.0:
         return ""
     return f"{power:.0f}".translate(_SUPERSCRIPT) if power == round(power) else f"^{power:g}"
+
+
+#: Functions that the texts of a page may use: numbers and lists in words.
+WORDS = {
+    "between": format_between,
+    "count": count,
+    "counted": format_counted,
+    "joined": format_joined,
+    "number": number,
+    "numbers": format_numbers,
+    "percent": format_percent,
+    "points_text": format_points_text,
+    "share": format_share,
+    "signed": format_signed,
+}

@@ -16,8 +16,7 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.size import HeldOutFold
 from damping.report import NOTHING, format_percent, format_share, number
 from damping.report.gap_figures import NO_EFFECT, gap_figures
-from damping.report.page import Block, Facts, FigureBlock, Footer, List, Table, Text, render_page
-from damping.report.text import write_sections
+from damping.report.page import Block, Facts, FigureBlock, Footer, List, Table, Text, render_page, write_sections
 
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
 TREND_SEEN = 13.8

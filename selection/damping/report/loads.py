@@ -6,7 +6,7 @@ The force moves, and the band with it, from predictions made beforehand.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -138,7 +138,6 @@ class Explorer(FigureBlock):
             forces with their text. shown: what stands beside the slider.
     """
 
-    kind: ClassVar[str] = "explorer"
     name: str
     data: dict[str, Any]
     start: int

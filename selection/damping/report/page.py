@@ -2,26 +2,36 @@
 
 Every text is escaped by the template; the figures, which :func:`damping.plots.to_svg` makes, are the only
 markup that passes as it is. The page loads nothing, not even from its own folder.
+
+A text may stand in a file beside the module that fills it with numbers, a jinja2 template. After filling, an empty line
+ends a block. A block is a paragraph unless its first line begins with one of
+
+- ``# id: Title``: a section, as far as the next one,
+- ``##``: a heading,
+- ``*``: a list, an item from each ``*`` to the next,
+- ``[lead]``: a paragraph that stands out,
+- ``[callout] title`` with a list below: what is not to be missed,
+- ``[fold] summary``: what follows as far as ``[end]``, behind a line,
+- ``[table NAME] caption`` or any other word in such brackets: what the module gives for it.
 """
 
 from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
-from markupsafe import Markup
 
+from damping import report as words
 from damping.plots import TEXT_WIDTH
-from damping.report import NOTHING, number
 
 #: How to write a value of a column.
 Format = Callable[[Any], str]
@@ -31,16 +41,18 @@ LONG = 28
 
 
 class Block:
-    """A part of a section; ``kind`` names its macro in the template."""
+    """A part of a section."""
 
-    kind: ClassVar[str]
+    @property
+    def kind(self) -> str:
+        """What the template calls it."""
+        return type(self).__name__.lower()
 
 
 @dataclass(frozen=True)
 class Heading(Block):
     """A heading within a section."""
 
-    kind: ClassVar[str] = "heading"
     text: str
 
 
@@ -48,7 +60,6 @@ class Heading(Block):
 class Text(Block):
     """A paragraph."""
 
-    kind: ClassVar[str] = "text"
     text: str
     lead: bool = False
 
@@ -57,7 +68,6 @@ class Text(Block):
 class List(Block):
     """Sentences one below the other, with numbers to refer to or without."""
 
-    kind: ClassVar[str] = "list"
     items: Sequence[str]
     numbered: bool = False
 
@@ -66,7 +76,6 @@ class List(Block):
 class Callout(Block):
     """Something not to be missed."""
 
-    kind: ClassVar[str] = "callout"
     title: str
     items: Sequence[str]
 
@@ -75,15 +84,13 @@ class Callout(Block):
 class Facts(Block):
     """The few numbers to remember: (number, what it is)."""
 
-    kind: ClassVar[str] = "facts"
     items: Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class FigureBlock(Block):
-    """A figure by ``to_svg`` (which holds its text alternative) and a caption."""
+    """A figure by ``to_svg``, which holds its text alternative and escapes its texts, and a caption."""
 
-    kind: ClassVar[str] = "figure"
     svg: str
     caption: str
 
@@ -93,17 +100,11 @@ class FigureBlock(Block):
         match = _WIDTH_POINTS.search(self.svg)
         return min(1.0, round(float(match[1]) / (72.0 * TEXT_WIDTH), 3)) if match else 1.0
 
-    @property
-    def markup(self) -> Markup:
-        """The SVG as safe markup: our own figures are, texts in them are escaped."""
-        return Markup(self.svg)
-
 
 @dataclass(frozen=True)
 class Row(Block):
     """Figures beside one another where the window has room."""
 
-    kind: ClassVar[str] = "row"
     blocks: Sequence[Block]
 
 
@@ -118,7 +119,6 @@ class Link(NamedTuple):
 class Links(Block):
     """Links in one line."""
 
-    kind: ClassVar[str] = "links"
     items: Sequence[Link]
 
 
@@ -134,7 +134,6 @@ class Cell(NamedTuple):
 class Table(Block):
     """A table: ``formats`` and ``headings`` by column, both optional. ``key``: names its CSV file, where it has one."""
 
-    kind: ClassVar[str] = "table"
     frame: pd.DataFrame
     caption: str
     formats: Mapping[str, Format] = field(default_factory=dict)
@@ -144,15 +143,14 @@ class Table(Block):
     @property
     def columns(self) -> list[Cell]:
         """Headings, underscores as spaces unless ``headings`` says otherwise."""
-        frame = self.frame
-        texts = [self.headings.get(name, name.replace("_", " ")) for name in map(str, frame.columns)]
-        kinds = ["number" if pd.api.types.is_numeric_dtype(frame[name]) else "" for name in frame.columns]
-        return [Cell(text, css) for text, css in zip(texts, kinds, strict=True)]
+        texts = [self.headings.get(name, name.replace("_", " ")) for name in map(str, self.frame.columns)]
+        numeric = map(pd.api.types.is_numeric_dtype, self.frame.dtypes)
+        return [Cell(text, "number" if own else "") for text, own in zip(texts, numeric, strict=True)]
 
     @property
     def rows(self) -> list[list[Cell]]:
         """Cells as written."""
-        formats = [self.formats.get(str(name), describe_written) for name in self.frame.columns]
+        formats = [self.formats.get(str(name), words.describe_written) for name in self.frame.columns]
         return [
             [_build_cell(value, form) for value, form in zip(row, formats, strict=True)]
             for row in self.frame.itertuples(index=False, name=None)
@@ -163,7 +161,6 @@ class Table(Block):
 class Fold(Block):
     """Blocks behind a line that opens them; nothing needed for the argument."""
 
-    kind: ClassVar[str] = "fold"
     summary: str
     blocks: Sequence[Block]
 
@@ -186,46 +183,25 @@ class Footer:
     inputs: Mapping[str, str]
 
 
-def describe_written(value: Any) -> str:
-    """A value for people: numbers to four digits, yes and no, a dash for nothing."""
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if value is None or value is pd.NA or (isinstance(value, float) and np.isnan(value)) or value == "":
-        return NOTHING
-    if isinstance(value, int | np.integer):
-        return str(value)
-    return number(value, 4) if isinstance(value, float | np.floating) else str(value)
+#: Templates beside this file, with every expression escaped.
+_PAGES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 
 
 def render_page(title: str, sections: Sequence[Section], footer: Footer) -> str:
     """The page as HTML. Equal arguments give equal text.
 
-    Its policy lets the reader's browser run the one script of :func:`_script` and nothing else.
+    Its policy lets the reader's browser run the one script beside this file and nothing else.
     """
-    script = _script()
+    script = Path(__file__).with_name("page.js").read_text("utf-8")
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    return _template().render(
-        title=title, sections=sections, footer=footer, script=script, script_hash=Markup(f"sha256-{digest}")
-    )
-
-
-@cache
-def _script() -> Markup:
-    """The script beside this file: ours, so safe markup."""
-    return Markup((Path(__file__).parent / "page.js").read_text("utf-8"))
-
-
-@cache
-def _template() -> Template:
-    """The template beside this file, with every expression escaped."""
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("template.html.jinja")
+    template = _PAGES.get_template("template.html.jinja")
+    return template.render(title=title, sections=sections, footer=footer, script=script, script_hash=digest)
 
 
 def _build_cell(value: Any, form: Format) -> Cell:
@@ -235,3 +211,89 @@ def _build_cell(value: Any, form: Format) -> Cell:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Cell(text, "number")
     return Cell(text, "long" if len(text) > LONG else "")
+
+
+#: Stands before a value that begins with ``[``, ``#`` or ``*`` until blocks are cut: those are words of the text alone.
+_VALUE = "\x00"
+_DIRECTIVE = re.compile(r"\[(\w+) ?([^\]]*)\] ?(.*)", re.DOTALL)
+#: Blocks for a directive: its word, its name, and what follows on its lines.
+Take = Callable[[str, str, str], Iterable[Block]]
+
+
+def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind, name, rest: []) -> list[Block]:
+    """The blocks of a text filled with values; ``take`` gives those of its own directives."""
+    return _cut_blocks(_template(text).render(**values), take)
+
+
+def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Block] | None = None) -> list[Section]:
+    """The sections of a text filled with values.
+
+    Its directives name ``parts`` and give them their captions; one that is not there leaves nothing.
+    """
+
+    def take(kind: str, name: str, rest: str) -> list[Block]:
+        part: Any = (parts or {}).get(name)
+        return [] if part is None else [replace(part, caption=join_lines(rest)) if rest else part]
+
+    sections = []
+    for section in re.split(r"^# ", _template(text).render(**values), flags=re.MULTILINE)[1:]:
+        head, _, body = section.partition("\n")
+        key, _, title = head.partition(": ")
+        sections.append(Section(key, title, _cut_blocks(body, take)))
+    return sections
+
+
+def fill_text(text: Path, values: Mapping[str, Any]) -> str:
+    """A text filled with values, none of which begins a line of its own."""
+    return _template(text).render(**values).replace(_VALUE, "")
+
+
+@cache
+def _template(text: Path) -> Template:
+    # the page escapes what it shows
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
+    return environment.from_string(text.read_text("utf-8"), globals=words.WORDS)
+
+
+def _cut_blocks(filled: str, take: Take) -> list[Block]:
+    parts = (part.strip("\n") for part in re.split(r"\n{2,}", filled.strip("\n")) if part)
+    return list(_build_blocks(parts, take))
+
+
+def _build_blocks(parts: Iterator[str], take: Take) -> Iterator[Block]:
+    """Blocks as far as the end of the text or of a fold."""
+    for part in parts:
+        if part.startswith("## "):
+            yield Heading(join_lines(part.removeprefix("## ")))
+        elif part.startswith("* "):
+            yield List(_list_items(part))
+        elif directive := _DIRECTIVE.fullmatch(part):
+            kind, name, rest = directive.groups()
+            match kind:
+                case "end":
+                    return
+                case "fold":
+                    yield Fold(join_lines(rest), list(_build_blocks(parts, take)))
+                case "lead":
+                    yield Text(join_lines(rest), lead=True)
+                case "callout":
+                    yield Callout(join_lines(rest.partition("\n* ")[0]), _list_items(rest))
+                case _:
+                    yield from take(kind, name, rest)
+        else:
+            yield Text(join_lines(part))
+
+
+def _list_items(part: str) -> list[str]:
+    return [join_lines(item) for item in re.split(r"(?:^|\n)\* ", part)[1:]]
+
+
+def join_lines(text: str) -> str:
+    """A text in one line."""
+    return re.sub(r" *\n *", " ", text).replace(_VALUE, "")
+
+
+def _join_value(value: object) -> str:
+    """A value in one line that begins no block of its own."""
+    line = join_lines(str(value))
+    return _VALUE + line if line.startswith(("[", "#", "*")) else line

@@ -25,10 +25,9 @@ from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
-from damping.regression.power_law import PowerLaw
+from damping.regression.fit import PowerLaw
 from damping.report import count
-from damping.report.page import Block, FigureBlock, Section
-from damping.report.text import write_blocks
+from damping.report.page import Block, FigureBlock, Section, write_blocks
 
 
 @dataclass(frozen=True)

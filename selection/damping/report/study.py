@@ -38,7 +38,9 @@ from damping.report.page import (
     Section,
     Table,
     Text,
+    join_lines,
     render_page,
+    write_blocks,
 )
 from damping.report.results import (
     RecordResult,
@@ -51,7 +53,6 @@ from damping.report.results import (
 )
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
-from damping.report.text import join_lines, write_blocks
 
 
 @dataclass(frozen=True)
