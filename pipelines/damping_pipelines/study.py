@@ -17,8 +17,7 @@ from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candid
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan, load_candidates, plan_loads
+from damping.extrapolation.near import Plan, load_candidates, near_resonance, plan_loads
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law

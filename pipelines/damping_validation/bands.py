@@ -16,8 +16,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan
+from damping.extrapolation.near import Plan, near_resonance
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
