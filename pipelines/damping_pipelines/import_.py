@@ -109,7 +109,16 @@ def import_file(
     findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
     write_text(out, record_to_csv(imported.record))
     if json_out is not None:
-        write_json(json_out, {**import_form(imported, out), "audit": findings.to_json()["findings"]})
+        form = {
+            "format": "import/1",
+            "record": str(out),
+            "rows": len(imported.record),
+            "sweeps": list(imported.record.sweeps),
+            "understood": imported.summary.table.to_dict(orient="records"),
+            "notes": imported.summary.notes,
+            "audit": findings.to_json()["findings"],
+        }
+        write_json(json_out, form)
     if json_out != "-":
         _print(imported, out, console())
 
@@ -227,18 +236,6 @@ def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> No
                 file=file,
                 expected=f"--to {other}, or a mode in {name}",
             )
-
-
-def import_form(imported: Imported, out: Path) -> dict[str, Any]:
-    """The form ``import/1``: what was understood, notes, and the sweeps of the record."""
-    return {
-        "format": "import/1",
-        "record": str(out),
-        "rows": len(imported.record),
-        "sweeps": list(imported.record.sweeps),
-        "understood": imported.summary.table.to_dict(orient="records"),
-        "notes": imported.summary.notes,
-    }
 
 
 def _print(imported: Imported, out: Path, to: Console) -> None:

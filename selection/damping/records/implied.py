@@ -41,19 +41,27 @@ class Implied:
         return float(np.angle(self.mass))
 
 
+#: Least share of the mass in motion that is the structure's own: more added to it leaves none to be seen.
+LEAST_OF_MASS = 0.01
+
+
 def find_implied(run: Run) -> Implied | None:
     """Mass and phase offset that a run with phases implies; None with fewer than ``FEWEST_ROWS`` rows or no phase."""
     if run.phase is None or len(run) < FEWEST_ROWS or np.ptp(run.omega) == 0.0:
         return None
+    # what is added to every row moves with the rest: an offset turns the phasors of both
+    added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
+    run = replace(run, added=run.added - added)
     line, miss = _fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
     mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
+    own = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
     turned = run.stiffness * np.exp(-1j * np.angle(mass))
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
     error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
-    return Implied(mass, scatter, damping, mean / error, miss, pairs is not None)
+    return Implied(own * mass, scatter / own, damping, mean / error, miss, pairs is not None)
 
 
 def _fit_line(run: Run) -> tuple[complex, float]:
