@@ -20,7 +20,7 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
-from damping.records.audit import Audit
+from damping.records import Audit
 from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.report import forms

@@ -22,7 +22,7 @@ from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.reading import require_numbers
 from damping.records.record import Record
@@ -262,10 +262,10 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         InputError: a description or a table that contradicts itself.
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
-    from damping.signals.reading import check_raw, condition_steps, describe  # noqa: PLC0415 - its schema loads slowly
+    from damping.signals.reading import check_raw, condition_steps, read_description  # noqa: PLC0415 - its schema loads slowly
 
     check_kind(frame, pd.DataFrame, "table")
-    described = describe(description)
+    described = read_description(description)
     steps = condition_steps(check_raw(frame, described), described)
     name = described.title or "conditioned"
     return ConditionResult(Record(steps[-1].after, name), name, steps)

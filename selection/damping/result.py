@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from damping.gap.corrected import EffectPosterior
     from damping.gap.diagnose import Diagnosis
-    from damping.records.audit import Audit
+    from damping.records import Audit
     from damping.records.record import Record
     from damping.regression.program import Regression
     from damping.signals.chain import ConditioningStep

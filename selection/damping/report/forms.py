@@ -14,9 +14,9 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.plan import Plan
+from damping.extrapolation.draws import NextLevel
+from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.extrapolation.what_if import NextLevel
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve
+from damping.extrapolation.draws import NextLevel
 from damping.extrapolation.prediction import Loads
-from damping.extrapolation.what_if import NextLevel
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
