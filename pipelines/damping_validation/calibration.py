@@ -18,7 +18,7 @@ from scipy.stats import binom
 from scipy.stats import t as student
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation import draw_evidence, extrapolate_loads, sample_chains
+from damping.extrapolation import draw_evidence, extrapolate_loads, sample_candidate
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import at_resonance
 from damping.forces import CATALOGUE, component
@@ -106,7 +106,7 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     force = tested[-1] * np.array(RATIOS)
     estimate, sampler = (
         brief_evidence if way == "fast" else evidence,
-        sample_chains if way == "chains" else draw_evidence,
+        sample_candidate if way == "chains" else draw_evidence,
     )
     mode = Mode(name=name, frequency=OMEGA / RAD_S_PER_HZ, mass=truth.mass)
     predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate, sampler=sampler)

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.stats import binom, binomtest
 
 from damping_validation.calibration import RANKED, RATIOS, Coverage, is_uniform
-from damping_validation.truths import TRUTHS
+from damping_validation.truths import IN_LIBRARY
 
 #: Share of next tests that bands are to hold, least and most; largest share above them.
 HELD = (0.86, 0.96)
@@ -74,7 +74,7 @@ def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "tr
 def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
     """One row per structure of the library: trials by the fast way, and how often its law has the largest weight."""
     first = predictions[(predictions["ratio"] == RATIOS[0]) & (predictions["way"] == "fast")]
-    first = first[first["truth"].map(lambda name: TRUTHS[name][1] is not None)]
+    first = first[first["truth"].isin(IN_LIBRARY)]
     return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
 
 

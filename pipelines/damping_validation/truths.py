@@ -80,7 +80,7 @@ def _iwan(chi: float, spike: float, limit: float) -> ComplexArray:
         force += strength * np.maximum(down, -limit_of_one)
     # what is stuck does no work, to the last digit
     work = np.where(_A[:, 0] <= x[0], 0.0, 2.0 * np.mean(-force * np.sin(angle), axis=1))
-    return 2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0)
+    return np.asarray(2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0))
 
 
 #: Steps of the slider within one step of the motion.
@@ -101,10 +101,6 @@ def _bouc_wen(n: float, limit: float) -> ComplexArray:
             z = new
         in_phase += (i > 1600) * z * q[:, i] / _A[:, 0]
     return 2.0 * in_phase / 800.0 + 1j * np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
-
-
-def _viscous() -> ComplexArray:
-    return _over_a_cycle(lambda q, v: v)
 
 
 def _velocity_power(exponent: float) -> ComplexArray:
@@ -132,108 +128,82 @@ def _with_memory(name: str, rng: np.random.Generator) -> ComplexArray:
             _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
         else:
             _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
-    moved, joint = _TABLE - rng.uniform(np.log(0.6), np.log(6.0)), _MEMORY[name, number]
+    moved, joint = _TABLE - np.log(_draw(rng, 0.6, 6.0)), _MEMORY[name, number]
     C = np.exp(np.interp(moved, _TABLE, np.log(np.maximum(joint.imag, 1e-300))))
     return np.asarray(np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C)
 
 
-def _saturating(rng: np.random.Generator) -> ComplexArray:
-    """Damping ratio z0 + z1 A/(A0 + A)."""
-    half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
-    ratio = 1.0 + rng.uniform(0.5, 5.0) * _A[:, 0] / (half + _A[:, 0])
-    return np.asarray(1j * ratio * _A[:, 0])
+def _draw(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number between two, its logarithm anywhere."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _falling(rng: np.random.Generator) -> ComplexArray:
-    """Damping ratio that falls from one plateau to another, z0 + z1/(1 + A/A0)."""
-    half = np.exp(rng.uniform(np.log(0.3), np.log(3.0)))
-    return np.asarray(1j * (1.0 + rng.uniform(0.3, 2.0) / (1.0 + _A[:, 0] / half)) * _A[:, 0])
-
-
-def _growing(rng: np.random.Generator) -> ComplexArray:
-    """Damping ratio that grows ever slower, z0 + z1 A^m with m < 1."""
-    return np.asarray(1j * (1.0 + rng.uniform(0.3, 3.0) * _A[:, 0] ** rng.uniform(0.2, 0.8)) * _A[:, 0])
-
-
-def _two_sets(rng: np.random.Generator) -> ComplexArray:
-    """Two sliders of different limits beside a viscous part."""
-    first, second = np.exp(rng.uniform(np.log(0.1), np.log(0.3))), np.exp(rng.uniform(np.log(0.3), np.log(0.8)))
-    return _mixed(rng, _viscous(), _mixed(rng, _slip(first), _slip(second)))
+def _with_ratio(ratio: FloatArray) -> ComplexArray:
+    """Of a damping ratio (table, 1) in proportion to which the loss is."""
+    return np.asarray(1j * (ratio * _A)[:, 0])
 
 
 def _mixed(rng: np.random.Generator, *parts: ComplexArray, least: float = 0.2) -> ComplexArray:
     """Parts that carry random shares of at least ``least`` at A = 1."""
     shares = least + (1.0 - least * len(parts)) * rng.dirichlet(np.ones(len(parts)))
-    at = int(np.argmin(np.abs(_TABLE)))
-    return np.asarray(sum(s * part / part.imag[at] for s, part in zip(shares, parts, strict=True)))
+    return np.asarray(sum(s * _at_one(part) for s, part in zip(shares, parts, strict=True)))
+
+
+def _at_one(part: ComplexArray) -> ComplexArray:
+    """The same with C = 1 at A = 1."""
+    return np.asarray(part / part.imag[np.argmin(np.abs(_TABLE))])
 
 
 def _with_friction(rng: np.random.Generator, *parts: ComplexArray) -> ComplexArray:
     """The same beside friction that carries up to 0.4 at A = 1: every level has a resonance."""
-    at = int(np.argmin(np.abs(_TABLE)))
-    rest = _mixed(rng, *parts)
-    share = rng.uniform(0.1, 0.4)
-    return np.asarray(
-        share * _velocity_power(0.0) / _velocity_power(0.0).imag[at] + (1.0 - share) * rest / rest.imag[at]
-    )
+    rest, share = _at_one(_mixed(rng, *parts)), rng.uniform(0.1, 0.4)
+    return np.asarray(share * _at_one(_velocity_power(0.0)) + (1.0 - share) * rest)
 
 
-Drawn = Callable[[np.random.Generator], ComplexArray]
-#: Truths by name: how S + iC is drawn, and the law that holds.
-TRUTHS: dict[str, tuple[Drawn, tuple[str, ...] | None]] = {
-    "viscous": (lambda rng: _viscous(), ("viscous",)),
-    "viscous + velocity-squared": (
-        lambda rng: _mixed(rng, _viscous(), _velocity_power(2.0)),
-        ("viscous", "velocity-squared"),
+#: Truths by name: how S + iC is drawn. Ratios of damping tend to a plateau, fall from one to another, grow ever slower.
+TRUTHS: dict[str, Callable[[np.random.Generator], ComplexArray]] = {
+    "viscous": lambda rng: _velocity_power(1.0),
+    "viscous + velocity-squared": lambda rng: _mixed(rng, _velocity_power(1.0), _velocity_power(2.0)),
+    "viscous + quadratic-displacement": lambda rng: _mixed(
+        rng, _velocity_power(1.0), _over_a_cycle(lambda q, v: q**2 * v)
     ),
-    "viscous + quadratic-displacement": (
-        lambda rng: _mixed(rng, _viscous(), _over_a_cycle(lambda q, v: q**2 * v)),
-        ("viscous", "quadratic-displacement"),
+    "viscous + coulomb": lambda rng: _with_friction(rng, _velocity_power(1.0)),
+    "velocity-power": lambda rng: _velocity_power(rng.uniform(0.6, 2.2)),
+    "viscous + slip": lambda rng: _mixed(rng, _velocity_power(1.0), _slip(_draw(rng, 0.2, 0.9))),
+    "Iwan joint": lambda rng: _mixed(rng, _velocity_power(1.0), _with_memory("iwan", rng), least=0.3),
+    "Bouc-Wen": lambda rng: _mixed(rng, _velocity_power(1.0), _with_memory("bouc-wen", rng), least=0.3),
+    "saturating": lambda rng: _with_ratio(1.0 + 1.0 / (_draw(rng, 0.3, 3.0) / _A + 1.0) * rng.uniform(0.5, 5.0)),
+    "falling": lambda rng: _with_ratio(1.0 + 1.0 / (1.0 + _A / _draw(rng, 0.3, 3.0)) * rng.uniform(0.3, 2.0)),
+    "growing": lambda rng: _with_ratio(1.0 + rng.uniform(0.3, 3.0) * _A ** rng.uniform(0.2, 0.8)),
+    "two joints": lambda rng: _mixed(
+        rng, _velocity_power(1.0), _mixed(rng, _slip(_draw(rng, 0.1, 0.3)), _slip(_draw(rng, 0.3, 0.8)))
     ),
-    "viscous + coulomb": (lambda rng: _with_friction(rng, _viscous()), ("viscous", "coulomb")),
-    "velocity-power": (lambda rng: _velocity_power(rng.uniform(0.6, 2.2)), ("velocity-power",)),
-    "viscous + slip": (
-        lambda rng: _mixed(rng, _viscous(), _slip(np.exp(rng.uniform(np.log(0.2), np.log(0.9))))),
-        ("viscous", "slip"),
-    ),
-    "Iwan joint": (lambda rng: _mixed(rng, _viscous(), _with_memory("iwan", rng), least=0.3), None),
-    "Bouc-Wen": (lambda rng: _mixed(rng, _viscous(), _with_memory("bouc-wen", rng), least=0.3), None),
-    "saturating": (_saturating, None),
-    "falling": (_falling, None),
-    "growing": (_growing, None),
-    "two joints": (_two_sets, None),
-    "friction, viscous and drag": (
-        lambda rng: _with_friction(rng, _viscous(), _velocity_power(2.0)),
-        None,
-    ),
-    "drag and slip": (
-        lambda rng: _mixed(rng, _velocity_power(2.0), _slip(np.exp(rng.uniform(np.log(0.2), np.log(0.9))))),
-        None,
-    ),
-    "hardening": (
-        lambda rng: _mixed(rng, _viscous(), _over_a_cycle(lambda q, v: v * np.abs(q)), _velocity_power(3.0), least=0.1),
-        None,
+    "friction, viscous and drag": lambda rng: _with_friction(rng, _velocity_power(1.0), _velocity_power(2.0)),
+    "drag and slip": lambda rng: _mixed(rng, _velocity_power(2.0), _slip(_draw(rng, 0.2, 0.9))),
+    "hardening": lambda rng: _mixed(
+        rng, _velocity_power(1.0), _over_a_cycle(lambda q, v: v * np.abs(q)), _velocity_power(3.0), least=0.1
     ),
 }
+#: Those of which a law of the library, by the same name, holds: the first six.
+IN_LIBRARY = tuple(TRUTHS)[:6]
 
 
 def draw_truth(name: str, rng: np.random.Generator) -> Truth:
     """A structure of a kind, its C scaled to 1 at A = 1."""
-    drawn, law = TRUTHS[name]
-    force = drawn(rng)
+    force = TRUTHS[name](rng)
     log_C = np.log(np.maximum(force.imag, 1e-300))
     at_one = np.interp(0.0, _TABLE, log_C)
     # what moves the resonance has draws of its own: amplitudes do not depend on it
     log_omega, mass = _draw_resonance(force.real / _A[:, 0] * np.exp(-at_one), rng.spawn(1)[0])
-    return Truth(name, log_C - at_one, log_omega, mass, None if law is None else Law(law))
+    return Truth(name, log_C - at_one, log_omega, mass, Law(tuple(name.split(" + "))) if name in IN_LIBRARY else None)
 
 
 def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:
     """ln omega at the table, and the mass, of a structure whose joints have a ``stiffness`` S/A."""
-    ratio = np.exp(rng.uniform(*np.log(RATIOS_OF_DAMPING)))
+    ratio = _draw(rng, *RATIOS_OF_DAMPING)
     if stiffness[0] > 0.0:
         ratio = min(ratio, 0.5 * MOST_IN_JOINTS / stiffness[0])
-    spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * np.exp(rng.uniform(*np.log(SPRINGS)))
+    spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * _draw(rng, *SPRINGS)
     bent = 2.0 * ratio * (stiffness - np.interp(0.0, _TABLE, stiffness)) + 2.0 * spring * (_A[:, 0] ** 2 - 1.0)
     return np.log(OMEGA) + 0.5 * np.log(np.maximum(1.0 + bent, 0.1)), float(0.5 / (ratio * OMEGA**2))
 

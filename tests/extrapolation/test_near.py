@@ -1,15 +1,34 @@
-"""Rows near resonance: phase offsets, drop-out, restoring forces, records of other kinds."""
+"""Rows near resonance, local exponents, bistability; which laws take part, what they weigh, and what is refused."""
+
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import softmax
 
-from benchmarks._structures import structures
+from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
-from damping.extrapolation.near import NEAR, at_resonance, near_resonance, without_offset
+from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
+from damping.extrapolation.near import (
+    BISTABLE,
+    CHANGES,
+    NEAR,
+    at_resonance,
+    describe_bistability,
+    near_resonance,
+    plan_loads,
+    trend,
+    without_offset,
+)
 from damping.forces import CubicStiffness, Sum
+from damping.infer.doubt import JOINTS
+from damping.infer.evidence import brief_evidence
+from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
+from damping.ranking import prior_masses
 from damping.records.record import Record
+from damping_validation.truths import draw_truth, peaks
 
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")
@@ -95,3 +114,167 @@ def test_too_many_rows_or_sweeps_are_refused_in_a_line():
     for rows, sweeps in ((MOST_ROWS + 1, 3), (MOST_SWEEPS + 1, MOST_SWEEPS + 1)):
         with pytest.raises(AnalysisError, match=f"{rows} rows of {sweeps} sweeps.*every second one"):
             observe(record(rows, sweeps))
+
+
+def test_a_power_law_has_one_exponent(peaks):
+    F = np.array([1.0, 2.0, 5.0, 9.0])
+    found = trend(peaks(F ** (1.0 / 1.7), F, 10.0), 0.02)
+    np.testing.assert_allclose(found.p, 1.7, rtol=1e-12)
+    np.testing.assert_allclose(found.z, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.force, np.sqrt(F[1:] * F[:-1]), rtol=1e-12)
+    assert not found.rising
+    assert not found.falling
+
+
+def test_standard_deviation_and_change_against_simulation(peaks):
+    """Linearised in the scatter: second order terms of (1 % / 0.69)^2 are far below the 2 % the simulation can see."""
+    F, scatter, rng = np.array([1.0, 2.0, 4.0]), 0.01, np.random.default_rng(2)
+    trends = [trend(peaks(F * np.exp(scatter * rng.standard_normal(3)), F, 10.0), scatter) for _ in range(4000)]
+    p = np.array([t.p for t in trends])
+    expected = trend(peaks(F, F, 10.0), scatter)
+    np.testing.assert_allclose(p.std(axis=0), expected.sd, rtol=0.06)  # five standard errors of 1.1 %
+    np.testing.assert_allclose(np.std([t.z for t in trends]), 1.0, rtol=0.06)
+
+
+def test_repeats_of_a_level_are_averaged(peaks):
+    F, A = np.array([1.0, 4.0, 1.02, 2.0]), np.array([1.0, 2.0, 1.1, 1.4])
+    found = trend(peaks(A, F, 10.0), 0.02)
+    first = np.log(2.0 / np.sqrt(1.02)) / np.log(1.4 / np.sqrt(1.1))
+    np.testing.assert_allclose(found.p, [first, np.log(2.0) / np.log(2.0 / 1.4)], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("p_last", "says"), [(3.0, "rising"), (0.5, "falling")])
+def test_change_at_the_top(p_last, says, peaks):
+    F = np.array([1.0, 2.0, 4.0])
+    A = np.array([1.0, 2.0, 2.0 * 2.0 ** (1.0 / p_last)])
+    found = trend(peaks(A, F, 10.0), 0.02)
+    assert abs(found.z) > CHANGES
+    assert getattr(found, says)
+
+
+def test_two_levels_say_nothing_of_a_change(peaks):
+    found = trend(peaks(np.array([1.0, 2.0]), np.array([1.0, 2.0]), 10.0), 0.02)
+    assert np.isnan(found.z)
+    assert not found.rising
+
+
+def test_amplitude_that_does_not_grow_has_no_exponent(peaks):
+    found = trend(peaks(np.array([1.0, 0.99, 1.4]), np.array([1.0, 2.0, 4.0]), 10.0), 0.02)
+    assert np.isnan(found.p[0])
+    assert not found.rising
+    assert not found.falling
+
+
+def test_bistability_counts_half_power_bandwidths(peaks):
+    """F/(M omega A) = 0.05 rad/s for M = 2, F = 1, A = 1, omega = 10."""
+    shift = 0.05 * BISTABLE
+    for factor, said in ((0.9, False), (1.1, True)):
+        data = peaks(np.array([0.5, 1.0]), np.array([0.5, 1.0]), np.array([10.0 + factor * shift, 10.0]))
+        assert bool(describe_bistability(data, 2.0)) == said
+
+
+STRUCTURES = {s.name: s for s in structures()}
+
+
+def levels(name, number, noise=0.01, seed=0):
+    return simulated_levels(STRUCTURES[name], number, 4.0, noise, np.random.default_rng(seed))
+
+
+def test_the_resonance_says_how_far_damping_may_let_go():
+    """A joint and a damper of their own code, frequencies read to 1e-4: wider either way, narrower above."""
+    force, design = np.geomspace(0.6, 1.6, 4), [6.4]
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "slip"))]
+    for name, seed in (("Bouc-Wen", 0), ("viscous + velocity-squared", 3)):
+        truth = draw_truth(name, np.random.default_rng(seed))
+        data = peaks(force, truth.amplitude(force))
+        data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
+        plan = plan_loads(data, laws, mass=truth.mass, estimate=brief_evidence)
+        loads, unknown = (
+            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=JOINTS))
+        )
+        higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
+        said = any("as where a joint slips" in caution for caution in loads.cautions[0])
+        if name == "Bouc-Wen":
+            assert plan.joint > 0.5
+            assert higher > 1.02
+            assert lower < 1.0
+            assert said
+        else:
+            assert plan.joint < 0.1
+            assert higher < 0.98
+            np.testing.assert_allclose(lower, 1.0, rtol=0.01)  # another draw of the average: the lower end is its own
+            assert not said
+
+
+@pytest.mark.parametrize("number", [3, 6])
+def test_weights_add_to_one_and_the_true_law_takes_part(number):
+    plan = plan_loads(levels("viscous + velocity-squared", number), CANDIDATES)
+    np.testing.assert_allclose(sum(law.weight for law in plan.laws), 1.0, rtol=1e-12)
+    assert Law(("viscous", "velocity-squared")) in [law.law for law in plan.laws]
+    assert all(a.weight >= b.weight for a, b in zip(plan.laws, plan.laws[1:], strict=False))
+
+
+def test_weights_are_those_of_the_evidence():
+    plan = plan_loads(levels("viscous", 3), CANDIDATES)
+    log_z = np.array([law.evidence.log_z for law in plan.laws])
+    prior = np.log(prior_masses([law.law for law in plan.laws]))
+    np.testing.assert_allclose([law.weight for law in plan.laws], softmax(log_z + prior), rtol=1e-12)
+
+
+def test_two_levels_allow_half_as_much_again_and_no_more():
+    data = levels("viscous", 2)
+    forces = data.tested_force.max() * np.array([1.4, 2.0])
+    extrapolated = extrapolate_loads(data, forces, laws=CANDIDATES, sampler=draw_evidence)
+    plan, loads = extrapolated.plan, extrapolated.loads
+    np.testing.assert_allclose(plan.limit, 1.5 * data.tested_force.max(), rtol=1e-12)
+    assert np.isfinite(loads.average.median[0])
+    assert np.isnan([loads.average.median[1], loads.average.low[1], loads.linear[1], loads.overprediction[1]]).all()
+    assert all(np.isnan(band.high[1]) for band in loads.by_model)
+    assert all(np.isnan(part[1]) for part in loads.parts.values())
+    assert loads.cautions[1][0].startswith("no prediction beyond 3: fewer than 3 levels")
+    assert loads.limit == plan.limit
+
+
+def onset(peaks, top):
+    """Viscous up to the last level, where damping is larger (or smaller) by a factor."""
+    F = np.array([1.0, 1.5, 2.2, 3.0, 4.0])
+    A = F / 10.0 * np.array([1.002, 0.998, 1.001, 0.999, 1.0 / top])
+    return peaks(A, F, 10.0)
+
+
+@pytest.mark.parametrize("top", [1.25, 0.8])
+def test_a_law_that_changes_at_the_top_widens_the_band(peaks, top):
+    """Whether damping sets in or falls off there: at twice the force at least three times as wide as without."""
+    widths = []
+    for factor in (1.0, top):
+        data = onset(peaks, factor)
+        band = extrapolate_loads(data, [8.0], laws=CANDIDATES, sampler=draw_evidence).loads.average
+        widths.append(float(np.log(band.high / band.low)[0]))
+    assert widths[1] > 3.0 * widths[0]
+
+
+def test_nothing_fits_is_an_analysis_error(peaks):
+    data = peaks(np.array([1.0, 2.0]), np.array([1.0, 2.0]), 10.0)
+    with pytest.raises(AnalysisError, match="friction alone"):
+        plan_loads(data, [Law(("coulomb",))])
+
+
+def test_leaving_higher_levels_out_sees_nothing_of_them(few_laws):
+    data = levels("viscous + velocity-squared", 4)
+    table = leave_higher_levels_out(data, 0.9)
+    assert table["levels"].tolist() == [2, 2, 3]
+    assert table["sweep"].tolist() == ["level 3", "level 4", "level 4"]
+    lower = data.keep_sweeps(np.arange(4) < 2)
+    loads = extrapolate_loads(lower, data.tested_force[2:], sampler=draw_evidence, least_weight=0.0).loads
+    np.testing.assert_allclose(table["median"][:2], loads.average.median, rtol=1e-12)
+    np.testing.assert_allclose(table["ratio"][:2], data.tested_force[2:] / data.tested_force[1], rtol=1e-12)
+
+
+def test_a_sweep_at_constant_response_singles_out_no_law(swept):
+    """One level at one amplitude: no law has half of the weight."""
+    record = swept(STRUCTURES["viscous"].force, np.array([1.0]))
+    table = record.table
+    table["force"] = table["force"] * table["amplitude"].max() / table["amplitude"]
+    table["amplitude"] = table["amplitude"].max()
+    plan = plan_loads(near_resonance(record), CANDIDATES)
+    assert max(law.weight for law in plan.laws) < 0.5

@@ -144,6 +144,15 @@ def test_third_harmonic_of_a_cubic_spring():
     np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-10, atol=0.0)  # rounding
 
 
+def test_third_harmonic_of_damping_in_proportion_to_displacement():
+    """k |A sin theta| sgn(cos theta) = (2 k A/pi)(cos theta - cos 3 theta + ..): C is linear in A, no sine."""
+    k, A, phase, omega = 40.0, 0.05, 0.7, np.array([1.01 * OMEGA])
+    terms = Terms(MASS, OMEGA, (make("displacement", coefficient=k),), 1)
+    found = third_harmonic(terms, np.array([A]), np.array([phase]), Drive(np.ones(1), omega))
+    expected = 2j * k * A / np.pi / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=0.01, atol=0.0)  # 24 points of a jump
+
+
 CASES = {
     "second-mode": {"compliance": 2e-5, "frequency_ratio": 1.02, "loss": 0.03},
     "drift": {"frequency": 0.006, "sweep": 3.0},

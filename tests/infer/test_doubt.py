@@ -4,16 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import dblquad
-from scipy.stats import multivariate_normal
+from scipy.integrate import dblquad, quad
+from scipy.special import gamma
+from scipy.stats import multivariate_normal, norm
 
+from damping.forces.joints import Slip
 from damping.infer.doubt import (
+    FREQUENCY_SCATTER,
+    JOINT_FALL,
+    JOINTS,
     LENGTH,
+    LETS_GO,
     LINEAR,
+    OTHER_FALLS,
+    OTHER_SHARES,
     SLOPES,
     SLOWER,
     STEEPER,
     extend,
+    find_joint_probability,
     nonlinearity,
     stray,
     stray_covariance,
@@ -68,6 +77,46 @@ def test_a_law_strays_in_proportion_to_its_nonlinearity():
     found = nonlinearity(np.array([[1.0, 1.0], [2.0, 2.0], [0.5, 0.5], [1.0, 2.0], [np.nan, 1.0]]))
     limit = 0.5 * (1.0 - SLOPES[0])  # a law without a force below a limit counts as steepest there
     np.testing.assert_allclose(found - LINEAR, [0.0, 0.5, SLOWER, 0.25, limit], rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1.3, 2.0, 3.0])
+def test_loss_and_fall_of_stiffness_of_a_joint_are_bound_to_one_another(n):
+    """Sliders with limits of density x^(n-2), by their closed forms one by one, against Gamma functions."""
+    u = (np.arange(20_000) + 0.5) / 20_000  # x = u^4 takes the singular end off the midpoint rule
+    C, _, S, _ = Slip(4.0 * u**3 * u ** (4.0 * (n - 2.0)), u**4).averages(0.25, 1.0)  # three quarters of x never slip
+    expected = (n - 1.0) * gamma(n + 1.0) / (n * np.sqrt(np.pi) * gamma(n + 0.5))
+    np.testing.assert_allclose(C.sum() / -S.sum(), expected, rtol=1e-4)  # u^0.2 at the end: (1/20 000)^1.2 and more
+    assert n != 2.0 or expected == pytest.approx(4.0 / (3.0 * np.pi), rel=1e-12)  # Rayleigh's loop
+
+
+def test_probability_of_a_joint_is_the_ratio_of_integrals():
+    """Two levels: the error of the fall is that of two frequencies; the joint's fall is integrated numerically."""
+    A, F, mass, omega = np.array([1.0, 1.5]), np.array([1.0, 2.0]), 4.0, np.array([10.02, 10.0])
+    per_loss = mass * A[1] / F[1]
+    fall, error = (omega[0] ** 2 - 100.0) * per_loss, np.sqrt(2.0) * 2.0 * FREQUENCY_SCATTER * 100.0 * per_loss
+    width = np.hypot(OTHER_FALLS, error)
+    other = OTHER_SHARES @ norm.pdf(fall, 0.0, width)
+
+    def density(f):
+        return 2.0 * norm.pdf(f, 0.0, JOINT_FALL) * (OTHER_SHARES @ norm.pdf(fall, f, width))
+
+    joint = quad(density, 0.0, 9.0, points=[fall])[0]
+    expected = JOINTS * joint / (JOINTS * joint + (1.0 - JOINTS) * other)
+    np.testing.assert_allclose(find_joint_probability(A, F, omega, mass), expected, rtol=1e-7)
+    assert find_joint_probability(A, F, omega, mass) > 0.8
+    assert find_joint_probability(A, F, omega[::-1], mass) < JOINTS
+    # in other units the same; nothing known: as before
+    np.testing.assert_allclose(find_joint_probability(25.4 * A, F, omega, mass / 25.4), expected, rtol=1e-9)
+    assert find_joint_probability(A, F, omega, None) == JOINTS
+    assert find_joint_probability(A, F, np.full(2, 10.0), mass) == JOINTS
+
+
+def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
+    z = np.array([0.0, 1.0])
+    for joint, up, down in ((JOINTS, 1.0, 1.0), (1.0, LETS_GO**2, LETS_GO**2), (0.0, 1.0 / LETS_GO, 1.0)):
+        for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, down)):
+            slope = extend(0.7 * z[None], stray_slope * z[None], z, joint)[0, 1] - 0.7
+            np.testing.assert_allclose(slope, factor * stray_slope, rtol=1e-3)  # second order: 1e-5 of it
 
 
 def test_levels_of_a_decay_drift_together(peaks):

@@ -11,7 +11,7 @@ from damping.report.forms import rank_form
 from damping_pipelines.store import plain
 from damping_pipelines.study import Task, hashes, sample_law
 from damping_pipelines.study_files import default_study
-from damping_reed1970.chapter_3.implications import fit_table
+from damping_reed1970.chapter_3.planar_fit import fit_table
 from damping_reed1970.reproduction import reproduce
 
 #: Tables of ``Studies.tables`` by chapter.

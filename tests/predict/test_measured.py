@@ -10,7 +10,7 @@ import pytest
 
 import damping as dp
 from damping.predict.measured import as_driven_by_force, prepare
-from damping.records.audit import audit
+from damping.records import audit
 from damping.records.mode import Mode, Rig, describe_mode_to_toml
 from damping.records.reading import read_record
 from damping_pipelines.store import write_text

@@ -10,10 +10,9 @@ from scipy.optimize import brentq
 from damping.signals import energy_loss
 from damping_reed1970 import load_errata
 from damping_reed1970.chapter_3 import PLANES, pitch_response, tabulate_branch, tabulate_mean, yaw_response
-from damping_reed1970.chapter_3.implications import fit_table, tabulate_energy_split, tabulate_yaw
 from damping_reed1970.chapter_3.page import collect_figures
-from damping_reed1970.chapter_3.planar_fit import phasors
-from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_3.planar_fit import fit_table, phasors
+from damping_reed1970.chapter_3.study import Chapter3, tabulate_energy_split, tabulate_yaw
 
 pytestmark = pytest.mark.xdist_group("chapters")
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from damping.errors import AnalysisError, InputError
-from damping.signals.tracking import track_sine
+from damping.signals.histories import track_sine
 
 RATE = 2000.0  # samples a second
 GAIN = 3.0

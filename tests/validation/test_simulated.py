@@ -5,7 +5,9 @@ import pytest
 from scipy.integrate import quad
 
 from benchmarks._structures import Iwan, carrying, simulated_levels, structures
-from damping_validation.truths import OMEGA, peaks
+from damping.forces.joints import Slip
+from damping_validation import truths
+from damping_validation.truths import MOST_IN_JOINTS, OMEGA, RATIOS_OF_DAMPING, draw_truth, peaks
 
 
 @pytest.mark.parametrize("A", [0.3, 3.9, 4.1, 30.0])
@@ -60,3 +62,30 @@ def test_shares():
     np.testing.assert_allclose(carrying(0.3, "coulomb").quadrature(5.0, OMEGA), 0.3, rtol=1e-12)
     data = peaks(np.array([1.0, 2.0]), np.array([1.0, 1.5]))
     np.testing.assert_array_equal(data.D, data.tested_force)
+
+
+def test_springs_of_joints_are_those_of_sliders():
+    """S and C of one slider, of Iwan's, and of Bouc and Wen's law far from its knee, against closed forms."""
+    A, x = np.exp(truths._TABLE), (np.arange(60) + 0.5) / 60.0
+    C, _, S, _ = Slip(1.0, 0.5).averages(A, OMEGA)
+    np.testing.assert_allclose(truths._slip(0.5), S + A + 1j * C, rtol=1e-9, atol=1e-10)  # differences of A up to e^9
+    C, _, S, _ = Slip(np.full((60, 1), 1.0 / x.sum()), x[:, None]).averages(A, OMEGA)
+    iwan = truths._iwan(0.0, 0.0, 1.0)
+    # midpoints of 400 angles: 1e-4 of a loop with kinks
+    np.testing.assert_allclose(iwan, (S + A / x.sum()).sum(axis=0) + 1j * C.sum(axis=0), rtol=1e-3, atol=1e-4)
+    bouc = truths._bouc_wen(2.0, 1.0)
+    np.testing.assert_allclose(bouc.real[:40] / A[:40], 1.0, rtol=0.02)  # stuck below a twentieth of the limit
+    np.testing.assert_allclose(bouc.imag[-40:], 4.0 / np.pi, rtol=0.02)  # slipping in full
+
+
+def test_a_resonance_falls_with_its_joint_alone():
+    """Both of a seed have the same geometric spring, or none: then the damper's stays and the joint's falls."""
+    at, still = np.array([1e-2, 0.5, 1.0, 2.0, 4.0]), 0
+    for seed in range(12):
+        joint, damper = (draw_truth(name, np.random.default_rng(seed)) for name in ("Iwan joint", "saturating"))
+        assert RATIOS_OF_DAMPING[0] <= 0.5 / (damper.mass * OMEGA**2) <= RATIOS_OF_DAMPING[1]
+        if np.ptp(damper.omega(at)) < 1e-9 * OMEGA:
+            falls, still = -np.diff(joint.omega(at) ** 2) / OMEGA**2, still + 1
+            assert falls.min() > 0.0
+            assert falls.sum() < MOST_IN_JOINTS
+    assert 4 <= still <= 11  # two in three, one false alarm in a hundred

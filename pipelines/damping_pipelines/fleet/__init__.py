@@ -15,12 +15,11 @@ from distributed import Client
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
-from damping.records.audit import require_checks
+from damping.records import require_checks
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
 from damping_pipelines.fleet.dataset import (
     MULTIPLES,
     TIME_LIMIT,
-    FleetCase,
     FleetDataSet,
     FleetResult,
     FleetSettings,
@@ -67,14 +66,7 @@ def fleet(
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
-    Args:
-        scheduler: address of a running one; None: a local cluster of ``workers`` processes (0: in this process, one
-            record after the other).
-        fast: few importance draws. force: design forces; none: multiples of each record's own.
-        dashboard: address on which a local cluster shows its dashboard; ``off``: nowhere.
-        replace: drop what ``out`` holds of other records, settings or versions.
-        time_limit: seconds that a record may take.
-
+    Options as ``damping fleet --help`` says them; ``dashboard="off"``: none, ``workers=0``: one record after the other.
     InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: every record failed, or the
     workers are gone.
     """
@@ -93,42 +85,27 @@ def fleet(
     )
     cases = find_cases(records)
     with sole_writer(out, ("fleet.html",)):
-        _fleet(cases, out, settings, scheduler, workers, address, replace=replace)
-
-
-def _fleet(
-    cases: list[FleetCase],
-    out: Path,
-    settings: FleetSettings,
-    scheduler: str | None,
-    workers: int | None,
-    dashboard: str | None,
-    *,
-    replace: bool,
-) -> None:
-    kept = FleetDataSet(out / "records")
-    for path in kept.set_broken_aside():
-        print(
-            f"damping: {path.stem} could not be read: kept as {path.name}, its records are computed again",
-            file=sys.stderr,
-        )
-    book = _Book(kept, out, _final(kept))
-    if not replace:
-        _refuse_loss(kept, tasks_of(cases, settings))
-    with progress("fleet", len(cases)) as done:
-        tasks = book.new(tasks_of(cases, settings), done)
-        first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
-        tasks = itertools.chain(first, tasks)
-        if not first or (scheduler is None and workers == 0):
-            book.keep(serial(tasks), done)
-        else:
-            with connected(scheduler, workers, dashboard) as client:
-                _greet(client, done, shown=scheduler is not None or dashboard is not None)
-                if scheduler is not None:
-                    _check_code(client)
-                book.keep(distributed(client, tasks), done)
-    _drop(out, book.wanted, kept)
-    _finish(out, kept, settings)
+        kept = FleetDataSet(out / "records")
+        for path in kept.set_broken_aside():
+            told = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
+            print(f"damping: {told}", file=sys.stderr)
+        book = _Book(kept, out, _final(kept))
+        if not replace:
+            _refuse_loss(kept, tasks_of(cases, settings))
+        with progress("fleet", len(cases)) as done:
+            tasks = book.new(tasks_of(cases, settings), done)
+            first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
+            tasks = itertools.chain(first, tasks)
+            if not first or (scheduler is None and workers == 0):
+                book.keep(serial(tasks), done)
+            else:
+                with connected(scheduler, workers, address) as client:
+                    _greet(client, done, shown=scheduler is not None or address is not None)
+                    if scheduler is not None:
+                        _check_code(client)
+                    book.keep(distributed(client, tasks), done)
+        _drop(out, book.wanted, kept)
+        _finish(out, kept, settings)
 
 
 @dataclass
@@ -144,18 +121,15 @@ class _Book:
 
     def new(self, tasks: Iterable[FleetTask], done: Advance) -> Iterator[FleetTask]:
         """Tasks whose results are not there."""
-        known = 0
-        for task in tasks:
-            self.wanted.add(task.key)
-            if task.key in self.there:
-                known += 1
-                continue
+        for known, run in itertools.groupby(tasks, lambda task: task.key in self.there):
             if known:
-                done("done in an earlier run", known)
-                known = 0
-            yield task
-        if known:
-            done("done in an earlier run", known)
+                keys = [task.key for task in run]
+                self.wanted.update(keys)
+                done("done in an earlier run", len(keys))
+            else:
+                for task in run:
+                    self.wanted.add(task.key)
+                    yield task
 
     def keep(self, results: Iterator[FleetResult], done: Callable[[str], None]) -> None:
         """Write results in batches as they come; what has come is written even when the run is interrupted."""

@@ -16,8 +16,7 @@ from damping.errors import DampingError, escape_control
 from damping.extrapolation import draw_evidence, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import Curve, trace_loads
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.plan import Plan
+from damping.extrapolation.near import Plan, near_resonance
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
@@ -27,11 +26,11 @@ from damping.plots.curves import design_loads
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import forms, number, page
-from damping.report.gap_page import describe_diagnosis, render_gap_page
+from damping.report.gap import describe_diagnosis, render_gap_page
 from damping.report.tables import tabulate_by_model
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json

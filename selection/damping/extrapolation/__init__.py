@@ -18,10 +18,18 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.draws import Member, Spread, amplitude_draws, draw_spreads
-from damping.extrapolation.plan import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.draws import (
+    Member,
+    NextLevel,
+    Spread,
+    amplitude_draws,
+    choose_next_level,
+    draw_spreads,
+    list_levels,
+    vary_priors,
+)
+from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
-from damping.extrapolation.what_if import NextLevel, choose_next_level, list_levels, vary_priors
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
@@ -41,11 +49,6 @@ INSTEAD = 200
 
 #: Posterior of a law on the rows of a plan, known well enough at some forces; None: draws of its evidence stand for it.
 Sampler = Callable[[Planned, Observations, np.ndarray, int], Posterior | None]
-
-
-def sample_chains(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
-    """Chains of a law in this process."""
-    return sample_candidate(law, data, forces, seed)
 
 
 def draw_evidence(law: Planned, data: Observations, forces: np.ndarray, seed: int) -> None:
@@ -77,7 +80,7 @@ class Extrapolation:
         return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability)
 
     def vary_priors(self) -> pd.DataFrame:
-        """The predictions with other priors (:func:`damping.extrapolation.what_if.vary_priors`)."""
+        """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`)."""
         spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
         return vary_priors(self.members, spreads, self.loads.force, self.loads.level, self.seed)
 
@@ -129,10 +132,10 @@ def extrapolate_loads(
         posteriors = (
             (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws
         )
-        members = _list_sampled(posteriors, done)
+        members = _list_sampled(posteriors, done, plan.joint)
     design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed, plan.joint)
+    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed)
     at_asked = [spread.at(slice(len(asked))) for spread in spreads]
     loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, members, loads, mode, seed, levels, tuple(spreads))
@@ -162,7 +165,9 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance) -> tuple[Member, ...]:
+def _list_sampled(
+    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: float
+) -> tuple[Member, ...]:
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
     for law, posterior in posteriors:
@@ -174,7 +179,7 @@ def _list_sampled(posteriors: Iterable[tuple[Planned, Posterior | None]], done: 
         done(said or law.name)
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(left_out))
-    return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out)) for member in members)
+    return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out), joint=joint) for member in members)
 
 
 def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:

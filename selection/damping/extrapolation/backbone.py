@@ -15,6 +15,7 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.predict.steady import bisect
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -47,12 +48,10 @@ POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 CHANGES = (3e-4, 3e-3, 3e-2)
 #: Prior probability that frequency does not change at all: hardly any structure that is driven harder.
 CONSTANT = 0.1
-#: Prior median of the relative scatter of a measured resonance frequency.
-SCATTER_MEDIAN = 3e-4
-#: Standard deviation of its logarithm: 5 % lie below 2.5e-5 and 5 % above 3.5e-3.
+#: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
 SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
-_SCATTERS = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
+_SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
 #: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
 _ANYWHERE = 1.0
 
@@ -142,7 +141,7 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
     neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
 
     Args:
-        implied: what the audit says of each sweep (:attr:`damping.records.audit.Audit.implied`).
+        implied: what the audit says of each sweep (:attr:`damping.records.Audit.implied`).
 
     Raises:
         InputError: the structure is shaken at its base and no sweep shows the participation.

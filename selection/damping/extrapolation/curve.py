@@ -27,7 +27,7 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.plan import NEAREST, ROUNDING, Plan
+from damping.extrapolation.near import NEAREST, ROUNDING, Plan
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.observations import Observations
 
@@ -222,10 +222,7 @@ def join_curves(curves: Sequence[Curve]) -> Curve:
 
     return Curve(
         level=curves[0].level,
-        amplitude=join("amplitude"),
-        force=join("force"),
-        frequency=join("frequency"),
-        damping_ratio=join("damping_ratio"),
+        **{name: join(name) for name in ("amplitude", "force", "frequency", "damping_ratio")},
         tested=np.concatenate([curve.tested for curve in curves]),
         cautions=tuple(caution for curve in curves for caution in curve.cautions),
     )

@@ -1,16 +1,28 @@
 """What of a record bears on resonant amplitudes: rows near resonance, free of a constant phase offset.
 
 Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level.
+
+Before any prediction: which laws take part, with what weight, and how far to go.
+
+Weights are posterior probabilities on the rows near resonance, the same evidence that ranks: straying exponents are in
+it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
+from damping.infer.doubt import JOINTS, find_joint_probability
+from damping.infer.evidence import Estimate, evidence
+from damping.infer.importance import Evidence
+from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
+from damping.ranking import rank_laws
+from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
@@ -35,7 +47,8 @@ def near_resonance(record: Record) -> Observations:
         AnalysisError: no row says anything about damping.
     """
     data = observe(without_offset(record))
-    data = _rows(data, _near(data))
+    near, rows = _near(data), ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
+    data = replace(data, **{name: getattr(data, name)[near] for name in rows})
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
@@ -78,12 +91,6 @@ def _near(data: Observations) -> BoolArray:
         rows = np.flatnonzero(data.sweep == sweep)
         near[rows[np.argmin(cotangent[rows])]] = True
     return np.asarray(near)
-
-
-def _rows(data: Observations, keep: BoolArray) -> Observations:
-    """The rows marked in ``keep``."""
-    names = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-    return replace(data, **{name: getattr(data, name)[keep] for name in names})
 
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
@@ -165,4 +172,95 @@ def describe_bistability(data: Observations, mass: float) -> str:
     return (
         f"the resonance moved by {moved:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
         "and what it reaches depends on how it is driven there"
+    )
+
+
+#: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
+ENOUGH_LEVELS = 3
+#: Times the largest tested force that fewer levels allow.
+NEAREST = 1.5
+#: Relative excess of a force over the limit that still counts as the limit.
+ROUNDING = 1e-3
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A law that takes part: its share in the average and its evidence on the rows near resonance."""
+
+    law: Law
+    weight: float
+    coordinates: Coordinates
+    evidence: Evidence
+
+    @property
+    def name(self) -> str:
+        """The law's name."""
+        return self.law.name
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What predictions rest on.
+
+    Attributes:
+        data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
+            prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
+            bistable: caution, empty where there is none or the mass is not known. joint: probability that what
+            dissipates slips, by the frequencies of the levels.
+    """
+
+    data: Observations
+    laws: tuple[Planned, ...]
+    trend: Trend
+    limit: float
+    fit: FitVerdict
+    bistable: str = ""
+    joint: float = JOINTS
+
+    def allows(self, force: FloatArray) -> BoolArray:
+        """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
+        return np.asarray(force <= self.limit * (1.0 + ROUNDING))
+
+
+def load_candidates(data: Observations) -> list[Law]:
+    """The candidates that predict differently on the rows near resonance."""
+    return [fit.law for fit in fit_distinct(candidate_laws(), data)]
+
+
+def plan_loads(
+    data: Observations,
+    laws: Sequence[Law] | None = None,
+    seed: int = 0,
+    done: Callable[[str], None] = lambda name: None,
+    mass: float | None = None,
+    estimate: Estimate = evidence,
+) -> Plan:
+    """Choose and weigh laws for predictions beyond the test.
+
+    Args:
+        data: rows near resonance (``near_resonance``). laws: candidates, by default ``load_candidates``. done: called
+            with each candidate's name. mass: generalized mass, to see whether the mode is bistable. estimate: of
+            marginal likelihoods and posteriors.
+
+    Raises:
+        AnalysisError: no candidate can carry the measured forces.
+    """
+    laws = load_candidates(data) if laws is None else laws
+    resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
+    ranked = rank_laws(data, seed, resonating or laws, done, estimate, hold_out=False, distinct=True)
+    planned = [
+        Planned(row.law, row.weight, row.coordinates, row.evidence)
+        for row in ranked.candidates
+        if row.coordinates and row.evidence
+    ]
+    scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
+    few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
+    return Plan(
+        data=data,
+        laws=tuple(planned),
+        trend=trend(data, float(np.median(scatter))),
+        limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
+        fit=ranked.fit,
+        bistable=describe_bistability(data, mass) if mass else "",
+        joint=find_joint_probability(data.tested_amplitude, data.tested_force, data.tested_omega, mass),
     )

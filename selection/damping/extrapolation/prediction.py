@@ -18,8 +18,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
-from damping.extrapolation.plan import ENOUGH_LEVELS, Plan
-from damping.infer.doubt import JOINTS
+from damping.extrapolation.near import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
 
@@ -40,7 +39,8 @@ def list_cautions(
         said.append("no prediction: the damping force does not reach this force at any amplitude")
     if force > largest:
         said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
-    return tuple(said + _list_of_test(force, data) + _list_of_weights(weights))
+    apart = not weights or max(weights) >= 0.5 * sum(weights)
+    return tuple(said + _list_of_test(force, data) + ([] if apart else ["no law has more than half of the weight"]))
 
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
@@ -80,14 +80,6 @@ def _list_of_test(force: float, data: Observations) -> list[str]:
     span = data.tested_force.max() / data.tested_force.min()
     if levels > 1 and force / data.tested_force.max() > span:
         lines.append(f"farther beyond the test than the test is wide (largest over smallest tested force {span:.2f})")
-    return lines
-
-
-def _list_of_weights(weights: Sequence[float]) -> list[str]:
-    """How well the laws are told apart."""
-    lines = []
-    if weights and max(weights) < 0.5 * sum(weights):
-        lines.append("no law has more than half of the weight")
     return lines
 
 
@@ -165,7 +157,7 @@ def predict(
         spreads: draws at ``force``, where they were made before.
     """
     if spreads is None:
-        spreads = draw_spreads(members, force, data, repeatability, seed, plan.joint if plan else JOINTS)
+        spreads = draw_spreads(members, force, data, repeatability, seed)
     rng = np.random.default_rng(seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]

@@ -137,36 +137,33 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Chains:
-    """A finished run: the fields of ``Posterior`` that say nothing of a law."""
-
-    x: FloatArray
-    diagnoses: tuple[Convergence, ...]
-    converged: bool
-    failure: str
-    steps: int
-    acceptance: float
-
-
-@dataclass(frozen=True)
-class Posterior:
-    """Draws of a law's posterior.
+    """A finished run.
 
     Attributes:
-        coordinates: the law and the meaning of ``x``. x: kept draws, (ensembles, kept, dimension).
-        log_z: log marginal likelihood. diagnoses: one for each reported quantity. converged: all criteria met.
-        failure: why not, empty when converged. steps, acceptance: length of each ensemble, mean acceptance fraction.
+        x: kept draws, (ensembles, kept, dimension). diagnoses: one for each reported quantity. failure: why not
+        all criteria are met, empty when they are. steps, acceptance: length of each ensemble, mean acceptance fraction.
     """
 
-    coordinates: Coordinates
     x: FloatArray
-    log_z: float
     diagnoses: tuple[Convergence, ...]
-    converged: bool
     failure: str
     steps: int
     acceptance: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether all criteria are met."""
+        return not self.failure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posterior(Chains):
+    """Draws of a law's posterior; ``coordinates``: the law and the meaning of ``x``, ``log_z``: its log evidence."""
+
+    coordinates: Coordinates
+    log_z: float
 
     @property
     def draws(self) -> FloatArray:
@@ -229,7 +226,7 @@ def sample(
     begin = replace(start, draws=posterior.find_variables(start.draws))
     chains = run(target, begin, lambda z: {}, seed, settings)
     x = posterior.find_points(chains.x.reshape(-1, coordinates.dimension)).reshape(chains.x.shape)
-    return Posterior(coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
+    return Posterior(coordinates=coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 
 
 def run(target: Target, start: Evidence, quantities: Quantities, seed: int, settings: Settings | None = None) -> Chains:
@@ -260,8 +257,11 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
         if not failure or steps == settings.budget:
             break
         steps = min(int(GROWTH * steps), settings.budget)
-    kept = np.stack([_keep(part, settings.kept) for part in np.split(x, settings.ensembles, axis=1)])
-    return Chains(kept, diagnoses, not failure, failure, steps, float(np.mean(sampler.acceptance_fraction)))
+    parts = x.reshape(len(x), settings.ensembles, -1, target.dimension).swapaxes(0, 1)
+    parts = parts.reshape(settings.ensembles, -1, target.dimension)
+    kept = parts[:, np.linspace(0, parts.shape[1] - 1, settings.kept).astype(int)]
+    acceptance = float(np.mean(sampler.acceptance_fraction))
+    return Chains(x=kept, diagnoses=diagnoses, failure=failure, steps=steps, acceptance=acceptance)
 
 
 def _diagnose(x: FloatArray, target: Target, quantities: Quantities, ensembles: int) -> tuple[Convergence, ...]:
@@ -281,9 +281,3 @@ def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) ->
         if not d.lengths >= settings.lengths:
             return f"{d.name}: chain of {d.lengths:.0f} autocorrelation times, {settings.lengths:.0f} wanted"
     return ""
-
-
-def _keep(chain: FloatArray, kept: int) -> FloatArray:
-    """Evenly spaced draws of an ensemble, (kept, dimension)."""
-    flat = chain.reshape(-1, chain.shape[-1])
-    return np.asarray(flat[np.linspace(0, len(flat) - 1, kept).astype(int)])

@@ -49,11 +49,11 @@ JOINT_FALL = 1.0
 #: is. Mostly next to nothing; geometric springs of any size owe nothing to the loss.
 OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
-#: Relative scatter of a measured resonance frequency, worth one level: as of :mod:`damping.extrapolation.backbone`.
+#: Prior median of the relative scatter of a measured resonance frequency; as good as one level that tells it.
 FREQUENCY_SCATTER = 3e-4
 #: By this factor strays are wider each time that a joint is twice, three times as probable as before, and upward ones
 #: narrower where it is excluded: beyond 1.4 a damper that saturates escapes above the band in a fifth of trials.
-LETS_GO = 1.3
+LETS_GO = 1.4
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 

@@ -23,14 +23,15 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
+    FitVerdict,
     candidate_laws,
     group_equivalents,
     held_out_errors,
+    judge_fit,
     learn_noise,
     percent_errors,
     root_mean_square,
 )
-from damping.ranking.verdict import FitVerdict, judge_fit
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
 #: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
@@ -120,12 +121,14 @@ def rank_laws(
     done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
     hold_out: bool = True,
+    distinct: bool = False,
 ) -> Ranking:
     """Fit and rank candidates.
 
     Args:
         laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
         estimate: of the marginal likelihood. hold_out: whether held-out errors are wanted; else they are NaN.
+        distinct: whether the laws are known to predict differently.
 
     Raises:
         AnalysisError: no candidate could be fitted.
@@ -133,9 +136,9 @@ def rank_laws(
     fits, failed = _fit_laws(candidate_laws() if laws is None else laws, data, done)
     if not fits:
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in failed for c in row.cautions))
-    groups = group_equivalents(fits, data, learn_noise(fits, data))
+    groups = [[fit] for fit in fits] if distinct else group_equivalents(fits, data, learn_noise(fits, data))
     prior = prior_masses([group[0].law for group in groups])
-    rows = [_weigh(group, mass, data, seed, estimate) for group, mass in zip(groups, prior, strict=True)]
+    rows = [_weigh(group, mass, data, seed, estimate, done) for group, mass in zip(groups, prior, strict=True)]
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
@@ -172,13 +175,23 @@ def _fit_laws(
             failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient makes it carry the measured forces",)))
         else:
             fits.append(fit)
-        done(law.name)
+    for row in failed:
+        done(row.name)
     return fits, failed
 
 
-def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int, estimate: Estimate) -> Candidate:
+def _weigh(
+    group: Sequence[BestFit],
+    prior: float,
+    data: Observations,
+    seed: int,
+    estimate: Estimate,
+    done: Callable[[str], None],
+) -> Candidate:
     """The row of a group of equivalent laws with its score; what cannot be done becomes a caution."""
     fit, names = group[0], tuple(other.law.name for other in group[1:])
+    for member in group:
+        done(member.law.name)
     try:
         weighed = estimate(fit.coordinates, data, seed, fit)
     except AnalysisError as error:

@@ -111,18 +111,13 @@ def read_rows(table: pd.DataFrame) -> Observations:
 def share_shapes(records: Sequence[Groups], data: Sequence[Observations], seed: int = 0) -> dict[str, SharedShape]:
     """The joint fits, by law, of all laws of the records that have one shape without dimension to share."""
     laws = {name: _parse(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
-    shared = {name: (law, _list_shared(law)) for name, law in laws.items()}
     found = {}
-    for name, (law, shapes) in shared.items():
+    for name, law in laws.items():
+        shapes = [shape for shape, of in law.free_shapes.items() if of.unit == PURE]  # the same on any record
         if len(shapes) == 1:
             with suppress(AnalysisError):  # a record that the law cannot carry shares nothing with it
                 found[name] = fit_jointly(law, shapes[0], data, seed)
     return found
-
-
-def _list_shared(law: Law) -> list[str]:
-    """Names of the shape parameters that mean the same on any record."""
-    return [name for name, shape in law.free_shapes.items() if shape.unit == PURE]
 
 
 def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0) -> SharedShape:
@@ -134,7 +129,7 @@ def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0
     held = [_hold_shape(law, name, one, seed) for one in data]
     nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])
     lines = np.array([_interpolate(nodes, own) for own in values])
-    low, _, high = _find_quantiles(lines.sum(axis=0))
+    _, low, high = _find_quantiles(lines.sum(axis=0))
     margin = max(high - low, 0.5 / len(NODES))
     closer = np.linspace(max(low - margin, FINE[0]), min(high + margin, FINE[-1]), CLOSER_NODES)
     closer = closer[np.abs(closer[:, None] - nodes).min(axis=1) > APART]
@@ -144,17 +139,9 @@ def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0
     together = lines.sum(axis=0)
     means = [float(logsumexp(line) - np.log(len(FINE))) for line in (together, *lines)]
     shape, tested = law.free_shapes[name], Coordinates.of(law, data[0]).tested
-    pooled, *each = (
-        tuple(float(shape.prior_value(np.asarray(ndtri(p)), tested)) for p in _find_quantiles(line))
-        for line in (together, *lines)
-    )
-    return SharedShape(name, _order(pooled), tuple(map(_order, each)), means[0] - sum(means[1:]))
-
-
-def _order(interval: tuple[float, ...]) -> tuple[float, float, float]:
-    """Low end, median and high end as median, low and high."""
-    low, median, high = interval
-    return median, low, high
+    quantiles = shape.prior_value(ndtri([_find_quantiles(line) for line in (together, *lines)]), tested)
+    pooled, *each = ((float(median), float(low), float(high)) for median, low, high in quantiles)
+    return SharedShape(name, pooled, tuple(each), means[0] - sum(means[1:]))
 
 
 def _interpolate(nodes: FloatArray, values: FloatArray) -> FloatArray:
@@ -163,10 +150,10 @@ def _interpolate(nodes: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
-    """Prior probabilities at the low end, the median and the high end of a density over ``FINE``."""
+    """Prior probabilities at the median, the low end and the high end of a density over ``FINE``."""
     mass = np.cumsum(np.exp(log_density - log_density.max()))
-    low, median, high = np.interp((TAIL, 0.5, 1.0 - TAIL), mass / mass[-1], FINE)
-    return float(low), float(median), float(high)
+    median, low, high = np.interp((0.5, TAIL, 1.0 - TAIL), mass / mass[-1], FINE)
+    return float(median), float(low), float(high)
 
 
 def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[[float], float]:
