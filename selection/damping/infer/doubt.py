@@ -53,7 +53,7 @@ OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 FREQUENCY_SCATTER = 3e-4
 #: By this factor strays are wider each time that a joint is twice, three times as probable as before, and upward ones
 #: narrower where it is excluded: beyond 1.4 a damper that saturates escapes above the band in a fifth of trials.
-LETS_GO = 1.4
+LETS_GO = 1.3
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
