@@ -6,7 +6,7 @@ The model: resonances of Configuration II, first mode, by viscous + displacement
     C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
 
 g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of
-``damping.infer``, written here once in plain Python, once for PyMC and once for NumPyro. Ours draw until they
+``damping.infer``, written here in plain Python, for PyMC and nutpie, and for NumPyro. Ours draw until they
 are worth NUMBER; the others twice NUMBER draws a chain, and tell how many effective ones a second more would give.
 Effective size: the least bulk one (arviz) of x1, x2, x3; importance draws are worth (sum w)^2/sum w^2.
 """
@@ -135,32 +135,58 @@ def emcee(part: int) -> Sampled:
     return in_part(np.moveaxis(sampler.get_chain(), 1, 0), process_time() - start, "32 walkers")
 
 
-def pymc(part: int) -> Sampled:
-    """PyMC's own NUTS, four chains one after the other."""
+def describe_in_pymc() -> Any:
+    """The model of PyMC, which nutpie compiles too."""
     import pymc as pm  # noqa: PLC0415 - as above
     import pytensor.tensor as pt  # noqa: PLC0415 - as above
 
-    with pm.Model():
+    with pm.Model() as model:
         x = pm.Normal("x", 0.0, 1.0, shape=3)
         share, total = 0.5 * pt.erfc(-x[1] / math.sqrt(2.0)), REFERENCE[0] * pt.exp(x[0])
         linear, square = total * share * np.array(VISCOUS), total * (1.0 - share) * np.array(CASE_IV)
         C = linear + square
         n = (np.array(FORCE) - C) / ((linear + 2.0 * square) * pt.minimum(1.0, np.array(FORCE) / C))
         pm.Potential("rows", pm.logp(pm.Normal.dist(0.0, 0.011 * pt.exp(0.8 * x[2])), n).sum())
+    return model
 
-        clock: list[float] = []
 
-        def note(trace: Any, draw: Any) -> None:
-            if not draw.tuning and draw.chain == CHAINS - 1:
-                clock.append(process_time())
+def pymc(part: int) -> Sampled:
+    """PyMC's own NUTS, four chains one after the other."""
+    import pymc as pm  # noqa: PLC0415 - as above
 
-        found = pm.sample(
-            2 * part, tune=1000, chains=CHAINS, cores=1, random_seed=SEED, progressbar=False, callback=note,
-            compute_convergence_checks=False, return_inferencedata=False,
-        )  # fmt: skip
+    clock: list[float] = []
+
+    def note(trace: Any, draw: Any) -> None:
+        if not draw.tuning and draw.chain == CHAINS - 1:
+            clock.append(process_time())
+
+    found = pm.sample(
+        2 * part, tune=1000, chains=CHAINS, cores=1, random_seed=SEED, progressbar=False, callback=note,
+        compute_convergence_checks=False, return_inferencedata=False, model=describe_in_pymc(),
+    )  # fmt: skip
     drawn = np.stack([found.get_values("x", chains=[chain]) for chain in found.chains])
     # the last chain's time stands for half of it, times the number of chains
     return in_part(drawn, CHAINS * 0.5 * (clock[-1] - clock[0]), "four chains")
+
+
+def nutpie(part: int) -> Sampled:
+    """nutpie's NUTS in Rust on PyMC's model compiled by Numba, four chains one after the other."""
+    import nutpie as sampler  # noqa: PLC0415 - as above
+
+    compiled = sampler.compile_pymc_model(describe_in_pymc())
+
+    def run(draws: int) -> tuple[np.ndarray, float]:
+        start = process_time()
+        found = sampler.sample(
+            compiled, draws=draws, tune=1000, chains=CHAINS, cores=1, seed=SEED, save_warmup=False, progress_bar=False
+        )
+        return np.asarray(found.posterior["x"]), process_time() - start
+
+    first, short = run(2 * part)
+    # each run warms up: the rate is that of the draws by which a second run is longer
+    long, whole = run(10 * part)
+    how = f"{CHAINS} chains, {CHAINS} x {2 * part} draws"
+    return Sampled(first.reshape(-1, 3), effective(first), how, 0.8 * effective(long) / (whole - short), whole)
 
 
 def numpyro(part: int) -> Sampled:
@@ -200,7 +226,7 @@ def numpyro(part: int) -> Sampled:
 
 
 METHOD = "vectorized"
-CONTENDERS = {"ours": ours, "chains": chains, "emcee": emcee, "pymc": pymc, "numpyro": numpyro}
+CONTENDERS = {"ours": ours, "chains": chains, "emcee": emcee, "pymc": pymc, "nutpie": nutpie, "numpyro": numpyro}
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from pathlib import Path
 import atheris
 
 with atheris.instrument_imports(include=["damping.records", "damping.errors", "tomllib", "scipy.io.matlab"]):
-    from damping.formats import Stated, worker
-    from damping.formats.reading import read_file
+    from damping.formats import read_file, worker
+    from damping.formats.series import Stated
     from damping.formats.steady import steady_record
     from damping.records.mode import describe_mode_to_toml, read_mode
     from damping.records.reading import read_record, read_table

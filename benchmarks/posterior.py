@@ -1,4 +1,4 @@
-"""A two-term posterior to 50 000 effective samples, start-up included: ours, plain emcee, PyMC, NumPyro.
+"""A two-term posterior to 50 000 effective samples, start-up included: ours, plain emcee, PyMC, nutpie, NumPyro.
 
 Run ``python -m benchmarks.posterior``. Each sampler runs in a process of its own (``benchmarks._contender``), which
 imports, compiles, samples and judges its effective size; the whole process is timed. Peers draw a part, with all of
@@ -20,9 +20,16 @@ from benchmarks._rows import Row, Time, run_process
 WANTED = 50_000
 PLAIN = 20.0
 BEST = 5.0
-PEERS = {"emcee": "emcee, one point at a time", "pymc": "PyMC (NUTS)", "numpyro": "NumPyro (NUTS)"}
+PEERS = {
+    "emcee": "emcee, one point at a time",
+    "pymc": "PyMC (NUTS)",
+    "nutpie": "nutpie (NUTS)",
+    "numpyro": "NumPyro (NUTS)",
+}
+#: Peers whose rate without compilation is told too.
+COMPILED = ("nutpie", "numpyro")
 #: Half the draws of a chain of each peer.
-PARTS = {"emcee": 1500, "pymc": 1000, "numpyro": 2000}
+PARTS = {"emcee": 1500, "pymc": 1000, "nutpie": 2000, "numpyro": 2000}
 #: Largest difference of means and standard deviations in Monte Carlo standard errors: of 24 looked at, one in a
 #: thousand runs has one beyond 4; chains that just reach the size know their own error roughly.
 SAME = 5.0
@@ -80,16 +87,17 @@ def measure() -> list[Row]:
                     f"{peer.rate:.0f} a second; means and sds within {away:.1f} standard errors",
                 )
             )  # fmt: skip
-        warm = peers["numpyro"]
-        assert warm.rate is not None
-        rows.append(
-            Row(
-                f"two-term posterior to {WANTED} effective samples, by {by}", own.whole,
-                f"{PEERS['numpyro']}, compiled and warmed up before",
-                warm.time.times(WANTED / warm.rate / warm.time.processor),
-                remark=f"{own.how}, start-up included; {warm.rate:.0f} effective draws a second",
-            )
-        )  # fmt: skip
+        for name in COMPILED:
+            warm = peers[name]
+            assert warm.rate is not None
+            rows.append(
+                Row(
+                    f"two-term posterior to {WANTED} effective samples, by {by}", own.whole,
+                    f"{PEERS[name]}, compiled and warmed up before",
+                    warm.time.times(WANTED / warm.rate / warm.time.processor),
+                    remark=f"{own.how}, start-up included; {warm.rate:.0f} effective draws a second",
+                )
+            )  # fmt: skip
     return rows
 
 

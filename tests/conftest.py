@@ -35,13 +35,14 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
 from damping_reed1970 import data_folder
-from damping_reed1970.chapter_3.study import Chapter3, chapter_3_results
-from damping_reed1970.chapter_6 import printed_laws
-from damping_reed1970.exhibit import source_tables
-from damping_reed1970.studies import Studies, compute_studies
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Dialog, Page
+
+    from damping_pipelines.study import Input
+    from damping_pipelines.study_files import StudySettings
+    from damping_reed1970.chapter_3.study import Chapter3
+    from damping_reed1970.studies import Gaps, Studies
 
 assert damping_pipelines.__doc__  # imported for its effect
 typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
@@ -49,13 +50,31 @@ typer.main.get_command = cache(typer.main.get_command)  # commands are built onc
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 
+#: A file of more tests is run by one worker: the scheduler looks through all that a worker was given after each test.
+MANY_TESTS = 20
+
+
+@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the slow tests to ``make slow``, which asks for them by ``-m``."""
-    if "slow" in config.option.markexpr:
-        return
-    slow = [item for item in items if item.get_closest_marker("slow")]
-    items[:] = [item for item in items if item not in slow]
-    config.hook.pytest_deselected(items=slow)
+    """Leave the slow tests to ``make slow``, which asks for them by ``-m``; what is shared is on one worker."""
+    if "slow" not in config.option.markexpr:
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        items[:] = [item for item in items if item not in slow]
+        config.hook.pytest_deselected(items=slow)
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    for path, tests in files.items():
+        if len(tests) > MANY_TESTS or any(map(has_module_fixture, tests)):
+            for item in tests:
+                if not item.get_closest_marker("xdist_group"):
+                    item.add_marker(pytest.mark.xdist_group(str(path.relative_to(config.rootpath))))
+
+
+def has_module_fixture(item: pytest.Item) -> bool:
+    """Whether something is made once for the file of a test."""
+    definitions = getattr(item, "_fixtureinfo").name2fixturedefs.values()  # noqa: B009 - pytest tells it nowhere else
+    return any(one.scope == "module" for found in definitions for one in found)
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:
@@ -91,33 +110,62 @@ def saturn() -> Callable[[str], Observations]:
 
 
 # What the chapters of the source report are made of takes seconds: files that use it are one group, on one worker.
+# What it needs is imported by it: a second that other tests do not wait for.
 
 
 @pytest.fixture(scope="session")
 def chapter_3() -> Chapter3:
     """Everything of chapter III."""
+    from damping_reed1970.chapter_3.study import chapter_3_results
+
     return chapter_3_results()
 
 
 @pytest.fixture(scope="session")
-def short_studies() -> Studies:
-    """Studies of the other chapters with few simulated tests."""
-    return compute_studies(replicates=(60, 40))
+def study_settings() -> StudySettings:
+    """Settings of the Saturn V study."""
+    from damping_pipelines.study_files import default_study, read_settings
+
+    return read_settings(default_study())
 
 
 @pytest.fixture(scope="session")
-def rankings_of_printed_laws(saturn: Callable[[str], Observations]) -> dict[str, Ranking]:
-    """Rankings of the laws of section 6.1 by record."""
-    laws: dict[str, list[Law]] = {}
-    for law in printed_laws():
-        laws.setdefault(law.record, []).append(Law(law.forces))
-    return {name: rank_laws(saturn(name), 0, tuple(dict.fromkeys(wanted))) for name, wanted in laws.items()}
+def study_inputs(study_settings: StudySettings) -> list[Input]:
+    """The records of that study."""
+    from damping_pipelines.study import read_inputs
+    from damping_pipelines.study_files import default_study
+
+    return read_inputs(study_settings, default_study().parent)
 
 
 @pytest.fixture(scope="session")
-def tables_of_source(rankings_of_printed_laws: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
+def studies(study_settings: StudySettings) -> Studies:
+    """Studies of the other chapters, as the Saturn V study has them."""
+    from damping_reed1970.studies import compute_studies
+
+    return compute_studies(study_settings.seed)
+
+
+@pytest.fixture(scope="session")
+def gaps() -> Gaps:
+    """Two gaps of the report, diagnosed."""
+    from damping_reed1970.studies import diagnose_gaps
+
+    return diagnose_gaps()
+
+
+@pytest.fixture(scope="session")
+def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[str, Ranking]:
+    """Rankings of all laws by record of that study."""
+    return {one.settings.name: rank_laws(one.data, study_settings.seed) for one in study_inputs}
+
+
+@pytest.fixture(scope="session")
+def tables_of_source(rankings: dict[str, Ranking]) -> dict[str, pd.DataFrame]:
     """Tables of the report beside ours."""
-    return source_tables(rankings_of_printed_laws)
+    from damping_reed1970.exhibit import source_tables
+
+    return source_tables(rankings)
 
 
 @pytest.fixture(scope="session")
@@ -338,7 +386,7 @@ class Fork:
 
 
 class Forking:
-    """``start(code, *words)`` runs Python code in a process that has what it imports, but for this project's modules."""
+    """``start(code, *words)`` runs Python code in a process that has imported all but the modules of this project."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.count = folder, 0
@@ -447,6 +495,12 @@ def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
         return Run(int(stopped.value.code or 0), captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture
+def no_layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures that nobody looks at are drawn as they stand: to fit them into their frames takes a third of the time."""
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
 
 
 class OneProcess(ThreadPoolExecutor):

@@ -63,8 +63,7 @@ def gap(
     seed: Seed = DEFAULT_SEED,
     jobs: Annotated[int | None, Option(min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")] = None,
     states: Annotated[
-        list[Path],
-        Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat."),
+        list[Path], Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat.")
     ] = NONE,
     simulator: Annotated[str | None, Option(metavar="MODULE:FUNCTION", help="A simulation of your own.")] = None,
     plot: Plot = None,

@@ -17,17 +17,14 @@ from damping.errors import InputError
 from damping.infer.observations import MOST_ROWS, Observations
 from damping.ranking.sharing import read_rows
 from damping.records.text import describe_shortened
-from damping_pipelines.comparison import RecordSummary, StudySummary, TopOfTest, describe_comparison_page
-from damping_pipelines.forms import DampedRow, PosteriorRow, StudyForm, StudyRecordForm, describe_invalid, read_form
+from damping_pipelines.comparison import RecordSummary, StudySummary, describe_comparison_page
+from damping_pipelines.forms import PosteriorRow, StudyForm, describe_invalid, read_form
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
 from damping_pipelines.store import refuse_inputs, write_text
 
 #: Studies on a page: more columns of weights are not read.
 MOST_STUDIES = 8
 _EXPECTED = "a file that a study wrote"
-_RANKING = ["law", "rank", "weight", "held_out_error", "average_absolute_percent"]
-_LOADS = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
-_POSTERIORS = ["law", "parameter", "unit", "low", "median", "high"]
 
 
 def compare(folders: Sequence[Path], out: Path) -> None:
@@ -42,7 +39,7 @@ def compare(folders: Sequence[Path], out: Path) -> None:
     opened = [open_folder(folder) for folder in folders]
     for study in opened:
         refuse_inputs("--out", out, study.path / MANIFEST, *(study.path / name for name in study.manifest.outputs))
-    studies = [_study(folder, name) for folder, name in zip(opened, names, strict=True)]
+    studies = [_open_study(folder, name) for folder, name in zip(opened, names, strict=True)]
     if sum(len(study.records) for study in studies) < 2:
         raise InputError("one record", expected=f"two records or more, of one to {MOST_STUDIES} folders of studies")
     write_text(out, describe_comparison_page(studies, versions()))
@@ -71,63 +68,36 @@ def _describe_shortest(path: Path, among: Sequence[Path]) -> str:
     return describe_shortened("/".join(alone), 60)
 
 
-def _study(folder: Folder, name: str) -> StudySummary:
+def _open_study(folder: Folder, name: str) -> StudySummary:
     content = folder.read("summary.json")
-    summary = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
-    return StudySummary(
-        name=name,
-        title=summary.title,
-        seed=summary.seed,
-        level=summary.level,
-        inputs=folder.manifest.inputs,
-        versions=folder.manifest.versions,
-        records={record.name: _record(record, folder) for record in summary.records},
-        digest=digest(content),
+    form = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
+    records = {
+        record.name: RecordSummary(
+            record,
+            _tabulate_posteriors(folder, f"{record.name}-posteriors.csv"),
+            _read_observations(folder, f"{record.name}-observations.csv"),
+        )
+        for record in form.records
+    }
+    return StudySummary(name, form, folder.manifest, records, digest(content))
+
+
+def _tabulate_posteriors(folder: Folder, name: str) -> pd.DataFrame:
+    """A table of posteriors; empty where the study has no such file."""
+    rows: list[dict[str, Any]] = []
+    if name in folder.manifest.outputs:
+        path = folder.path / name
+        try:
+            read = csv.DictReader(io.StringIO(folder.read(name).decode()), strict=True)
+            rows = [PosteriorRow.model_validate(row).model_dump() for row in read]
+        except ValidationError as error:
+            raise describe_invalid(error, path, _EXPECTED) from None
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(f"not CSV: {error}", file=path) from None
+    table = pd.DataFrame(rows, columns=list(PosteriorRow.model_fields))
+    return table.astype(dict.fromkeys(("law", "parameter", "unit"), "str")).astype(
+        dict.fromkeys(("low", "median", "high"), "float64")
     )
-
-
-def _record(record: StudyRecordForm, folder: Folder) -> RecordSummary:
-    ranking = [vars(model) | {"law": model.name} for model in record.rank.models]
-    loads = [vars(prediction) for prediction in record.loads.predictions] if record.loads else []
-    return RecordSummary(
-        title=record.title,
-        units=(record.units.force, record.units.length),
-        ranking=_tabulate_frame(ranking, _RANKING),
-        loads=_tabulate_frame(loads, _LOADS),
-        posteriors=_tabulate_frame(_list_posteriors(folder, f"{record.name}-posteriors.csv"), _POSTERIORS),
-        top=_find_top(record.curve.rows if record.curve else []),
-        exponent=next(((law.p, law.std_error) for law in record.power_laws), None),
-        observations=_read_observations(folder, f"{record.name}-observations.csv"),
-        groups=tuple(
-            ((model.name, *model.equivalents), model.weight) for model in record.rank.models if model.weight is not None
-        ),
-    )
-
-
-def _find_top(rows: Sequence[DampedRow]) -> TopOfTest | None:
-    """Amplitude, frequency and damping ratio of the largest tested amplitude that has them."""
-    tested = [(row, row.damping_ratio) for row in rows if row.tested and row.damping_ratio]
-    known = (
-        TopOfTest(row.amplitude, row.frequency, ratio.median, ratio.low, ratio.high)
-        for row, ratio in tested
-        if row.amplitude is not None and row.frequency is not None
-        if ratio.median is not None and ratio.low is not None and ratio.high is not None
-    )
-    return max(known, key=lambda top: top.amplitude, default=None)
-
-
-def _list_posteriors(folder: Folder, name: str) -> list[dict[str, Any]]:
-    """Rows of a table of posteriors; none where the study has no such file."""
-    if name not in folder.manifest.outputs:
-        return []
-    path = folder.path / name
-    try:
-        rows = list(csv.DictReader(io.StringIO(folder.read(name).decode()), strict=True))
-        return [PosteriorRow.model_validate(row).model_dump() for row in rows]
-    except ValidationError as error:
-        raise describe_invalid(error, path, _EXPECTED) from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"not CSV: {error}", file=path) from None
 
 
 def _read_observations(folder: Folder, name: str) -> Observations | None:
@@ -147,10 +117,3 @@ def _read_observations(folder: Folder, name: str) -> Observations | None:
     if not (np.isfinite(numbers).all() and all((values > 0.0).all() for values in sizes)):
         raise InputError("not what a study wrote: numbers that are none", file=path)
     return data
-
-
-def _tabulate_frame(rows: list[dict[str, Any]], columns: list[str]) -> pd.DataFrame:
-    """Columns of text and of numbers, missing ones NaN."""
-    table = pd.DataFrame(rows, columns=columns)
-    text = {"law", "parameter", "unit"}
-    return table.astype({name: "str" if name in text else "float64" for name in columns})

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from damping import report
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
-from damping.report import (
-    NOTHING,
-    count,
-    format_between,
-    format_joined,
-    format_length,
-    format_percent,
-    format_quantity,
-    format_share,
-    format_signed,
-    number,
-)
 from damping.report.page import Block, Footer, Table, render_page, write_sections
+from damping_pipelines.forms import PowerLawForm, StudyForm, StudyRecordForm
+from damping_pipelines.manifest import Manifest
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0
@@ -33,52 +24,54 @@ MOST_POOLED = 8
 
 
 @dataclass(frozen=True)
-class TopOfTest:
-    """Amplitude, frequency (Hz) and damping ratio with its band at the largest tested amplitude."""
-
-    amplitude: float
-    frequency: float
-    ratio: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class RecordSummary:
     """What a study found for a record.
 
-    Attributes:
-        units: of force and length. exponent: p of a power law with its standard error.
-        ranking: ``law, rank, weight, held_out_error, average_absolute_percent``, a row a candidate.
-        loads: ``force, median, low, high, linear, linear_overprediction_percent``, a row a design force; may be empty.
-        posteriors: ``law, parameter, unit, low, median, high``; may be empty.
-        groups: laws that predict the same on the record, the one listed first, and their weight.
-        observations: for a joint fit, where the study keeps them.
+    ``posteriors``: ``law, parameter, unit, low, median, high``; may be empty. ``observations``: for a joint fit, where
+    the study keeps them.
     """
 
-    title: str
-    units: tuple[str, str]
-    ranking: pd.DataFrame
-    loads: pd.DataFrame
+    form: StudyRecordForm
     posteriors: pd.DataFrame
-    top: TopOfTest | None = None
-    exponent: tuple[float, float | None] | None = None
-    groups: tuple[tuple[tuple[str, ...], float], ...] = ()
-    observations: Observations | None = None
+    observations: Observations | None
+
+    @property
+    def title(self) -> str:
+        """For people."""
+        return self.form.title or self.form.name
+
+    @property
+    def groups(self) -> tuple[tuple[tuple[str, ...], float], ...]:
+        """Laws that predict the same on the record, the one listed first, and their weight."""
+        models = [model for model in self.form.rank.models if model.weight is not None]
+        return tuple(((model.name, *model.equivalents), model.weight or 0.0) for model in models)
+
+    @property
+    def ranking(self) -> pd.DataFrame:
+        """``law, weight, held_out_error``, a row a candidate."""
+        rows = [(model.name, model.weight, model.held_out_error) for model in self.form.rank.models]
+        return pd.DataFrame(rows, columns=["law", "weight", "held_out_error"]).astype(dict.fromkeys(_NUMBERS, float))
+
+    @property
+    def loads(self) -> pd.DataFrame:
+        """``force, median, low, high, linear, linear_overprediction_percent``, a row a design force; may be empty."""
+        columns = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
+        rows = [vars(prediction) for prediction in self.form.loads.predictions] if self.form.loads else []
+        return pd.DataFrame(rows, columns=columns).astype(float)
+
+
+_NUMBERS = ("weight", "held_out_error")
 
 
 @dataclass(frozen=True)
 class StudySummary:
-    """A study under the name it goes by on the page; ``level``: of its predictions, ``digest``: of its summary."""
+    """A study under the name it goes by on the page; ``digest``: of its summary."""
 
     name: str
-    title: str
-    seed: int
-    level: float
-    inputs: Mapping[str, str]
-    versions: Mapping[str, str]
-    records: Mapping[str, RecordSummary] = field(default_factory=dict)
-    digest: str = ""
+    form: StudyForm
+    manifest: Manifest
+    records: Mapping[str, RecordSummary]
+    digest: str
 
 
 def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[str, str]) -> str:
@@ -87,7 +80,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     shared = [name for name in names if all(name in study.records for study in studies)]
     several = len(studies) > 1
     rows = [
-        {"study": study.name, "title": study.title, "seed": study.seed, "level": study.level}
+        {"study": study.name, "title": study.form.title, "seed": study.form.seed, "level": study.form.level}
         | {"records": ", ".join(study.records)}
         for study in studies
     ]
@@ -108,11 +101,8 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         "records": records,
         **sharing,
     }
-    footer = Footer(
-        seed=studies[0].seed,
-        versions=versions,
-        inputs={f"{study.name}: summary.json": study.digest for study in studies},
-    )
+    inputs = {f"{study.name}: summary.json": study.digest for study in studies}
+    footer = Footer(studies[0].form.seed, versions, inputs)
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, parts)
     return render_page(f"{len(studies)} studies side by side", sections, footer)
 
@@ -120,34 +110,40 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
     """One row for each record of each study, with units."""
     rows = [
-        {"study": study.name, "record": record.title or name}
-        | _describe_top(record.top, record.units[1])
+        {"study": study.name, "record": record.title}
+        | _describe_top(record.form)
         | {
             "leading law": _describe_best(record.ranking),
-            "weight": format_share(max((weight for _, weight in record.groups), default=float("nan"))),
-            "exponent": _describe_exponent(record.exponent),
+            "weight": report.format_share(max((weight for _, weight in record.groups), default=float("nan"))),
+            "exponent": _describe_exponent(record.form.power_laws),
         }
         for study in studies
-        for name, record in study.records.items()
+        for record in study.records.values()
     ]
     return Table(pd.DataFrame(rows), "")
 
 
-def _describe_top(top: TopOfTest | None, unit: str) -> dict[str, str]:
-    if top is None:
-        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), NOTHING)
-    between = format_between(100.0 * top.low, 100.0 * top.high, "%")
+def _describe_top(record: StudyRecordForm) -> dict[str, str]:
+    """Frequency and damping ratio at the largest tested amplitude that has them."""
+    tested = [row for row in (record.curve.rows if record.curve else []) if row.tested and row.damping_ratio]
+    rows = [(row.amplitude, row.frequency, *vars(row.damping_ratio).values()) for row in tested]
+    known = pd.DataFrame(rows, columns=["amplitude", "frequency", "ratio", "low", "high"]).astype(float).dropna()
+    if known.empty:
+        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), report.NOTHING)
+    top = known.iloc[int(known["amplitude"].argmax())]
+    between = report.format_between(100.0 * top["low"], 100.0 * top["high"], "%")
     return {
-        "tested to": format_length(top.amplitude, unit),
-        "frequency": format_quantity(top.frequency, "Hz", 4),
-        "damping ratio there": f"{number(100.0 * top.ratio)} % ({between})",
+        "tested to": report.format_length(top["amplitude"], record.units.length),
+        "frequency": report.format_quantity(top["frequency"], "Hz", 4),
+        "damping ratio there": f"{report.number(100.0 * top['ratio'])} % ({between})",
     }
 
 
-def _describe_exponent(exponent: tuple[float, float | None] | None) -> str:
-    if exponent is None:
-        return NOTHING
-    p, error = exponent
+def _describe_exponent(laws: Sequence[PowerLawForm]) -> str:
+    """p of the first power law with its standard error."""
+    if not laws:
+        return report.NOTHING
+    p, error = laws[0].p, laws[0].std_error
     return f"{p:.2f}" if error is None else f"{p:.2f} ± {error:.2f}"
 
 
@@ -157,8 +153,8 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
     for study in studies:
         prefix = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
-            key = (name, tuple(sorted(study.inputs.items())))
-            different.setdefault(key, (prefix + (record.title or name), record))
+            key = (name, tuple(sorted(study.manifest.inputs.items())))
+            different.setdefault(key, (prefix + record.title, record))
     return list(different.values())
 
 
@@ -173,10 +169,10 @@ def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[s
     shapes = share_shapes(groups, observed) if complete else {}
     odds, table = weigh_sharing(groups, shapes)
     values |= {"odds": odds, "weighed": np.isfinite(odds), "complete": complete}
-    values["among"] = f"{count(len(records), 'record')} ({format_joined(names)})"
+    values["among"] = f"{report.count(len(records), 'record')} ({report.format_joined(names)})"
     parts: dict[str, Block] = {}
     if len(table):
-        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": format_share})
+        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": report.format_share})
     if shapes:
         parts["shapes"] = _tabulate_shapes(names, shapes)
     return values, parts
@@ -186,8 +182,8 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     """One row for each shared shape: its value if all records share it, its value in each, and the odds of sharing."""
     interval = "{0:.2f} ({1:.2f} to {2:.2f})"
     rows = [
-        {"law": law, "shared": shape.name.removeprefix(f"{law} "), "odds of one value": number(np.exp(shape.log_odds))}
-        | {"one value": interval.format(*shape.pooled)}
+        {"law": law, "shared": shape.name.removeprefix(f"{law} ")}
+        | {"odds of one value": report.number(np.exp(shape.log_odds)), "one value": interval.format(*shape.pooled)}
         | {f"alone: {name}": interval.format(*alone) for name, alone in zip(names, shape.each, strict=True)}
         for law, shape in shapes.items()
     ]
@@ -202,7 +198,8 @@ def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> lis
         if len(set(best.values())) == 1:
             lines.append(f"{name}: {best[studies[0].name]} leads in every study.")
         else:
-            lines.append(f"{name}: " + format_joined(f"{law} leads in {study}" for study, law in best.items()) + ".")
+            leading = report.format_joined(f"{law} leads in {study}" for study, law in best.items())
+            lines.append(f"{name}: {leading}.")
     return lines
 
 
@@ -215,22 +212,23 @@ def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     """What else than the data differs, by name."""
     differences = []
     for what in ("input", "version"):
-        tables: list[Mapping[str, str]] = [getattr(study, f"{what}s") for study in studies]
+        tables: list[Mapping[str, str]] = [getattr(study.manifest, f"{what}s") for study in studies]
         names = dict.fromkeys(name for table in tables for name in table)
         other = [name for name in names if len({table.get(name) for table in tables}) > 1]
         if other:
-            differences.append(f"Not the same {what} in every study: {format_joined(other)}.")
-    other = [what for what in ("seed", "level") if len({getattr(study, what) for study in studies}) > 1]
+            differences.append(f"Not the same {what} in every study: {report.format_joined(other)}.")
+    other = [what for what in ("seed", "level") if len({getattr(study.form, what) for study in studies}) > 1]
     return [*differences, *(f"Not the same {what} in every study." for what in other)]
 
 
 def _describe_record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> dict[str, Any]:
     """What the text says of a record: the studies without it, and units where they are not the same."""
-    units = {study.name: study.records[name].units for study in having}
-    lines = [f"{study}: {' and '.join(filter(None, named)) or 'not stated'}" for study, named in units.items()]
+    units = {study.name: study.records[name].form.units for study in having}
+    named = {study: " and ".join(filter(None, (own.force, own.length))) for study, own in units.items()}
+    lines = [f"{study}: {text or 'not stated'}" for study, text in named.items()]
     return {
         "name": name,
-        "title": having[0].records[name].title or name,
+        "title": having[0].records[name].title,
         "missing": [study.name for study in studies if study not in having],
         "units": lines if len(set(units.values())) > 1 else [],
     }
@@ -241,12 +239,12 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
     predictions, posteriors = (_tabulate_stacked(name, having, what) for what in ("loads", "posteriors"))
     tables = {"rankings": _tabulate_rankings(name, having)}
     if len(predictions):
-        comparable = len({study.records[name].units for study in having}) == 1
+        comparable = len({study.records[name].form.units for study in having}) == 1
         tables["predictions"] = _tabulate_predictions(predictions, comparable=comparable)
     if len(posteriors):
         columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
         order = posteriors.sort_values(["law", "parameter"], kind="stable")[columns]
-        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or NOTHING})
+        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or report.NOTHING})
     return tables
 
 
@@ -254,11 +252,12 @@ def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
     table = _tabulate_stacked(name, having, "ranking")
     order = table.groupby("law", sort=False)["weight"].max().sort_values(ascending=False, kind="stable")
     wide = pd.DataFrame({"law": order.index})
+    formats: dict[str, Callable[[float], str]] = {}
     for study in having:
         ranking = study.records[name].ranking.drop_duplicates("law").set_index("law").reindex(order.index)
-        wide[f"weight: {study.name}"] = ranking["weight"].to_numpy(float)
-        wide[f"held-out error (%): {study.name}"] = ranking["held_out_error"].to_numpy(float)
-    formats = {column: format_share if column.startswith("weight") else format_percent for column in wide.columns[1:]}
+        weight, error = f"weight: {study.name}", f"held-out error (%): {study.name}"
+        wide = wide.assign(**{weight: ranking["weight"].to_numpy(), error: ranking["held_out_error"].to_numpy()})
+        formats |= {weight: report.format_share, error: report.format_percent}
     return Table(wide, "", formats)
 
 
@@ -271,8 +270,8 @@ def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
     columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
     formats = {
-        "linear_overprediction_percent": format_percent,
-        "difference": lambda value: format_signed(value).removesuffix(" %"),
+        "linear_overprediction_percent": report.format_percent,
+        "difference": lambda value: report.format_signed(value).removesuffix(" %"),
     }
     return Table(table[columns], "", formats, headings)
 

@@ -39,16 +39,7 @@ def export(
 ) -> None:
     """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
 
-    Args:
-        source: a record (CSV) or a form (JSON, by its first character).
-        out: ``.uff`` or ``.unv`` (records alone), ``.csv`` or ``.parquet``.
-        units: ``si`` or ``us``: convert the record (and the mode) or the loads; None: as they are.
-        given: ``si`` or ``us``: the units the record or the loads are in, where no mode names them.
-        mode: mode whose ``[units]`` are those of the record or the loads.
-        mode_out: where the converted mode goes.
-        text: values of a universal file as text, not as bytes.
-        to: structural code for which damping is written, in its own format; a form is asked for then.
-
+    Options as ``damping export --help`` says them; ``given`` is ``--from``. A form is known by its first character.
     InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things, or of a
     ranking, which is not converted. AnalysisError: a record that a universal file cannot hold, or a mode that cannot be
     converted.
@@ -81,7 +72,11 @@ def export(
         names = Units(*SYSTEMS[units], "s")
         described = None if described is None else convert_mode(described, by, units)
     if mode_out is not None:
-        _write_mode(described, units, mode_out)
+        if described is None or units is None:
+            raise InputError(
+                "--mode-out without a mode to convert", file=mode_out, expected="--mode MODE.toml and --units"
+            )
+        write_text(mode_out, describe_mode_to_toml(described))
     _write_record(record, names, out, notes, text=text)
 
 
@@ -154,12 +149,6 @@ def _export_form(
         show.print("- numbers within cautions are text and kept as they are")
 
 
-def _write_mode(mode: Mode | None, units: str | None, out: Path) -> None:
-    if mode is None or units is None:
-        raise InputError("--mode-out without a mode to convert", file=out, expected="--mode MODE.toml and --units")
-    write_text(out, describe_mode_to_toml(mode))
-
-
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
     if out.suffix.lower() in _UFF:
         content, lost = write_uff(record, names.length, names.force, binary=not text)
@@ -181,11 +170,7 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
 
 
 def tabulate_form(form: RankForm | LoadsForm) -> pd.DataFrame:
-    """A form as a table.
-
-    A ranking has a row for each parameter of each force of each candidate; loads have one for each design force and
-    law, the average over laws first (``model`` empty).
-    """
+    """A form as a table."""
     return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
 
 

@@ -55,18 +55,14 @@ class ParameterForm(FormPart):
     high: float | None = None
 
 
-class ForceForm(BaseModel):
+class ForceForm(ParameterForm):
     """A force of a candidate: its coefficient, and its shape parameters by name as further keys."""
 
-    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, ParameterForm | float | str | None]
 
     name: str
     coefficient: float | None = None
-    std_error: float | None = None
-    t_ratio: float | None = None
-    low: float | None = None
-    high: float | None = None
 
     def parameters(self) -> dict[str, ParameterForm]:
         """The coefficient, then the shape parameters."""

@@ -16,8 +16,7 @@ from typing import Any
 import damping
 from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
-from damping.gap.corrected import EffectPosterior, corrected_mode
-from damping.gap.diagnose import Diagnosis
+from damping.gap.corrected import corrected_mode
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
@@ -73,7 +72,12 @@ def gap(
     if record is None:
         if further or simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
-        _folder(model, report, model_out, json_out, jobs, seed, despite)
+        if report is not None or model_out is not None:
+            raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
+        if json_out is None or json_out == "-":
+            raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
+        if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
+            raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
     if plot is not None:
         check_picture(plot)
@@ -94,15 +98,17 @@ def gap(
         despite=despite,
         progress=progress,
     )
-    diagnosis = result.diagnosis
     if json_out is not None:
         write_plain(json_out, result.to_json())
     if model_out is not None:
-        write_text(model_out, describe_mode_to_toml(corrected_mode(diagnosis.leading.best, CATALOGUE)))
+        write_text(model_out, describe_mode_to_toml(corrected_mode(result.diagnosis.leading.best, CATALOGUE)))
     if plot is not None:
         write_picture(plot, result.plot(), result.title)
     if report is not None:
-        write_text(report, _describe_page(diagnosis, result.posterior, seed, inputs))
+        from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+
+        digests = {path.name: digest_file(path) for path in inputs}
+        write_text(report, render_gap_page(result.diagnosis, result.posterior, seed, versions(), digests))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
@@ -129,30 +135,6 @@ def import_simulator(name: str) -> Simulate:
     return simulate
 
 
-def _describe_page(diagnosis: Diagnosis, sampled: EffectPosterior | None, seed: int, inputs: tuple[Path, ...]) -> str:
-    from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - as above, matplotlib
-
-    digests = {path.name: digest_file(path) for path in inputs}
-    return render_gap_page(diagnosis, sampled, seed, versions(), digests)
-
-
-def _folder(
-    cases: Path,
-    report: Path | None,
-    model_out: Path | None,
-    json_out: str | None,
-    jobs: int | None,
-    seed: int,
-    despite: Collection[str] = (),
-) -> None:
-    if report is not None or model_out is not None:
-        raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
-    if json_out is None or json_out == "-":
-        raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-    if diagnose_folder(cases, Path(json_out), jobs=jobs, seed=seed, despite=despite):
-        raise AnalysisError("some cases could not be diagnosed; their answers say why")
-
-
 def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
@@ -169,9 +151,8 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
         futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
-            answer = (
-                future.result() if error is None else {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}
-            )
+            failure = {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}
+            answer = future.result() if error is None else failure
             write_json(out / f"{name}.json", answer)
             failed += "error" in answer
             advance(f"{name} failed: {answer['error']}" if "error" in answer else name)
@@ -188,11 +169,7 @@ def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]
         spent = time.process_time() - started  # without the next test, which is found on demand
         return {**result.to_json(), "cpu_seconds": spent}
     except DampingError as error:
-        return _failure(str(error))
-
-
-def _failure(error: str) -> dict[str, Any]:
-    return {"format": FORMAT, "error": error}
+        return {"format": FORMAT, "error": str(error)}
 
 
 def _pool(jobs: int | None, cases: int) -> ProcessPoolExecutor:

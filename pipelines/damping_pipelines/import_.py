@@ -12,11 +12,11 @@ import pandas as pd
 from rich.console import Console
 
 from damping.errors import InputError, escape_control, naming
-from damping.formats import Imported, Series, Stated, Summary
+from damping.formats import read_file
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
-from damping.formats.reading import read_file
-from damping.formats.steady import steady_record
+from damping.formats.series import Series, Stated, Summary
+from damping.formats.steady import Imported, steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
@@ -109,7 +109,16 @@ def import_file(
     findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
     write_text(out, record_to_csv(imported.record))
     if json_out is not None:
-        write_json(json_out, {**import_form(imported, out), "audit": findings.to_json()["findings"]})
+        form = {
+            "format": "import/1",
+            "record": str(out),
+            "rows": len(imported.record),
+            "sweeps": list(imported.record.sweeps),
+            "understood": imported.summary.table.to_dict(orient="records"),
+            "notes": imported.summary.notes,
+            "audit": findings.to_json()["findings"],
+        }
+        write_json(json_out, form)
     if json_out != "-":
         _print(imported, out, console())
 
@@ -227,18 +236,6 @@ def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> No
                 file=file,
                 expected=f"--to {other}, or a mode in {name}",
             )
-
-
-def import_form(imported: Imported, out: Path) -> dict[str, Any]:
-    """The form ``import/1``: what was understood, notes, and the sweeps of the record."""
-    return {
-        "format": "import/1",
-        "record": str(out),
-        "rows": len(imported.record),
-        "sweeps": list(imported.record.sweeps),
-        "understood": imported.summary.table.to_dict(orient="records"),
-        "notes": imported.summary.notes,
-    }
 
 
 def _print(imported: Imported, out: Path, to: Console) -> None:

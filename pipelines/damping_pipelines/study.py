@@ -26,21 +26,14 @@ from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit
+from damping.records import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, sole_writer, versions
-from damping_pipelines.study_files import (
-    RecordSettings,
-    StudySettings,
-    default_study,
-    read_settings,
-    source_report,
-    write_study,
-)
 from damping_pipelines.terminal import end_with_parent, progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
@@ -53,7 +46,7 @@ MOST_SAMPLED = 6
 class Input:
     """A record of the study, read and checked."""
 
-    settings: RecordSettings
+    settings: files.RecordSettings
     record: Record
     mode: Mode
     data: Observations
@@ -62,10 +55,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Task:
-    """One law to sample on one record, in a process of its own.
-
-    ``of_source`` marks a law of the source report.
-    """
+    """One law to sample on one record, in a process of its own. ``of_source`` marks a law of the source report."""
 
     record: int
     candidate: Candidate
@@ -86,8 +76,8 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
-    path = settings_file or default_study()
-    settings = read_settings(path)
+    path = settings_file or files.default_study()
+    settings = files.read_settings(path)
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
@@ -95,11 +85,11 @@ def run_study(
     read = [path, *(path.parent / name for record in settings.records for name in (record.record, record.mode))]
     with sole_writer(out, ("report.html", "summary.json")):
         result = compute(settings, inputs, hashes(path, settings))
-        write_study(result, out, read, png=png, pdf=pdf)
+        files.write_study(result, out, read, png=png, pdf=pdf)
     print(f"{out / 'report.html'} written")
 
 
-def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] = ()) -> list[Input]:
+def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection[str] = ()) -> list[Input]:
     """Read, check and audit every file of the study before any work."""
     inputs = []
     for asked in settings.records:
@@ -112,19 +102,19 @@ def read_inputs(settings: StudySettings, folder: Path, despite: Collection[str] 
     return inputs
 
 
-def hashes(path: Path, settings: StudySettings) -> dict[str, str]:
+def hashes(path: Path, settings: files.StudySettings) -> dict[str, str]:
     """SHA-256 of the settings and of every input file, by name relative to the settings."""
     names = [path.name, *(name for record in settings.records for name in (record.record, record.mode))]
     return {name: digest_file(path.parent / name) for name in dict.fromkeys(names)}
 
 
-def compute(settings: StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
+def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with ProcessPoolExecutor(
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
-        started = [source_report().start(pool, settings.seed)] if settings.source_report else []
+        started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         estimate = remember(evidence)
         rankings = _rank(inputs, settings.seed, estimate)
         plans = _plan(inputs, settings.seed, estimate)
@@ -181,7 +171,7 @@ def _prefixed(done: Advance, prefix: str) -> Advance:
     return lambda what, parts=1: done(f"{prefix}: {what}", parts)
 
 
-def _tasks(settings: StudySettings, inputs: list[Input], rankings: list[Ranking]) -> Iterable[Task]:
+def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ranking]) -> Iterable[Task]:
     """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those the settings name, each once, best first."""
     for number, (record, ranking) in enumerate(zip(inputs, rankings, strict=True)):
         named = [ranking.find(Law(law)) for law in record.settings.laws]
@@ -224,7 +214,7 @@ def _record_result(
     ranking: Ranking,
     plan: Plan | None,
     posteriors: tuple[LawPosterior, ...],
-    settings: StudySettings,
+    settings: files.StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
     predicted, curve, bands = None, None, None

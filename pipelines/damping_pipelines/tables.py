@@ -19,7 +19,7 @@ import typer
 import damping
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record, read_table
 from damping.records.record import record_to_csv
@@ -66,17 +66,13 @@ def regress(
         refuse_inputs("--plots", path, *data)
     refuse_twice({"--json": json_out, **{f"--plots {path.name}": path for path in drawn}})
     if json_out is not None:
-        _write_forms(json_out, results)
+        forms = [result.to_json() for result in results]
+        write_plain(json_out, forms[0] if len(forms) == 1 else forms)
     for path, text in drawn.items():
         write_text(path, text)
     if json_out != "-":
         pages = [result.printout() for result in results]
         sys.stdout.write("\n".join([*pages, describe_comparison(regressions)] if len(pages) > 1 else pages))
-
-
-def _write_forms(json_out: str, results: Sequence[RegressionResult]) -> None:
-    forms = [result.to_json() for result in results]
-    write_plain(json_out, forms[0] if len(forms) == 1 else forms)
 
 
 def run_regress(

@@ -21,7 +21,7 @@ from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
 from damping.progress import Advance
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping_pipelines import QUIET

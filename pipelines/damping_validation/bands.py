@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,24 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
+from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import Plan, near_resonance
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.plots import (
-    ALERT,
-    AVERAGE,
-    BEYOND,
-    CREDIBLE,
-    LINEAR,
-    MEASURED,
-    PREDICTIVE,
-    TEXT_WIDTH,
-    describe_with_unit,
-    plain_log,
-    styled,
-    to_png,
-)
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -96,7 +84,7 @@ def bands_page(records: Path, out: Path, seed: int) -> None:
         files: dict[str, bytes] = {}
         results = [predict_structure(records / name, seed) for name in names]
         for band in results:
-            files[f"{band.name}.png"] = to_png(draw_real_bands(band), _DPI)
+            files[f"{band.name}.png"] = plots.to_png(draw_real_bands(band), _DPI)
             files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()
             files[f"{band.name}-left-out.csv"] = record_to_csv(band.left_out).encode()
         files["README.md"] = render_page(results, seed).encode()
@@ -187,10 +175,10 @@ _PARTS = {
 }
 
 
-@styled
+@plots.styled
 def draw_real_bands(band: BandResult) -> Figure:
     """Draw three panels side by side: beyond the test, higher levels left out, standard deviations of the parts."""
-    figure = Figure(figsize=(1.35 * TEXT_WIDTH, 3.1))
+    figure = Figure(figsize=(1.35 * plots.TEXT_WIDTH, 3.1))
     axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
     bands = tabulate_loads(band.grid)
     _draw_bands(axes[0], bands, band)
@@ -202,23 +190,22 @@ def draw_real_bands(band: BandResult) -> Figure:
 def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     """Draw resonant amplitude against force, both logarithmic."""
     data, force = band.plan.data, bands["force"]
-    ax.axvspan(data.tested_force.max(), force.max(), color=BEYOND, linewidth=0, zorder=0)
-    for name, ends, colour in (("predictive", "", PREDICTIVE), ("credible", "credible_", CREDIBLE)):
+    ax.axvspan(data.tested_force.max(), force.max(), color=plots.BEYOND, linewidth=0, zorder=0)
+    for name, ends, colour in (("predictive", "", plots.PREDICTIVE), ("credible", "credible_", plots.CREDIBLE)):
         low, high = bands[f"{ends}low"], bands[f"{ends}high"]
         ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
-    ax.plot(force, bands["median"], color=AVERAGE, label="median")
-    ax.plot(force, bands["linear"], color=LINEAR, linestyle=(0, (7, 2)), label="linear")
-    ax.plot(data.tested_force, data.tested_amplitude, "o", color=MEASURED, markeredgecolor="white", label="tested")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.plot(force, bands["median"], color=plots.AVERAGE, label="median")
+    ax.plot(force, bands["linear"], color=plots.LINEAR, linestyle=(0, (7, 2)), label="linear")
+    points: dict[str, Any] = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
+    ax.plot(data.tested_force, data.tested_amplitude, "o", **points)
+    ax.set(xscale="log", yscale="log")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(lambda value, position: f"{value:g}")
         axis.set_minor_locator(NullLocator())
-    ax.set_xlim(force.min(), force.max())
-    ax.set_title("beyond the test")
-    ax.set_xlabel(describe_with_unit("force at resonance", band.mode.units.force))
-    ax.set_ylabel(describe_with_unit("resonant amplitude", band.mode.units.length))
+    ax.set(xlim=(force.min(), force.max()), title="beyond the test")
+    ax.set_xlabel(plots.describe_with_unit("force at resonance", band.mode.units.force))
+    ax.set_ylabel(plots.describe_with_unit("resonant amplitude", band.mode.units.length))
     ax.legend()
 
 
@@ -226,19 +213,17 @@ def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
     place = np.arange(len(left_out))
     low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
-    ax.vlines(place, low, high, color=CREDIBLE, linewidth=5)
-    ax.plot(place, median, "o", color=AVERAGE, markersize=4)
+    ax.vlines(place, low, high, color=plots.CREDIBLE, linewidth=5)
+    ax.plot(place, median, "o", color=plots.AVERAGE, markersize=4)
     linear = 1.0 + left_out["linear_over_percent"] / 100.0
-    ax.plot(place, linear, "_", color=LINEAR, markersize=9, markeredgewidth=1.8)
+    ax.plot(place, linear, "_", color=plots.LINEAR, markersize=9, markeredgewidth=1.8)
     refused = left_out["refused"].to_numpy(bool)
-    ax.plot(place[refused], np.ones(refused.sum()), "x", color=ALERT)
-    ax.axhline(1.0, color=MEASURED, linewidth=0.8)
+    ax.plot(place[refused], np.ones(refused.sum()), "x", color=plots.ALERT)
+    ax.axhline(1.0, color=plots.MEASURED, linewidth=0.8)
     labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
     ax.set_xticks(place, labels, fontsize=6.5)
-    ax.set_xlim(-0.6, len(left_out) - 0.4)
     ax.grid(visible=False, axis="x")
-    ax.set_ylabel("predicted over measured")
-    ax.set_title("higher levels left out")
+    ax.set(xlim=(-0.6, len(left_out) - 0.4), ylabel="predicted over measured", title="higher levels left out")
 
 
 def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
@@ -246,10 +231,8 @@ def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     for name, (label, colour) in _PARTS.items():
         ax.plot(bands["ratio"], bands[name], color=colour, label=label)
     whole = np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1))
-    ax.plot(bands["ratio"], whole, color=MEASURED, lw=1.0, ls=":", label="whole")
-    ax.set_xscale("log")
-    plain_log(ax.xaxis)
-    ax.set_xlabel("force over largest tested")
-    ax.set_ylabel("standard deviation, % of amplitude")
+    ax.plot(bands["ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
+    ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
+    plots.plain_log(ax.xaxis)
     ax.set_title("four parts")
     ax.legend()

@@ -23,24 +23,11 @@ from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
-from damping_validation.generator import (
-    BLIND_CASES,
-    BLIND_SEED,
-    RIG_NAMES,
-    BlindCase,
-    NoSteadyStateError,
-    Stratum,
-    draw_case,
-    draw_further_rows,
-    strata,
-)
 from damping_validation.scorer import Verdict, judge, score
 from damping_validation.scorer_output import SCORES, describe_verdict, render_scores
 
 #: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
 DIAGNOSIS_SEED = 1970
-
-__all__ = ["BLIND_CASES", "BLIND_SEED", "blind", "make_cases"]
 
 Work = TypeVar("Work")
 Done = TypeVar("Done")
@@ -57,43 +44,40 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
     its rows stand after the case's own in ``next/cases/NAME``, and ``next/answers/NAME.json`` is the answer to both.
     InputError: fewer than one case, or an ``out`` that holds the cases of another run.
     """
-    seed = BLIND_SEED if seed is None else seed
+    seed = generator.BLIND_SEED if seed is None else seed
     if cases < 1:
         raise InputError(f"{cases} cases", expected="one or more")
     with sole_writer(out, SCORES):
-        print(_blind(out, cases, seed, jobs, follow))
+        folder, labels = out / "cases", out / "labels.sealed.json"
+        strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
+        if strangers:
+            raise InputError(
+                "holds cases of another run", file=folder, expected="an empty --out, or the same run again"
+            )
+        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
+        sealed = _describe_sealed_before(out, run)
+        if sealed is None:
+            sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
+            write_json(out / "sealed.json", {**run, "sha256": sealed})
+        from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
-
-def _blind(out: Path, cases: int, seed: int, jobs: int | None, follow: bool) -> str:
-    """The verdict in one sentence."""
-    folder, labels = out / "cases", out / "labels.sealed.json"
-    strangers = {path.name for path in folder.glob("*")} - set(_list_names(cases, seed))
-    if strangers:
-        raise InputError("holds cases of another run", file=folder, expected="an empty --out, or the same run again")
-    run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
-    sealed = _describe_sealed_before(out, run)
-    if sealed is None:
-        sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
-        write_json(out / "sealed.json", {**run, "sha256": sealed})
-    from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
-
-    before = _processor_time()
-    diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
-    spent = _processor_time() - before
-    verdicts = read_sealed(labels, out / "answers", sealed)
-    followed = None
-    if follow:
-        names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
-        if names:
-            diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
-        again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
-        followed = [verdict for verdict in again if verdict.name in names]
-    figures = score(verdicts, spent, followed)
-    kept = [labels, out / "sealed.json", *(path for path in out.glob("**/cases/*/*.*"))]
-    kept += list(out.glob("**/answers/*.json"))
-    names_kept = sorted(path.relative_to(out).as_posix() for path in kept)
-    publish(out, render_scores(figures, verdicts, seed), seed=seed, versions=versions(), inputs={}, kept=names_kept)
-    return describe_verdict(figures, verdicts)
+        before = _processor_time()
+        diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+        spent = _processor_time() - before
+        verdicts = read_sealed(labels, out / "answers", sealed)
+        followed = None
+        if follow:
+            names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
+            if names:
+                diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+            again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
+            followed = [verdict for verdict in again if verdict.name in names]
+        figures = score(verdicts, spent, followed)
+        kept = [labels, out / "sealed.json", *(path for path in out.glob("**/cases/*/*.*"))]
+        kept += list(out.glob("**/answers/*.json"))
+        names_kept = sorted(path.relative_to(out).as_posix() for path in kept)
+        publish(out, render_scores(figures, verdicts, seed), seed=seed, versions=versions(), inputs={}, kept=names_kept)
+        print(describe_verdict(figures, verdicts))
 
 
 def make_proposed_tests(out: Path, tasks: Iterable[_Task], jobs: int | None) -> list[str]:
@@ -176,7 +160,7 @@ def read_answer(path: Path) -> Mapping[str, Any]:
 
 
 class _Task(NamedTuple):
-    stratum: Stratum
+    stratum: generator.Stratum
     seed: tuple[int, int]
     name: str
 
@@ -206,14 +190,14 @@ def make_cases(
             sealed[task.name] = case.label
             if number % _REPORTED == 0 or number == n:
                 advance(task.name, (number - 1) % _REPORTED + 1)
-    header = {"format": "labels/1", "seed": seed, "rig": sorted(RIG_NAMES)}
+    header = {"format": "labels/1", "seed": seed, "rig": sorted(generator.RIG_NAMES)}
     text = to_json({**header, "cases": dict(sorted(sealed.items()))})
     write_text(labels, text)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _list_tasks(n: int, seed: int, kinds: tuple[str, ...] | None = None) -> list[_Task]:
-    drawn = zip(strata(n, kinds), _list_names(n, seed), strict=True)
+    drawn = zip(generator.strata(n, kinds), _list_names(n, seed), strict=True)
     return [_Task(stratum, (seed, number), name) for number, (stratum, name) in enumerate(drawn)]
 
 
@@ -233,14 +217,15 @@ def _each(do: Callable[[Work], Done], work: list[Work], jobs: int | None) -> Ite
         yield from pool.map(do, work, chunksize=4)
 
 
-def _draw(task: _Task) -> BlindCase:
-    return draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}")
+def _draw(task: _Task) -> generator.BlindCase:
+    return generator.draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}")
 
 
 def _make_test(proposal: _Proposal) -> str | None:
     """The data of a case with the rows of the test that was proposed; None where there is no steady state."""
     stratum, seed, _ = proposal.task
+    kind, field = stratum.kind, stratum.field
     try:
-        return draw_further_rows(stratum.kind, stratum.field, seed, proposal.data, proposal.rows, set(proposal.asked))
-    except NoSteadyStateError:
+        return generator.draw_further_rows(kind, field, seed, proposal.data, proposal.rows, set(proposal.asked))
+    except generator.NoSteadyStateError:
         return None

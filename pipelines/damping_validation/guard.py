@@ -1,6 +1,6 @@
 """A guard of accuracy, in a few minutes: coverage of the bands and the blind diagnosis in small, against floors.
 
-``python -m damping_validation.guard``; with ``--doubts`` it prints the constants of `damping.gap.weighing` instead: how
+``python -m damping_validation.guard``; with ``doubts`` it prints the constants of `damping.gap.weighing` instead: how
 much each doubt speaks against the library, a regression on answers whose cause is known to be in it, or not.
 
 The seeds are fixed, so that a change of the answers is a change of the code. A floor lies three standard errors below
@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines.terminal import end_with_parent
 from damping_validation.blind import make_cases, read_sealed
-from damping_validation.calibration import RATIOS, Coverage, coverage_trial
+from damping_validation.calibration import RATIOS, coverage_trial
 from damping_validation.truths import TRUTHS
 
 #: Trials of each truth, and their seed.
@@ -64,18 +65,16 @@ class Guarded:
 
 def guard_coverage() -> Iterator[Guarded]:
     """Share of next tests within the 90 % band, and above it, at each of ``RATIOS``."""
-    drawn = [(name, SEED + 1000 * kind + i) for kind, name in enumerate(TRUTHS) for i in range(TRIALS)]
+    names, seeds = zip(
+        *((name, SEED + 1000 * kind + i) for kind, name in enumerate(TRUTHS) for i in range(TRIALS)), strict=True
+    )
     with ProcessPoolExecutor(JOBS, initializer=end_with_parent) as pool:
-        trials = list(pool.map(_try_fast, drawn, chunksize=TRIALS))
+        trials = list(pool.map(coverage_trial, names, repeat("fast"), seeds, chunksize=TRIALS))
     for at, ratio in enumerate(RATIOS):
         told = [trial for trial in trials if not trial.refused[at]]
         above, below = (float(np.mean([getattr(t, side)[at] for t in told])) for side in ("above", "below"))
         yield Guarded(f"within the band at {ratio:g} times the tested force", 1.0 - above - below, LEAST_WITHIN)
         yield Guarded(f"above the band at {ratio:g} times the tested force", above, MOST_ABOVE, least=False)
-
-
-def _try_fast(drawn: tuple[str, int]) -> Coverage:
-    return coverage_trial(drawn[0], "fast", drawn[1])
 
 
 def guard_diagnosis() -> Iterator[Guarded]:
@@ -144,7 +143,7 @@ def print_doubts() -> None:
 
 def main() -> int:
     """Print what was measured; 1 where a limit is not kept."""
-    if sys.argv[1:] == ["--doubts"]:
+    if sys.argv[1:] == ["doubts"]:
         print_doubts()
         return 0
     guarded: Sequence[Guarded] = [*guard_coverage(), *guard_diagnosis()]

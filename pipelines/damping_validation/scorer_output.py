@@ -33,15 +33,8 @@ _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)
 
 #: Files that :func:`render_scores` makes.
 SCORES = (
-    "table.csv",
-    "table.md",
-    "kinds.csv",
-    "confusion.csv",
-    "table.svg",
-    "table.png",
-    "confusion.svg",
-    "confusion.png",
-    "report.html",
+    *("table.csv", "table.md", "kinds.csv", "confusion.csv", "table.svg", "table.png", "confusion.svg"),
+    *("confusion.png", "report.html"),
 )
 
 
@@ -97,18 +90,11 @@ def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str
 
 def tabulate_kinds(cases: Sequence[Verdict]) -> pd.DataFrame:
     """One row per kind: cases, and how many answers were good, right, flagged, confidently wrong, unfair."""
+    counted = ("good", "right", "flagged", "confidently_wrong")
     rows = [
-        {
-            "family": FAMILIES[case.family],
-            "kind": case.kind,
-            "cause": CAUSES[case.family],
-            "cases": 1,
-            "good": case.good,
-            "right": case.right,
-            "flagged": case.flagged,
-            "confidently_wrong": case.confidently_wrong,
-            "put_on_structure": case.wrongs_structure,
-        }
+        {"family": FAMILIES[case.family], "kind": case.kind, "cause": CAUSES[case.family], "cases": 1}
+        | {name: getattr(case, name) for name in counted}
+        | {"put_on_structure": case.wrongs_structure}
         for case in cases
     ]
     return pd.DataFrame(rows).groupby(["family", "kind", "cause"]).sum().reset_index().drop(columns="family")
@@ -193,8 +179,7 @@ def draw_table(figures: Sequence[Figure]) -> Drawing:
         if figure.low is not None and figure.high is not None:
             axes.plot([100 * figure.low, 100 * figure.high], [row, row], color=colour, linewidth=1.2)
         axes.plot(100 * figure.measured, row, "o", color=colour, markersize=4)
-    axes.set_xlim(-1, 101)
-    axes.set_xlabel("per cent, with 95 % interval; green: goal; in parentheses: cases")
+    axes.set(xlim=(-1, 101), xlabel="per cent, with 95 % interval; green: goal; in parentheses: cases")
     return drawing
 
 
@@ -214,8 +199,7 @@ def draw_confusion(matrix: pd.DataFrame) -> Drawing:
     for row, column in np.argwhere(counts > 0):
         colour = "white" if share[row, column] > 0.55 else INK
         axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", color=colour, fontsize=7)
-    axes.set_xlabel("answer")
-    axes.set_ylabel("truth")
+    axes.set(xlabel="answer", ylabel="truth")
     return drawing
 
 
@@ -229,18 +213,9 @@ _WHAT = (
 
 def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
     """What a reader sees of the table ``figure, goal, measured, low, high, cases, met``: shares in per cent."""
-    return pd.DataFrame(
-        {
-            "figure": table["figure"],
-            "goal": table["goal"].fillna(""),
-            "measured": [
-                _describe_measured(*row)
-                for row in zip(*(table[name] for name in ("measured", "low", "high", "share")), strict=True)
-            ],
-            "cases": table["cases"],
-            "met": table["met"].fillna(""),
-        }
-    )
+    rows = table[["measured", "low", "high", "share"]].itertuples(index=False, name=None)
+    shown = table[["figure", "goal", "measured", "cases", "met"]].fillna({"goal": "", "met": ""})
+    return shown.assign(measured=[_describe_measured(*row) for row in rows])
 
 
 def _describe_measured(value: float, low: float, high: float, share: bool) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, plain
+from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.extrapolation import Extrapolation, sample_candidate
 from damping.extrapolation.backbone import Backbone
@@ -20,11 +20,11 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
-from damping.records.audit import Audit
+from damping.records import Audit
 from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.report import forms
-from damping.result import MOST_SHOWN, Result, list_findings
+from damping.result import MOST_SHOWN, Result, complete_form
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,10 +94,8 @@ class RankingResult(Result):
         for candidate in self.ranking.candidates:
             if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
                 return RankedLaw(candidate, self.ranking.data)
-        names = [candidate.name for candidate in self.ranking.candidates]
-        raise InputError(
-            f"no law {law!r}", expected=f"{describe_nearest(str(law), names)} or another of the column law"
-        )
+        nearest = describe_nearest(str(law), [candidate.name for candidate in self.ranking.candidates])
+        raise InputError(f"no law {law!r}", expected=f"{nearest} or another of the column law")
 
     def __len__(self) -> int:
         return len(self.ranking.candidates)
@@ -107,7 +105,7 @@ class RankingResult(Result):
         """One row for each law, best first: ``rank, law, weight, score, held_out_error, ...``; errors in per cent."""
         table = forms.tabulate_candidates(self.ranking)
         first = ["rank", "law", "weight", "score", "held_out_error"]
-        return table[[*first, *(name for name in table.columns if name not in first)]]
+        return table[[*first, *table.columns.drop(first)]]
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -118,19 +116,14 @@ class RankingResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
-        form: dict[str, Any] = plain(
-            {**forms.rank_form(self.ranking), "audit": list_findings(self.audit), "cautions": list(self.cautions)}
-        )
-        return form
+        return complete_form(forms.rank_form(self.ranking), self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Weights as bars, beside the errors of each law where the figure is its own."""
-        from damping.plots.fits import draw_weights, ranking  # noqa: PLC0415 - only drawing needs matplotlib
+        from damping.plots.fits import ranking  # noqa: PLC0415 - only drawing needs matplotlib
 
-        if ax is None:
-            return ranking(self.table)
-        draw_weights(ax, self.table)
-        return ax
+        figure = ranking(self.table, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:
@@ -190,22 +183,18 @@ class LoadsResult(Result):
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
         if self.loads.amplitude is None:
             form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
-        values: dict[str, Any] = plain({**form, "audit": list_findings(self.audit), "cautions": list(self.cautions)})
-        return values
+        return complete_form(form, self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
         from damping.plots.curves import design_loads  # noqa: PLC0415 - as above
 
         force, units = self.loads.force[np.isfinite(self.loads.force)], self.mode.units
-        tested = pd.DataFrame(
-            {"sweep": self.data.sweeps, "force": self.data.tested_force, "amplitude": self.data.tested_amplitude}
-        )
         low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), force.max(initial=0.0))
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
         about = (units.force, units.length, bands.limit)
-        tables = (forms.tabulate_loads(bands), tested, forms.tabulate_loads(design))
+        tables = (forms.tabulate_loads(bands), forms.tabulate_tested(self.data), forms.tabulate_loads(design))
         figure = design_loads(*tables, self.loads.level, *about, axes=ax)
         return ax or figure
 
@@ -253,9 +242,7 @@ class CurveResult(Result):
     def to_json(self) -> dict[str, Any]:
         """The form ``curve/1``; ``laws`` with their weights is an extra key."""
         laws = [{"name": member.name, "weight": member.weight} for member in self.extrapolation.members]
-        about = {"laws": laws, "audit": list_findings(self.audit), "cautions": list(self.cautions)}
-        values: dict[str, Any] = plain({**forms.curve_form(self.curve), **about})
-        return values
+        return complete_form({**forms.curve_form(self.curve), "laws": laws}, self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""

@@ -1,7 +1,4 @@
-"""From a record to an answer: the functions of ``import damping as dp``, each of which checks, computes and returns.
-
-Whatever is wrong with an argument is an InputError at once, before any work.
-"""
+"""From a record to an answer: the functions of ``import damping as dp``; a bad argument is an InputError at once."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, check_kind
 from damping.extrapolation import check_loads, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
@@ -25,7 +22,7 @@ from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.reading import require_numbers
 from damping.records.record import Record
@@ -41,16 +38,11 @@ if TYPE_CHECKING:
 SEED = 1970
 
 
-def _check_kind(value: object, kind: type, name: str) -> None:
-    if not isinstance(value, kind):
-        raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
-
-
 def check(record: Record, mode: Mode | None = None) -> Audit:
     """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says."""
-    _check_kind(record, Record, "record")
+    check_kind(record, Record, "record")
     if mode is not None:
-        _check_kind(mode, Mode, "mode")
+        check_kind(mode, Mode, "mode")
     return audit(record, mode)
 
 
@@ -102,8 +94,8 @@ def extrapolate(
     """Resonant amplitude at each force, or the force for each amplitude, as ``damping extrapolate`` predicts it.
 
     Args:
-        forces: force amplitudes, in the unit of the record. amplitudes: asked the other way round, instead of forces.
-            level: content of the bands, between 0 and 1.
+        forces: force amplitudes, in the unit of the record. level: content of the bands, between 0 and 1.
+        amplitudes: asked the other way round, instead of forces.
 
     Raises:
         InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
@@ -111,7 +103,7 @@ def extrapolate(
     """
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - a ranking needs no diagnosis to load
 
-    _check_kind(mode, Mode, "mode")
+    check_kind(mode, Mode, "mode")
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     if len(at) and len(under):
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
@@ -150,7 +142,7 @@ def curve(
         InputError: an amplitude, a force or a level that is none, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
-    _check_kind(mode, Mode, "mode")
+    check_kind(mode, Mode, "mode")
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     findings = _admit(record, mode, despite)
     measured = prepare(record, mode)
@@ -201,11 +193,11 @@ def diagnose(
     from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
-    _check_kind(mode, Mode, "mode")
+    check_kind(mode, Mode, "mode")
     findings = _admit(record, mode, despite)
     for own, state in states:
-        _check_kind(own, Record, "record of a state")
-        _check_kind(state, Mode, "mode of a state")
+        check_kind(own, Record, "record of a state")
+        check_kind(state, Mode, "mode of a state")
         _admit(own, state, despite)
     forced, said = as_driven_by_force(record, mode)
     gap = diagnose_gap(record, forced, states=states, simulate=simulate)
@@ -247,7 +239,7 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    _check_kind(frame, pd.DataFrame, "table")
+    check_kind(frame, pd.DataFrame, "table")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
     wanted = response.strip()
@@ -270,10 +262,10 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         InputError: a description or a table that contradicts itself.
         AnalysisError: the steps that are asked for cannot be done on this table.
     """
-    from damping.signals.reading import check_raw, condition_steps, describe  # noqa: PLC0415 - its schema loads slowly
+    from damping.signals.reading import check_raw, condition_steps, read_description  # noqa: PLC0415 - its schema loads slowly
 
-    _check_kind(frame, pd.DataFrame, "table")
-    described = describe(description)
+    check_kind(frame, pd.DataFrame, "table")
+    described = read_description(description)
     steps = condition_steps(check_raw(frame, described), described)
     name = described.title or "conditioned"
     return ConditionResult(Record(steps[-1].after, name), name, steps)
@@ -300,7 +292,7 @@ def sweep(
     """
     from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
 
-    _check_kind(mode, Mode, "mode")
+    check_kind(mode, Mode, "mode")
     levels = [float(level) for level in np.atleast_1d(np.asarray(force, dtype=float))]
     hertz = np.asarray(frequency, dtype=float)
     return SweepResult(simulate_sweeps(mode, levels, hertz, direction, method, progress), mode.name)

@@ -59,6 +59,12 @@ class AnalysisError(DampingError):
     """The analysis cannot be done on this (valid) data; the message says why."""
 
 
+def check_kind(value: object, kind: type, name: str) -> None:
+    """Raise InputError for an argument ``name`` that is not of a kind."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
+
+
 @contextmanager
 def naming(file: str | Path) -> Iterator[None]:
     """The name of the file whose contents are understood, for every InputError that does not name one itself."""

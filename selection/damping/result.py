@@ -6,6 +6,7 @@ Those of laws (ranking, loads, curve) stand in :mod:`damping.answers`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from damping.gap.corrected import EffectPosterior
     from damping.gap.diagnose import Diagnosis
-    from damping.records.audit import Audit
+    from damping.records import Audit
     from damping.records.record import Record
     from damping.regression.program import Regression
     from damping.signals.chain import ConditioningStep
@@ -74,9 +75,11 @@ class Result(ABC):
         return f"<div><p><b>{escape(self.title)}</b></p>{html}{f'<ul>{remarks}</ul>' if remarks else ''}</div>"
 
 
-def list_findings(audit: Audit | None) -> list[dict[str, Any]]:
-    """The findings of an audit as the forms carry them."""
-    return list(audit.to_json()["findings"]) if audit else []
+def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
+    """A form as plain Python values, with the findings of the audit and the cautions."""
+    findings = audit.to_json()["findings"] if audit else []
+    completed: dict[str, Any] = plain({**form, "audit": findings, "cautions": list(cautions)})
+    return completed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,22 +102,20 @@ class DiagnosisResult(Result):
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""
         form = forms.gap_form(self.diagnosis, self.posterior)
-        cautions = [*self.against, *self.diagnosis.cautions]
-        values: dict[str, Any] = plain({**form, "audit": list_findings(self.audit), "cautions": cautions})
-        return values
+        return complete_form(form, self.audit, (*self.against, *self.diagnosis.cautions))
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
         from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - as above
-        from damping.report.gap_figures import tabulate_probability  # noqa: PLC0415 - as above
+        from damping.report.gap import MOST_BARS, tabulate_hypotheses  # noqa: PLC0415 - as above
 
-        figure = gap_probabilities(tabulate_probability(self.diagnosis), axes=ax)
+        figure = gap_probabilities(tabulate_hypotheses(self.diagnosis).head(MOST_BARS), axes=ax)
         return ax or figure
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report.gap_page import describe_diagnosis  # noqa: PLC0415 - as above
+        from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as above
 
         told = describe_diagnosis(self.diagnosis)
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
@@ -160,14 +161,12 @@ class RegressionResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Deviations against the fitted response."""
-        from damping.plots.fits import deviations_figure, draw_deviations  # noqa: PLC0415 - as above
+        from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
 
         d, response = self.regression.deviations, self.regression.design.response
-        label = f"fitted {response}"
-        if ax is None:
-            return deviations_figure(d.fitted, d.deviation, d.percent, x_label=label, response=response)
-        draw_deviations(ax, d.fitted, d.deviation, x_label=label, response=response)
-        return ax
+        labels = {"x_label": f"fitted {response}", "response": response}
+        figure = deviations_figure(d.fitted, d.deviation, d.percent, **labels, axes=ax)
+        return ax or figure
 
     @property
     def title(self) -> str:

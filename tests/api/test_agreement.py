@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import damping as dp
+from damping import extrapolation
 from damping.agreement import simulate_resonance
 from damping_reed1970 import data_folder
 
@@ -17,6 +18,22 @@ def flagship() -> tuple[dp.Record, dp.Mode]:
     return dp.read_record(folder / "records" / "config-2-mode-1.csv"), dp.read_mode(
         folder / "modes" / "config-2-mode-1.toml"
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def planned_once():
+    """Laws are weighed for the loads of a record once, not for either side of every comparison."""
+    plan, made = extrapolation.plan_loads, {}
+
+    def find(data, laws, seed, done, mass, estimate):
+        key = (data.A.tobytes(), data.D.tobytes(), tuple(laws), seed, mass, estimate)
+        if key not in made:
+            made[key] = plan(data, laws, seed, done, mass, estimate)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(extrapolation, "plan_loads", find)
+        yield
 
 
 def test_values_from_the_same_rows_are_no_conflict(flagship):

@@ -26,11 +26,7 @@ CLASSES = {name for name, value in vars(forces).items() if isinstance(value, typ
     "Force"
 }
 #: The power law of section 4.3 that the regression fits has these two forms, named after the forces that they are.
-POWER_LAWS = {
-    "selection/damping/regression/power_law.py",
-    "selection/damping/report/answer.py",
-    "selection/damping/report/study.py",
-}
+POWER_LAWS = {"selection/damping/regression/fit.py"}
 
 
 def literals(node: ast.AST) -> set[str]:

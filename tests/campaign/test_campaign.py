@@ -387,7 +387,7 @@ def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
 
 def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
-    monkeypatch.setattr("damping.signals.tracking.MOST_KEPT", 300)
+    monkeypatch.setattr("damping.signals.histories.MOST_KEPT", 300)
     path = table_of_time(tmp_path / "a.csv", np.arange(1000) / 100, np.ones(1000))
     with pytest.raises(AnalysisError, match="does not rise through zero"):
         read_runs([path], SIZE)

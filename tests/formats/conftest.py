@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import pyuff
 
-from damping.formats import Imported, Stated
-from damping.formats.reading import read_file
-from damping.formats.steady import steady_record
+from damping.formats import read_file
+from damping.formats.series import Stated
+from damping.formats.steady import Imported, steady_record
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from damping.errors import InputError
-from damping.formats import Stated
-from damping.formats.reading import read_file
+from damping.formats import read_file
+from damping.formats.series import Stated
 from damping.formats.steady import steady_record
 
 HEADER = (

@@ -12,9 +12,9 @@ import pytest
 import scipy.io
 
 from damping.errors import InputError
-from damping.formats import Stated
+from damping.formats import read_file
 from damping.formats.arrays import read_arrays
-from damping.formats.reading import read_file
+from damping.formats.series import Stated
 
 SI = {"units": {"response": "m/N", "force": "N"}, "response": "receptance"}
 #: Roundings of a few operations in double precision.

@@ -10,9 +10,9 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.errors import InputError
-from damping.formats import ROLES, Stated
+from damping.formats import read_file
 from damping.formats.conversion import time_histories
-from damping.formats.reading import read_file
+from damping.formats.series import ROLES, Stated
 from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits

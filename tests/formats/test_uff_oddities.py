@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from damping.errors import InputError
-from damping.formats import Series, Stated
-from damping.formats.reading import read_file
+from damping.formats import read_file
+from damping.formats.series import Series, Stated
 
 Read = Callable[..., Series]
 

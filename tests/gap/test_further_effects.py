@@ -25,6 +25,7 @@ from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
 
+pytestmark = pytest.mark.usefixtures("no_folds")
 OMEGA = 2 * np.pi * 3.0
 MASS = 10.0
 XI = 0.01
@@ -141,6 +142,15 @@ def test_third_harmonic_of_a_cubic_spring():
     found = third_harmonic(terms, np.array([A]), np.array([phase]), Drive(np.ones(1), omega))
     expected = k3 * A**3 / 4.0 / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
     np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-10, atol=0.0)  # rounding
+
+
+def test_third_harmonic_of_damping_in_proportion_to_displacement():
+    """k |A sin theta| sgn(cos theta) = (2 k A/pi)(cos theta - cos 3 theta + ..): C is linear in A, no sine."""
+    k, A, phase, omega = 40.0, 0.05, 0.7, np.array([1.01 * OMEGA])
+    terms = Terms(MASS, OMEGA, (make("displacement", coefficient=k),), 1)
+    found = third_harmonic(terms, np.array([A]), np.array([phase]), Drive(np.ones(1), omega))
+    expected = 2j * k * A / np.pi / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=0.01, atol=0.0)  # 24 points of a jump
 
 
 CASES = {

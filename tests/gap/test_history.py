@@ -12,9 +12,8 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import Tolerance
-from damping_reed1970.studies import configuration_1_gap as configuration_1
-from damping_reed1970.studies import configuration_2_gap as configuration_2
 
+pytestmark = pytest.mark.xdist_group("chapters")  # shares both diagnoses
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {
     *("viscous-coefficient", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"),
@@ -23,13 +22,13 @@ DISSIPATIVE = {
 
 
 @pytest.fixture(scope="module")
-def first():
-    return configuration_1()
+def first(gaps):
+    return gaps.configuration_1
 
 
 @pytest.fixture(scope="module")
-def second():
-    return configuration_2()
+def second(gaps):
+    return gaps.configuration_2
 
 
 def test_configuration_1_has_two_planes_and_does_not_soften(first):

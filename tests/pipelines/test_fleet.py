@@ -110,7 +110,7 @@ def alone(records, few, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def one_law(monkeypatch):
+def one_law(monkeypatch, no_layout):
     """One candidate in this process: where the laws do not matter."""
     for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
         monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])
@@ -205,10 +205,8 @@ def test_a_record_that_kills_workers_becomes_a_row_and_spares_the_others(records
     monkeypatch.setattr(runners, "DEATHS", 0)
     tasks = list(tasks_of(find_cases(records), settings()))
     # each worker after a dead one is forked from a process that has imported what it needs
-    with (
-        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
-        runners.connected(None, 1) as client,
-    ):
+    forked = dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"})
+    with forked, runners.connected(None, 1) as client:
         results = list(runners.distributed(client, tasks, harmless_or_deadly))
     assert sorted(result.row["name"] for result in results) == [task.name for task in tasks]
     failed = {result.row["name"]: result.row["reason"] for result in results if result.row["status"] == "failed"}

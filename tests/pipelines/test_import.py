@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 import damping as dp
 from damping.errors import AnalysisError, InputError
 from damping.forces import from_damping
-from damping.formats import Stated
 from damping.formats.quantity import Factors, convert_mode
+from damping.formats.series import Stated
 from damping.infer.observations import observe
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws

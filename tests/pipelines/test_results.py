@@ -7,15 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.ranking import rank_laws
 from damping.report.forms import rank_form
 from damping_pipelines.store import plain
-from damping_pipelines.study import Task, hashes, read_inputs, sample_law
-from damping_pipelines.study_files import default_study, read_settings
-from damping_reed1970.chapter_3.implications import fit_table, planar_fits
-from damping_reed1970.exhibit import source_tables
+from damping_pipelines.study import Task, hashes, sample_law
+from damping_pipelines.study_files import default_study
+from damping_reed1970.chapter_3.planar_fit import fit_table
 from damping_reed1970.reproduction import reproduce
-from damping_reed1970.studies import compute_studies
 
 #: Tables of ``Studies.tables`` by chapter.
 CHAPTERS = {
@@ -30,8 +27,8 @@ CHAPTERS = {
     ),
 }
 RESULTS = Path(__file__).parents[2] / "results" / "saturn-v"
-#: One group: records are ranked once.
-pytestmark = pytest.mark.xdist_group("results")
+#: One group: records are ranked, and what the chapters say is computed, once.
+pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture(scope="module")
@@ -39,24 +36,9 @@ def summary():
     return json.loads((RESULTS / "summary.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def settings():
-    return read_settings(default_study())
-
-
-@pytest.fixture(scope="module")
-def inputs(settings):
-    return read_inputs(settings, default_study().parent)
-
-
-@pytest.fixture(scope="module")
-def rankings(settings, inputs):
-    return {one.settings.name: rank_laws(one.data, settings.seed) for one in inputs}
-
-
-def test_inputs_are_those_of_the_run(summary, settings):
-    assert summary["inputs"] == hashes(default_study(), settings)
-    assert summary["seed"] == settings.seed
+def test_inputs_are_those_of_the_run(summary, study_settings):
+    assert summary["inputs"] == hashes(default_study(), study_settings)
+    assert summary["seed"] == study_settings.seed
 
 
 def test_rankings(summary, rankings):
@@ -81,8 +63,8 @@ def test_rankings(summary, rankings):
                     np.testing.assert_allclose(a["coefficient"], b["coefficient"], rtol=1e-4)
 
 
-def test_tables_of_the_source_report(rankings):
-    for name, table in source_tables(rankings).items():
+def test_tables_of_the_source_report(tables_of_source):
+    for name, table in tables_of_source.items():
         old = pd.read_csv(RESULTS / f"{name}.csv")
         assert list(old.columns) == list(table.columns), name
         assert len(old) == len(table), name
@@ -131,8 +113,8 @@ def test_reproduction_is_what_the_code_computes(summary):
         assert [row[name] for row in summary["reproduction"]] == [getattr(r, name) for r in now]
 
 
-def test_studies_of_the_chapters(summary):
-    now = compute_studies(summary["seed"])
+def test_studies_of_the_chapters(summary, studies):
+    now = studies
     for name, table in now.tables().items():
         chapter = {name: n for n, names in CHAPTERS.items() for name in names}[name]
         old = pd.read_csv(RESULTS / f"chapter_{chapter}_{name}.csv")
@@ -149,8 +131,8 @@ def test_studies_of_the_chapters(summary):
     ]
 
 
-def test_planar_fits_of_chapter_iii(summary):
-    old, now = pd.DataFrame(summary["chapters"]["planar_fits"]), fit_table(planar_fits())
+def test_planar_fits_of_chapter_iii(summary, chapter_3):
+    old, now = pd.DataFrame(summary["chapters"]["planar_fits"]), fit_table(chapter_3.fits)
     for column in ("omega_p", "omega_y", "theta_degrees", "M", "C", "xi", "sigma"):
         # a nonlinear least-squares minimum to 1e-10 of its sum of squares: parameters to half the digits
         np.testing.assert_allclose(now[column], old[column].astype(float), rtol=1e-4, atol=0.0, err_msg=column)
@@ -172,12 +154,12 @@ def test_reproduction_covers_every_printed_result(summary):
 
 @pytest.mark.sampling
 @pytest.mark.parametrize("name", ["config-2-mode-1", "config-1-mode-2-pitch"])
-def test_posterior_of_the_leading_law(name, summary, settings, inputs, rankings):
+def test_posterior_of_the_leading_law(name, summary, study_settings, study_inputs, rankings):
     record = next(r for r in summary["records"] if r["name"] == name)
-    number, one = next((i, one) for i, one in enumerate(inputs) if one.settings.name == name)
+    number, one = next((i, one) for i, one in enumerate(study_inputs) if one.settings.name == name)
     leader = rankings[name].candidates[0]
     forces = np.array(one.settings.design_forces)
-    task = Task(number, leader, one.data, forces, settings.level, settings.seed + 1, of_source=False)
+    task = Task(number, leader, one.data, forces, study_settings.level, study_settings.seed + 1, of_source=False)
     again = sample_law(task)
     assert again.posterior.converged, again.posterior.failure
     old = next(p for p in record["posteriors"] if p["law"] == leader.name)
@@ -199,8 +181,8 @@ def test_every_reported_chain_met_the_criteria_or_says_not(summary):
             assert bool(law["failure"]) != met
 
 
-def test_every_design_force_has_a_band(summary, settings):
-    for record, asked in zip(summary["records"], settings.records, strict=True):
+def test_every_design_force_has_a_band(summary, study_settings):
+    for record, asked in zip(summary["records"], study_settings.records, strict=True):
         forces = [p["force"] for p in record["loads"]["predictions"]] if record["loads"] else []
         assert forces == list(asked.design_forces)
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from damping.errors import AnalysisError
 from damping.predict.sweep_rate import as_steady, correct_rate, envelope, estimate_rate
-from damping.records.audit import audit
+from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 

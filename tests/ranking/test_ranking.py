@@ -57,8 +57,9 @@ _POWERS = ("viscous", "velocity-squared", "displacement-velocity", "quadratic-di
 def test_pair_beats_its_parts_and_gives_its_coefficients(peaks):
     true = [make("viscous", coefficient=1.0), make("quadratic-displacement", coefficient=2.0)]
     data = levels_of(true, peaks, noise=0.005)
-    ranking = rank_laws(data)
-    pair = ranking.find(Law(("viscous", "quadratic-displacement")))
+    parts = ("viscous", "quadratic-displacement")
+    ranking = rank_laws(data, laws=[Law(parts), *(Law((part,)) for part in parts)])
+    pair = ranking.find(Law(parts))
     for single in ("viscous", "quadratic-displacement"):
         assert ranking.find(Law((single,))).score > pair.score + 20.0
     for coefficient, value in zip(pair.coefficients, (1.0, 2.0), strict=True):
@@ -162,7 +163,8 @@ def test_many_sweeps_are_left_out_in_groups():
 def test_forces_of_one_power_are_one_law_at_one_frequency(peaks):
     """Viscous and displacement, q'|q'| and |q|q': told apart by frequency alone, so each pair shares one prior mass."""
     data = levels_of([make("viscous", coefficient=1.0), make("velocity-squared", coefficient=0.1)], peaks)
-    ranking = rank_laws(data, hold_out=False)
+    equal = {"viscous", "displacement", "velocity-squared", "displacement-velocity"}
+    ranking = rank_laws(data, laws=[law for law in candidate_laws() if equal >= {*law.components}], hold_out=False)
     assert "displacement" in ranking.find(Law(("viscous",))).equivalents
     pair = ranking.find(Law(("displacement", "displacement-velocity")))
     assert pair.name == "viscous + velocity-squared"
@@ -229,7 +231,7 @@ def noisy(shape: np.ndarray, scatter: float, seed: int, peaks):
     return peaks(A * shape * np.exp(scatter * rng.standard_normal(8)), 1.5 * OMEGA * A, OMEGA)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 10))])
 def test_verdict_on_clean_records_and_on_noise(seed, peaks):
     """Viscous damping at 1 % of noise fits; amplitudes of no law, a factor e either way, fit none."""
     clean = rank_laws(noisy(np.ones(8), 0.01, seed, peaks), hold_out=False).fit
@@ -249,10 +251,10 @@ def test_friction_is_judged_on_the_force_of_a_decay():
     noise = np.exp(0.01 * np.random.default_rng(3).standard_normal(8))
     table = pd.DataFrame({"sweep": [f"{i}" for i in range(8)], "force": (1.3 + 0.0 * A) * noise, "frequency": 2.0})
     record = Record(table.assign(amplitude=A, time=np.arange(8.0)), "a decay")
-    ranking = rank_laws(observe(record))
+    ranking = rank_laws(observe(record), laws=[law for law in candidate_laws() if len(law.parts) == 1])
     assert record.is_decay
     friction, viscous = (ranking.find(Law((name,))) for name in ("coulomb", "viscous"))
-    assert friction.rank == min(c.rank for c in ranking.weighted() if len(c.law.parts) == 1 and c.name != "slip")
+    assert friction.rank == min(c.rank for c in ranking.weighted() if c.name != "slip")
     assert friction.weight > 1e3 * viscous.weight  # a force that does not grow with amplitude is not viscous
     assert friction.held_out_error < 3.0  # per cent of force: three times the noise
 

@@ -10,10 +10,9 @@ from scipy.optimize import brentq
 from damping.signals import energy_loss
 from damping_reed1970 import load_errata
 from damping_reed1970.chapter_3 import PLANES, pitch_response, tabulate_branch, tabulate_mean, yaw_response
-from damping_reed1970.chapter_3.implications import fit_table, planar_fits, tabulate_energy_split, tabulate_yaw
 from damping_reed1970.chapter_3.page import collect_figures
-from damping_reed1970.chapter_3.planar_fit import phasors
-from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_3.planar_fit import fit_table, phasors
+from damping_reed1970.chapter_3.study import Chapter3, tabulate_energy_split, tabulate_yaw
 
 pytestmark = pytest.mark.xdist_group("chapters")
 
@@ -71,8 +70,8 @@ def test_mean_coefficient_on_each_branch() -> None:
     )
 
 
-def test_fit_table_says_what_the_fits_are() -> None:
-    fits = planar_fits()
+def test_fit_table_says_what_the_fits_are(result: Chapter3) -> None:
+    fits = result.fits
     table = fit_table(fits).set_index(["data", "noise", "fit"])
     assert len(table) == len(fits)
     for key, fit in fits.items():
@@ -90,9 +89,9 @@ def test_fit_table_says_what_the_fits_are() -> None:
     assert_allclose(chi_square["A2", "constant", "theta = 28"], 30.0 * np.log(0.12928 / 0.10051), rtol=0, atol=0.005)
 
 
-def test_energy_split_and_yaw_are_those_of_the_model() -> None:
+def test_energy_split_and_yaw_are_those_of_the_model(result: Chapter3) -> None:
     """Energy lost in the planes is what the force puts in; the yaw motion solves the coupled equations."""
-    fits = planar_fits()
+    fits = result.fits
     data = phasors("A2")
     model = fits["A2", "constant", "free"].model
     M, C, omega_p, omega_y, theta = (float(v) for v in model[:5])

@@ -22,8 +22,8 @@ pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture(scope="module")
-def found(short_studies: Studies) -> Studies:
-    return short_studies
+def found(studies: Studies) -> Studies:
+    return studies
 
 
 @pytest.fixture(scope="module")

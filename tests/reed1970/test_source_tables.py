@@ -24,11 +24,6 @@ pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture
-def rankings(rankings_of_printed_laws: dict[str, Ranking]) -> dict[str, Ranking]:
-    return rankings_of_printed_laws
-
-
-@pytest.fixture
 def tables(tables_of_source: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     return tables_of_source
 

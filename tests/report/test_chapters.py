@@ -23,7 +23,7 @@ from damping_reed1970.chapter_5.page import tabulate_regression_rows
 from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text, tabulate_of_chapter
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
-from damping_reed1970.studies import ReportResults, Studies, diagnose_gaps
+from damping_reed1970.studies import Gaps, ReportResults, Studies
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
@@ -32,8 +32,10 @@ pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture(scope="module")
-def results(short_studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame]) -> ReportResults:
-    return ReportResults(short_studies, chapter_3, tables_of_source, diagnose_gaps())
+def results(
+    studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame], gaps: Gaps
+) -> ReportResults:
+    return ReportResults(studies, chapter_3, tables_of_source, gaps)
 
 
 @pytest.fixture(scope="module")

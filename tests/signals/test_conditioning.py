@@ -26,7 +26,6 @@ from damping.signals import (
     nearest_root,
     node_correction,
     plane_motion,
-    principal_forces,
     yaw_displacement,
 )
 from damping_reed1970 import load_errata, load_table
@@ -116,12 +115,6 @@ def test_planar_response_without_an_angle_is_one_mode() -> None:
     expected = 38.0 / (21.0 * (11.4**2 - OMEGA**2) + 2.3j * OMEGA)
     assert_allclose(pitch_response(single, 38.0, OMEGA), expected, rtol=1e-13)
     assert np.all(yaw_response(single, 38.0, OMEGA) == 0.0)
-
-
-def test_principal_forces_keep_their_size() -> None:
-    F_p, F_y = principal_forces(38.0, radians(28))
-    assert_allclose(np.hypot(F_p, F_y), 38.0, rtol=1e-14)
-    assert F_p > 0 > F_y
 
 
 def test_energy_lost_in_the_planes_is_put_in_by_the_force() -> None:

@@ -16,7 +16,7 @@ from damping.records.reading import read_table
 from damping.signals import PrincipalPlanes, plane_motion, reading
 from damping.signals.chain import condition
 from damping.signals.description import Description
-from damping.signals.reading import with_uncertainties
+from damping.signals.reading import condition_steps
 from damping_reed1970 import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
@@ -59,7 +59,7 @@ def raw(rows: int = 5) -> pd.DataFrame:
 
 
 def record(table: pd.DataFrame, described: Description) -> pd.DataFrame:
-    return with_uncertainties(condition(table, described), table, described)[-1].after
+    return condition_steps(table, described)[-1].after
 
 
 def test_stated_uncertainties_are_those_of_repeated_tests() -> None:
@@ -101,7 +101,7 @@ def test_planes_by_implicit_differentiation() -> None:
     table = read_table(place / "raw" / "config-1-mode-2.csv")
     table["sd"] = 1e-3 * table["tail_pitch_disp_in_e2"]  # small: at some points two roots are close together
     steps = condition(table, described)
-    found = with_uncertainties(steps, table, described)[-1].after
+    found = condition_steps(table, described)[-1].after
     modal = next(step.after for step in steps if step.name == "modal force").loc[found.index]
     F, omega, A, phi = (modal[name].to_numpy(float) for name in ("force", "omega", "amplitude", "phase"))
     # of the modal motion A exp(-i phi), that of the node turned by phi_x moves the part out of phase, A sin(phi)
@@ -122,7 +122,7 @@ def test_planes_by_implicit_differentiation() -> None:
 def test_only_what_is_stated_is_given() -> None:
     table = raw()
     steps = condition(table, description(()))
-    assert with_uncertainties(steps, table, description(())) is steps
+    assert [step.name for step in condition_steps(table, description(()))] == [step.name for step in steps]
     assert "amplitude_sd" not in record(table, description(("force",)))
     assert list(record(table, description(("force",)))["force_sd"] > 0.0) == [True] * 5
     some = table.assign(da=[0.002, 0.0, 0.002, 0.002, 0.0])

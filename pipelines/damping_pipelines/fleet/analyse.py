@@ -26,11 +26,11 @@ from damping.plots.curves import design_loads
 from damping.predict.measured import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records.audit import Audit, audit
+from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import forms, number, page
-from damping.report.gap_page import describe_diagnosis, render_gap_page
+from damping.report.gap import describe_diagnosis, render_gap_page
 from damping.report.tables import tabulate_by_model
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json

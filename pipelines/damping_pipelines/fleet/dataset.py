@@ -254,7 +254,7 @@ class FleetDataSet:
     def read(self, columns: Sequence[str]) -> pd.DataFrame:
         """Columns of all rows, sorted by name and key, a key once. InputError for a file that is none of a fleet."""
         wanted = list(dict.fromkeys(("name", "key", *columns)))
-        frames = [self._table(path, wanted).to_pandas() for path in self.files()]
+        frames: list[pd.DataFrame] = [self._table(path, wanted).to_pandas() for path in self.files()]
         if not frames:
             return pd.DataFrame(columns=wanted)
         table = pd.concat(frames, ignore_index=True).drop_duplicates("key")

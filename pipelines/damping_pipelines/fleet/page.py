@@ -41,9 +41,8 @@ def leading_laws(counts: pd.Series) -> Figure:
     axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, value in enumerate(shown):
         axes.annotate(f"{value:d}", (float(value), row), (4, 0), textcoords="offset points", va="center", fontsize=7.5)
-    axes.set_xlim(0.0, 1.12 * float(shown.max()))
+    axes.set(xlim=(0.0, 1.12 * float(shown.max())), xlabel="records led (hatched: with a viscous part)")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("records led (hatched: with a viscous part)")
     return figure
 
 
@@ -67,9 +66,7 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
         axes.plot(place, rows["percent"], "o", color=AVERAGE, markersize=3.5)
     axes.axhline(0.0, color=LINEAR, linewidth=1.0)
     axes.axvline(50.0, color=MUTED, linewidth=0.6, linestyle=(0, (2, 2)))
-    axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("records, largest overprediction first (%)")
-    axes.set_ylabel("linear over median (%)")
+    axes.set(xlim=(0.0, 100.0), xlabel="records, largest overprediction first (%)", ylabel="linear over median (%)")
     return figure
 
 

@@ -89,9 +89,8 @@ def _draw_errors(axes: Axes, error: pd.DataFrame) -> None:
     axes.axhline(0.0, color=INK, linewidth=0.7)
     axes.plot([3.0], [0.0], "o", color=LINEAR, markersize=4)
     axes.annotate("as printed: at 3 A₁", (3.0, 0.0), (8, -13), textcoords="offset points", fontsize=7.5, color=LINEAR)
-    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0))
+    axes.set(xlim=(1.0, float(error["amplitude"].iloc[-1])), ylim=(-170.0, 250.0), title="Error of the equivalence")
     axes.set(xlabel="amplitude A / A₁", ylabel="error (per cent)")
-    axes.set_title("Error of the equivalence")
     axes.legend(loc="lower right", fontsize=7)
 
 

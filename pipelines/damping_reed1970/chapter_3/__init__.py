@@ -12,25 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from damping import signals
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
-from damping.signals import (
-    DampingRoots,
-    NodeMode,
-    PrincipalPlanes,
-    branch,
-    damping_roots,
-    displacement,
-    energy_loss,
-    identify_r2_over_i,
-    input_energy,
-    mean_coefficient,
-    modal_amplitude,
-    modal_phase,
-    nearest_root,
-    node_correction,
-    plane_motion,
-    yaw_displacement,
-)
 from damping_reed1970 import by_point, columns, load_table
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -75,7 +58,17 @@ def _receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> Complex
 
 
 #: Second mode of Configuration I (Eq. 3.2.16): phi_t2, M_2, omega_2p, omega_2y, theta.
-PLANES = PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+PLANES = signals.PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+#: What is held, and what is added to the planes, in each fit; in the order of the tables.
+VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
+    "free": ({}, ()),
+    "theta = 28": ({"theta": PLANES.theta}, ()),
+    "theta = 28, M = 21": ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
+    "one plane": ({"theta": 0.0, "omega_y": PLANES.omega_y}, ()),
+    "free + in phase": ({}, ("R",)),
+    "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
+    "free + in phase + lag": ({}, ("R", "lag")),
+}
 #: A damping factor above this is none of a structure (erratum E3IV-1).
 LARGEST_XI = 0.05
 #: Frequency of rigid-body rotation, rad/s (before Eq. 3.1.16).
@@ -89,15 +82,15 @@ def table_3_i(table: pd.DataFrame) -> dict[str, float]:
     (tail_pitch,) = columns(table, "tail_pitch_disp_in_e2")
     return {
         **by_point("tab3I.omega", RAD_S_PER_HZ * f),
-        **by_point("tab3I.tip_pitch", displacement(1e-4 * pitch, omega, F)),
-        **by_point("tab3I.tip_yaw", displacement(1e-4 * yaw, omega, F)),
-        **by_point("tab3I.tail_yaw", yaw_displacement(yaw, pitch, tail_pitch)),
+        **by_point("tab3I.tip_pitch", signals.displacement(1e-4 * pitch, omega, F)),
+        **by_point("tab3I.tip_yaw", signals.displacement(1e-4 * yaw, omega, F)),
+        **by_point("tab3I.tail_yaw", signals.yaw_displacement(yaw, pitch, tail_pitch)),
     }
 
 
-def second_mode() -> tuple[NodeMode, list[NodeMode]]:
+def second_mode() -> tuple[signals.NodeMode, list[signals.NodeMode]]:
     """The second mode at the tail and the modes beside it (Table 3.II)."""
-    modes = [NodeMode(*row[1:]) for row in load_table("3_II").itertuples(index=False, name=None)]
+    modes = [signals.NodeMode(*row[1:]) for row in load_table("3_II").itertuples(index=False, name=None)]
     return modes[1], [modes[0], *modes[2:]]
 
 
@@ -105,7 +98,7 @@ def rigid_body(table: pd.DataFrame) -> float:
     """R^2/I that fits the corrections C_t2 of Table 3.III (not printed in the report), in/(lb s^2)."""
     F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
     (C_t,) = columns(table, "correction_Ct2_in")
-    return identify_r2_over_i(*second_mode(), F, omega, OMEGA_R, C_t)
+    return signals.identify_r2_over_i(*second_mode(), F, omega, OMEGA_R, C_t)
 
 
 def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
@@ -113,12 +106,12 @@ def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
     F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
     X, phi_t, C_t = columns(table, "tail_amplitude_in", "tail_phase_rad", "correction_Ct2_in")
     (phi_2,) = columns(table, "modal_phase_rad")
-    correction = node_correction(*second_mode(), F, omega, rigid_body(table), OMEGA_R)
+    correction = signals.node_correction(*second_mode(), F, omega, rigid_body(table), OMEGA_R)
     return {
         **by_point("tab3III.Ct2", correction.total),
-        **by_point("tab3III.phi2", modal_phase(X, phi_t, C_t, PLANES.phi)),
+        **by_point("tab3III.phi2", signals.modal_phase(X, phi_t, C_t, PLANES.phi)),
         **by_point("tab3III.Ccos", C_t * np.cos(phi_2)),
-        **by_point("tab3III.A2", modal_amplitude(X, phi_t, C_t, PLANES.phi, phi_2)),
+        **by_point("tab3III.A2", signals.modal_amplitude(X, phi_t, C_t, PLANES.phi, phi_2)),
     }
 
 
@@ -126,12 +119,12 @@ def table_3_iv_input(table_3_iii: pd.DataFrame) -> dict[str, float]:
     """Energy put in per cycle, pi X_t F sin(phi_t) (Eq. 3.2.9)."""
     (F,) = columns(load_table("3_I"), "force_lb")
     X, phi_t = columns(table_3_iii, "tail_amplitude_in", "tail_phase_rad")
-    return by_point("tab3IV.E_input", input_energy(X, F, phi_t))
+    return by_point("tab3IV.E_input", signals.input_energy(X, F, phi_t))
 
 
 def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row."""
-    motion = plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
+    motion = signals.plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
     results = {"A2p": motion.A_p, "A2y": motion.A_y, "E_pitch": motion.E_p, "E_yaw": motion.E_y}
     return {
         f"tab3IV.{name}[{point}]": float(value)
@@ -140,19 +133,19 @@ def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def find_roots(table: pd.DataFrame, planes: PrincipalPlanes = PLANES) -> list[DampingRoots]:
+def find_roots(table: pd.DataFrame, planes: signals.PrincipalPlanes = PLANES) -> list[signals.DampingRoots]:
     """All solutions xi of Eq. 3.2.15 at the energy of each row of Table 3.IV.
 
     The energy lost, as a function of xi, rises to a maximum and falls again: an energy below it is lost at two values
     of xi, one above it, as at points 10 and 13 (E3IV-1), at none. "Trial and error" finds one of them.
     """
     rows = zip(_forces(table), *columns(table, "omega_rad_s", "energy_input_in_lb"), strict=True)
-    return [damping_roots(planes, F, omega, energy) for F, omega, energy in rows]
+    return [signals.damping_roots(planes, F, omega, energy) for F, omega, energy in rows]
 
 
 def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
     """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
-    roots = [nearest_root(p.roots, xi) for p, xi in zip(find_roots(table), table["xi"], strict=True)]
+    roots = [signals.nearest_root(p.roots, xi) for p, xi in zip(find_roots(table), table["xi"], strict=True)]
     pairs = zip(table["point"], roots, strict=True)
     return {f"tab3IV.xi[{point}]": root for point, root in pairs if not np.isnan(root)}
 
@@ -160,12 +153,12 @@ def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
 def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
     """C_1 = (2 M/m) sum omega_i xi_i over the 15 rows that are not marked as corrected."""
     omega, xi = columns(table[table["corrected_row"] == 0], "omega_rad_s", "xi")
-    return {"eq3218.C1": mean_coefficient(PLANES.mass, omega, xi)}
+    return {"eq3218.C1": signals.mean_coefficient(PLANES.mass, omega, xi)}
 
 
 def worked_example() -> dict[str, float]:
     """xi of the example after Eq. 3.2.16: omega = 11.39, F = 922, E = 114.5, the upper of two roots."""
-    return {"sec32.example_xi": float(damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])}
+    return {"sec32.example_xi": float(signals.damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])}
 
 
 def computed() -> dict[str, float]:
@@ -201,7 +194,7 @@ def tabulate_points() -> pd.DataFrame:
     return table.assign(force_lb=_forces(table))
 
 
-def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+def tabulate_branch(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
     """By point: both roots, the printed xi, the branch it is on, and the energy in each plane on each branch.
 
     Columns: ``point, omega, energy`` (put in), ``largest_energy`` (that can be lost, at ``xi_of_largest``), ``roots``
@@ -212,9 +205,9 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     table = tabulate_points()
     roots = find_roots(table, planes)
     F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
-    low, high = branch(roots, 0), branch(roots, -1)
+    low, high = signals.branch(roots, 0), signals.branch(roots, -1)
     nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
-    motion = {name: plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
+    motion = {name: signals.plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
     return pd.DataFrame(
         {
             "point": table["point"],
@@ -227,7 +220,7 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
             "xi_high": high,
             "xi_printed": printed,
             "taken": np.where(np.isnan(low), "none", nearer),
-            "energy_printed": energy_loss(planes, F, omega, printed),
+            "energy_printed": signals.energy_loss(planes, F, omega, printed),
             **{
                 f"{name}_{key}": value
                 for key, m in motion.items()
@@ -238,7 +231,7 @@ def tabulate_branch(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     )
 
 
-def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
+def tabulate_mean(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
     """What the mean coefficient C_1 (Eq. 3.2.18) and the mean xi become on each branch.
 
     ``points`` counts the points that have a value; "xi of the largest energy" fills points 10 and 13, which have no
@@ -249,9 +242,9 @@ def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
     omega, printed = columns(table, "omega_rad_s", "xi")
     none = np.array([point.roots.size == 0 for point in roots])
     peak = np.array([point.xi_peak for point in roots])
-    low, high = branch(roots, 0), branch(roots, -1, LARGEST_XI)
+    low, high = signals.branch(roots, 0), signals.branch(roots, -1, LARGEST_XI)
     high_or_low = np.where(np.isnan(high), low, high)
-    near = np.array([nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
+    near = np.array([signals.nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
     choices = {
         "as printed": printed,
         "as printed, points with a root": np.where(none, np.nan, printed),
@@ -266,7 +259,7 @@ def tabulate_mean(planes: PrincipalPlanes = PLANES) -> pd.DataFrame:
             "choice": choice,
             "points": int(np.isfinite(xi).sum()),
             "mean_xi": float(np.nanmean(xi)),
-            "C_1": mean_coefficient(planes.mass, omega, xi),
+            "C_1": signals.mean_coefficient(planes.mass, omega, xi),
         }
         for choice, xi in choices.items()
     ]

@@ -12,10 +12,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Floats
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, build_panel, styled
 from damping.plots.fits import corner
-from damping_reed1970.chapter_3 import LARGEST_XI, PLANES
+from damping.signals import plane_motion
+from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
+from damping_reed1970.chapter_3.planar_fit import Fits, phasors
 from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
 
 OMEGA = "frequency ω (rad/s)"
@@ -260,3 +262,28 @@ def draw_yaw_amplitude(yaw: pd.DataFrame) -> Figure:
     draw_printed(axes, yaw["omega"], yaw["measured"], "measured (Table 3.I, over the mode factor)")
     draw_from_zero(axes)
     return figure
+
+
+#: Mean damping factor of the second mode (section 3.2).
+MEAN_XI = 0.005
+
+
+def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
+    """Curves over frequency with one xi for all points; the force is interpolated between the points.
+
+    ``pitch, yaw, energy``: amplitudes in the principal planes (Eq. 3.2.12) and energy per cycle of the free fit;
+    ``pitch_report, yaw_report, energy_report``: of the report's planes with its mean xi of .005. Along the force,
+    ``amplitude_held, phase_held``: of the fit with the report's angle and mass; ``amplitude_more, phase_more``: with
+    motion in phase and a lag fitted too.
+    """
+    data, free = phasors("A2"), fits["A2", "constant", "free"]
+    omega = np.linspace(data.omega[0], data.omega[-1], 221)
+    F = np.interp(omega, data.omega, data.F)
+    curves: dict[str, Floats] = {"omega": omega}
+    for suffix, planes, xi in (("", free.planes, free.xi), ("_report", PLANES, MEAN_XI)):
+        motion = plane_motion(planes, F / PLANES.phi, omega, xi)
+        curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
+    for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
+        response = pitch_response(fits["A2", "constant", variant].model, F, omega)
+        curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
+    return pd.DataFrame(curves)

@@ -13,7 +13,7 @@ from scipy.signal import find_peaks
 from damping.arrays import FloatArray
 from damping.report import NOTHING, format_between
 from damping_reed1970.chapter_3 import PLANES, figures
-from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand
+from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
 from damping_reed1970.studies import ReportResults
@@ -116,7 +116,8 @@ def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     measured, corrected, curves = computed.measured, computed.corrected, computed.curves
     tail, mode, branches = computed.bands["tail"], computed.bands["A2"], computed.tables["branches"]
-    xi = np.quantile(computed.draws["xi"], [0.05, 0.5, 0.95]).tolist()
+    main = computed.posteriors[SAMPLED[0]]
+    xi = np.quantile(main.parameters["xi"], [0.05, 0.5, 0.95]).tolist()
     return {
         "tail-displacement": lambda: figures.draw_tail_displacement(measured, tail),
         "tail-phase-sine": lambda: figures.draw_tail_phase_sine(measured, tail),
@@ -126,7 +127,7 @@ def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
         "principal-amplitudes": lambda: figures.draw_principal_amplitudes(measured, corrected, curves),
         "conditioning-effect": lambda: figures.draw_conditioning_effect(computed.effect, computed.tables["removed"]),
         "planar-fit": lambda: figures.draw_planar_overlay(measured, mode, curves),
-        "planar-posterior": lambda: figures.draw_planar_posterior(computed.draws, computed.prior),
+        "planar-posterior": lambda: figures.draw_planar_posterior(main.parameters, prior_draws(main)),
         "damping-roots": lambda: figures.draw_damping_roots(branches, xi),
         "yaw-amplitude": lambda: figures.draw_yaw_amplitude(computed.tables["yaw"]),
     }

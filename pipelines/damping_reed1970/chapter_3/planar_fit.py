@@ -17,15 +17,19 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from math import degrees
+from typing import Literal, get_args
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
+from damping.signals import PrincipalPlanes
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, ComplexArray, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, ComplexArray, PlanarOscillator, pitch_response
 
 Noise = Literal["constant", "proportional"]
 
@@ -48,8 +52,7 @@ _SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at wh
 class Phasors:
     """What is fitted: ``q`` = A exp(-i phi), modal force ``F`` and ``omega`` in rad/s, each (n,).
 
-    ``noise``: the standard deviation of a phasor's components is one and the same (``constant``) or a share of the
-    measured amplitude (``proportional``).
+    The standard deviation of its components is ``constant`` or ``proportional`` to the measured amplitude.
     """
 
     q: ComplexArray
@@ -69,12 +72,10 @@ class Phasors:
 
 @dataclass(frozen=True)
 class PlanarFit:
-    """A least-squares fit of the planar oscillator.
+    """A least-squares fit: the model, theta in rad, and which of its parameters were ``fitted``.
 
-    Attributes:
-        model: as fitted, theta in rad. fitted: names of the parameters that were.
-        standard_errors: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted.
-        residuals: complex, (model - measured)/shape, (n,). SSE: sum of their squares, 2 n numbers.
+    ``standard_errors``: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted.
+    ``residuals``: complex, (model - measured)/shape, (n,). ``SSE``: sum of their squares, 2 n numbers.
     """
 
     model: PlanarOscillator
@@ -87,6 +88,12 @@ class PlanarFit:
     def xi(self) -> float:
         """Damping factor of the pitch plane, C/(2 M omega_p) (Eq. 3.1.10)."""
         return float(self.model.C / (2.0 * self.model.M * self.model.omega_p))
+
+    @property
+    def planes(self) -> PrincipalPlanes:
+        """The principal planes fitted, for Eq. 3.2.15."""
+        M, _, omega_p, omega_y, theta = (float(value) for value in self.model[:5])
+        return PrincipalPlanes(PLANES.phi, M, omega_p, omega_y, theta)
 
     @property
     def sigma(self) -> float:
@@ -104,13 +111,9 @@ class PlanarFit:
 
 
 def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()) -> PlanarFit:
-    """Least squares from the best of a grid of starts, the best minimum found.
+    """Least squares from the best of a grid of starts, the best minimum found; phasors in order of frequency.
 
-    Args:
-        data: measured phasors in order of frequency.
-        fixed: parameters that are not fitted, by name (theta in rad).
-        extras: those of ``EXTRAS`` that are fitted too.
-
+    ``fixed``: parameters that are not fitted, by name (theta in rad). ``extras``: those of ``EXTRAS`` that are, too.
     AnalysisError: nothing to fit, no more numbers than parameters, no minimum with both planes inside the swept
     frequencies, or parameters that the data do not determine.
     """
@@ -128,8 +131,8 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     inside = [fit for fit in fits if all(low <= getattr(fit[1], name) <= high for name in fitted)]
     if not inside:
         raise AnalysisError("no fit of two planes has both inside the swept frequencies")
-    model = min(inside, key=lambda fit: fit[0])[1]
-    model = _canonical(model, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
+    best = min(inside, key=lambda fit: fit[0])[1]
+    model = _canonical(best, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
     residuals = data.residuals(model)
     SSE = float(np.sum(np.abs(residuals) ** 2))
     variance = SSE / (2 * data.omega.size - len(free))
@@ -237,18 +240,6 @@ def _canonical(model: PlanarOscillator, may_rename: bool) -> PlanarOscillator:
     return model._replace(theta=theta)
 
 
-#: What is held, and what is added to the planes, in each fit; in the order of the tables.
-VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
-    "free": ({}, ()),
-    "theta = 28": ({"theta": PLANES.theta}, ()),
-    "theta = 28, M = 21": ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
-    "one plane": ({"theta": 0.0, "omega_y": PLANES.omega_y}, ()),
-    "free + in phase": ({}, ("R",)),
-    "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
-    "free + in phase + lag": ({}, ("R", "lag")),
-}
-
-
 @cache
 def phasors(name: str, noise: Noise = "constant") -> Phasors:
     """Measured phasors ``A2`` (Table 3.III, modal) or ``tail`` (over the mode factor); phase as E3III-1 corrects it."""
@@ -260,3 +251,50 @@ def phasors(name: str, noise: Noise = "constant") -> Phasors:
         amplitude, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
         amplitude = amplitude / PLANES.phi
     return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)
+
+
+#: Fits by data, noise and variant.
+Fits = Mapping[tuple[str, str, str], PlanarFit]
+
+
+def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:
+    """All fits of both pictures with both noises."""
+    return {
+        (name, noise, variant): fit_planar(phasors(name, noise), *arguments)
+        for name in ("A2", "tail")
+        for noise in get_args(Noise)
+        for variant, arguments in VARIANTS.items()
+    }
+
+
+def fit_table(fits: Fits) -> pd.DataFrame:
+    """One row a fit: parameters with standard errors (``_se``; theta in degrees), quality, comparison with ``free``.
+
+    ``in_phase_in``: motion R F at the mean force. ``chi_square`` = 2 n ln(SSE/SSE of ``free``), negative where a fit
+    has more parameters than that; ``p_value`` of its size with the difference in parameters as degrees of freedom, and
+    ``p_value_correlated`` with chi_square reduced for the correlation r of neighbouring residuals, by (1 - r)/(1 + r)
+    of the larger model.
+    """
+    rows = []
+    for (name, noise, variant), fit in fits.items():
+        force = float(phasors(name).F.mean())
+        labels = {"theta": ("theta_degrees", degrees(1.0)), "R": ("in_phase_in", force), "lag": ("lag_rad", 1.0)}
+        values = {**fit.model._asdict(), "xi": fit.xi}
+        row: dict[str, float | str] = {"data": name, "noise": noise, "fit": variant}
+        for parameter in ("omega_p", "omega_y", "theta", "M", "C", "xi", "R", "lag"):
+            label, scale = labels.get(parameter, (parameter, 1.0))
+            row |= {label: scale * float(values[parameter]), f"{label}_se": scale * fit.standard_errors[parameter]}
+        if variant == "one plane":
+            row["omega_y"] = np.nan
+        quality = {"sigma": fit.sigma, "SSE": fit.SSE, "correlation": fit.correlation, "parameters": len(fit.fitted)}
+        rows.append({**row, **quality, **comparison(fit, fits[name, noise, "free"])})
+    return pd.DataFrame(rows)
+
+
+def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
+    """Chi-square of a fit against another that contains it or is contained, and what probability it has by chance."""
+    larger = max(fit, free, key=lambda either: len(either.fitted))
+    chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
+    left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
+    p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
+    return {"chi_square": chi_square, "p_value": p[0], "p_value_correlated": p[1]}

@@ -30,8 +30,8 @@ from damping.arrays import FloatArray
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
-from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, pitch_response
-from damping_reed1970.chapter_3.planar_fit import EXTRAS, VARIANTS, Phasors, phasors
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, phasors
 
 #: Log standard deviation of M: a factor of 2.3 either way in 90 %.
 MASS_LOG_SD = 0.5

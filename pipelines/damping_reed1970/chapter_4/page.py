@@ -15,16 +15,7 @@ from matplotlib.figure import Figure
 from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
 from damping.report.page import Table
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
-from damping_reed1970.chapter_4.amplitude_frequency import (
-    PRINTED,
-    AmplitudeFrequency,
-    amplitude_frequency,
-    draw_differences,
-    draw_phase_curves,
-    draw_response_curves,
-    draw_response_explained,
-    draw_undamped_error,
-)
+from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
 from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
 from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
@@ -38,7 +29,7 @@ KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
     studies, every, named = results.studies, results.studies.tables(4), results.tables
-    lines, variations = named["linear_coefficients"], every["level_variations"]
+    lines, variations, laws = named["linear_coefficients"], every["level_variations"], named["power_laws"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
         "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
@@ -51,7 +42,9 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "line_squared": _find_line(lines, V, 1),
         **_collect_response_values(every, studies.curves),
         **_collect_level_values(studies, variations),
-        **_collect_power_values(named["power_laws"], every["chance_of_exponent"]),
+        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
+        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
+        "needed": every["chance_of_exponent"]["needed_percent"],
         **_collect_example_values(named["section_4_3_example"]),
     }
     figures = collect_figures(studies)
@@ -70,7 +63,7 @@ def _find_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> list[
     return [row(lines, model=model.name, inputs="corrected", mode=mode, parameter=name) for name in ("C_01", "C_11")]
 
 
-def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[str, Any]:
+def _collect_response_values(every: Tables, curves: response.AmplitudeFrequency) -> dict[str, Any]:
     """What section 4.2 says of the curves."""
     points, widths = every["response_points"], every["response_widths"]
     half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
@@ -78,7 +71,7 @@ def _collect_response_values(every: Tables, curves: AmplitudeFrequency) -> dict[
     hertz = curves.omega_n / (2.0 * np.pi)
     return {
         **dict(zip(("delta", "distance", "half", "edge"), (points.iloc[i] for i in range(4)), strict=True)),
-        "printed": PRINTED,
+        "printed": response.PRINTED,
         "by_width": [
             f"{case.removeprefix('case ')} ({width / wide.iloc[0]:.2f})"
             for case, width in zip(half["case"], wide, strict=True)
@@ -99,21 +92,7 @@ def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[st
         rows = _tabulate_named(rows.sort_values("spread_percent", kind="stable"))
         of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
         least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
-    return {
-        "least": least,
-        "held": HELD,
-        "kept": list(studies.levels),
-        "cautions": "; ".join(cautions).capitalize(),
-    }
-
-
-def _collect_power_values(laws: pd.DataFrame, chance: pd.DataFrame) -> dict[str, Any]:
-    """Exponents of both modes, and how likely linear damping is to give them."""
-    return {
-        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
-        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
-        "needed": chance["needed_percent"],
-    }
+    return {"least": least, "held": HELD, "kept": list(studies.levels), "cautions": "; ".join(cautions).capitalize()}
 
 
 def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
@@ -161,14 +140,14 @@ def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     curves = studies.curves
-    explained = amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())  # heavy damping shows most
+    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())  # heavy damping shows most
     return {
         "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
-        "response-explained": lambda: draw_response_explained(explained),
-        "response-curves": lambda: draw_response_curves(curves),
-        "phase-curves": lambda: draw_phase_curves(curves),
-        "response-differences": lambda: draw_differences(curves),
-        "undamped-error": lambda: draw_undamped_error(curves),
+        "response-explained": lambda: response.draw_response_explained(explained),
+        "response-curves": lambda: response.draw_response_curves(curves),
+        "phase-curves": lambda: response.draw_phase_curves(curves),
+        "response-differences": lambda: response.draw_differences(curves),
+        "undamped-error": lambda: response.draw_undamped_error(curves),
         "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
         **{
             f"level-variation-mode-{mode}-{held}": partial(draw_level_variation, level.variations, held)

@@ -226,8 +226,7 @@ def draw_false_terms(selection: pd.DataFrame) -> Figure:
             style = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
             share.plot(rows["noise_percent"], rows["share_false"], label=method.replace(">=", "≥"), **style)
             error.plot(rows["noise_percent"], rows["energy_error_percent"], **style)
-        share.set_title(f"chosen among\n{terms}")
-        share.set(xscale="log", ylim=(0.0, 1.0))
+        share.set(title=f"chosen among\n{terms}", xscale="log", ylim=(0.0, 1.0))
         error.set(yscale="log")
         plain_log(error.xaxis)
         plain_log(error.yaxis)

@@ -35,8 +35,6 @@ NINE_TERMS = (
 #: Models listed of each kind.
 BEST = 5
 _T_ALWAYS = 1e300  # T-ratio to stop at that drops terms down to the last one
-
-
 #: The rough data (Table 5.III) and the principal pitch data (5.IV), as printed and as the report's runs used them.
 INPUTS: dict[str, tuple[EnergyFit, Version]] = {
     "5.III printed": (E_1, "printed"),
@@ -191,8 +189,7 @@ def draw_terms_against_error(study: NineTerms) -> Figure:
         text: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "color": LINEAR}
         for terms, error, negative in way[way[:, 2] > 0]:
             axes.annotate(f"{negative:.0f} < 0", (terms, error), (3, 5), **text)
-        axes.set_title(name)
-        axes.set(xticks=range(1, 10), ylabel="rms error of energy (in-lb)")
+        axes.set(title=name, xticks=range(1, 10), ylabel="rms error of energy (in-lb)")
         plain_log(axes.yaxis)
     panels[-1].set_xlabel("number of terms")
     panels[0].legend(loc="lower left", fontsize=7)
@@ -251,11 +248,8 @@ def draw_energy_surfaces(result: EnergySurface) -> Figure:
     figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     top = float(result.points["energy_in_lb"].max())
-    law = " + ".join(_describe_pretty(term) for term in result.law)
-    titles = (
-        f"{law}\nrms error {result.rms_errors[0]:.1f} in-lb",
-        f"nine terms\nrms error {result.rms_errors[1]:.1f} in-lb",
-    )
+    names = " + ".join(_describe_pretty(term) for term in result.law), "nine terms"
+    titles = [f"{name}\nrms error {e:.1f} in-lb" for name, e in zip(names, result.rms_errors, strict=True)]
     levels = np.asarray(MaxNLocator(12).tick_values(0.0, 1.2 * top))
     for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
         drawn = _draw_surface(axes, result, surface, levels)

@@ -15,25 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from damping_validation.generator import plan
 from damping_validation.generator.balance import TrueRows, plain_rows, recorded
-from damping_validation.generator.plan import (
-    Bench,
-    columns,
-    describe_data_text,
-    describe_model_text,
-    further_columns,
-    measured,
-    scatter_rows,
-)
-from damping_validation.generator.refit import (
-    LIBRARY,
-    OUTSIDE,
-    RIG,
-    DrawnCase,
-    applied,
-    draw,
-    name_effect,
-)
+from damping_validation.generator.refit import LIBRARY, OUTSIDE, RIG, DrawnCase, applied, draw, name_effect
 from damping_validation.generator.rig import RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors, true_record
 
@@ -73,13 +57,13 @@ def strata(cases: int, kinds: tuple[str, ...] | None = None) -> list[Stratum]:
             kinds = tuple(kinds[n * len(kinds) // cases] for n in range(cases))
         places = [divmod(n, len(kinds)) for n in range(cases)]
         return [Stratum(kinds[kind], (turn + kind) % 2 == 1) for turn, kind in places]
-    plan: list[Stratum] = []
+    listed: list[Stratum] = []
     left = cases
     for number, (family, share) in enumerate(SHARES.items()):
         count = left if number == len(SHARES) - 1 else min(left, round(share * cases))
-        plan += strata(count, _KINDS[family])
+        listed += strata(count, _KINDS[family])
         left -= count
-    return plan
+    return listed
 
 
 _WRONG_PARAMETER = {"natural-frequency": 0, "viscous-coefficient": 2}  # place among the deviations
@@ -99,10 +83,10 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
     rng = np.random.default_rng(seed)
     drawn = draw(kind, field, rng)
     rows = drawn.bench.rows
-    amplitude, phase, wild = measured(rng, drawn.noise, drawn.cells.amplitude, drawn.cells.phase)
+    amplitude, phase, wild = plan.measured(rng, drawn.noise, drawn.cells.amplitude, drawn.cells.phase)
     truth = applied(drawn.effects, drawn.bench)[1]
-    table = columns(rows, drawn.noise, amplitude, phase)
-    table |= further_columns(rng, drawn.bench.columns, truth, drawn.third, drawn.across, float(np.max(amplitude)))
+    table = plan.columns(rows, drawn.noise, amplitude, phase)
+    table |= plan.further_columns(rng, drawn.bench.columns, truth, drawn.third, drawn.across, float(np.max(amplitude)))
     label = {
         "kind": kind,
         "family": describe_family(kind),
@@ -113,7 +97,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
         "frequency": [float(text) for text in table["frequency"]],
         "altered": _altered(drawn),
     }
-    return BlindCase(describe_model_text(name, drawn.bench), describe_data_text(table), label)
+    return BlindCase(plan.describe_model_text(name, drawn.bench), plan.describe_data_text(table), label)
 
 
 def describe_family(kind: str) -> str:
@@ -173,21 +157,21 @@ def draw_further_rows(
     drawn = draw(kind, field, np.random.default_rng(seed))
     rng = np.random.default_rng((*seed, 1))
     old = [line.split(",") for line in data.strip().split("\n")]
-    rows = scatter_rows(rng, _plan_further(drawn.bench, proposed), drawn.bench.scatter)
+    rows = plan.scatter_rows(rng, _plan_further(drawn.bench, proposed), drawn.bench.scatter)
     truth = applied(drawn.effects, drawn.bench, rows)
     first, third, across = true_phasors(*truth)
     own = drawn.noise
     share, phase = (np.full(rows.omega.size, np.median(sd)) for sd in (own.share, own.phase))
     noise = replace(own, share=share, phase=phase, has_phase=own.has_phase or "phase" in asked, wild=0.0)
-    table = columns(rows, noise, *measured(rng, noise, *recorded(first, truth[1]))[:2])
+    table = plan.columns(rows, noise, *plan.measured(rng, noise, *recorded(first, truth[1]))[:2])
     told = asked | ({"added_mass"} if np.any(rows.added) else set())
     wanted = {*drawn.bench.columns, *(name for name, column in _ASKED.items() if column in told)}
-    table |= further_columns(rng, tuple(wanted), truth[1], third, across, float(np.max(drawn.cells.amplitude)))
+    table |= plan.further_columns(rng, tuple(wanted), truth[1], third, across, float(np.max(drawn.cells.amplitude)))
     names = [*old[0], *(name for name in table if name not in old[0])]
     before = [dict(zip(old[0], line, strict=True)) for line in old[1:]]
     after = [dict(zip(table, line, strict=True)) for line in zip(*table.values(), strict=True)]
     every = {name: [row.get(name, _UNSAID.get(name, "")) for row in (*before, *after)] for name in names}
-    return describe_data_text(every)
+    return plan.describe_data_text(every)
 
 
 #: Further columns of a bench by a column of the file that asks for them, and what earlier rows say in one.
@@ -195,7 +179,7 @@ _ASKED = {"third": "amplitude_3", "across": "amplitude_y", "added": "added_mass"
 _UNSAID = {"added_mass": "0"}
 
 
-def _plan_further(bench: Bench, proposed: Sequence[Mapping[str, Any]]) -> TrueRows:
+def _plan_further(bench: plan.Bench, proposed: Sequence[Mapping[str, Any]]) -> TrueRows:
     """Rows of the sweeps of a proposed test, after those of the bench and in its direction."""
     last, order = int(bench.rows.sweep.max()), 1 if bench.rows.up else -1
     omega, force, sweep, added = [], [], [], []

@@ -257,10 +257,10 @@ FORCE_KINDS = {
     "viscous-coefficient": Kind(
         draw_either_sign, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, _misstate("viscous", 2)
     ),
-    "displacement": _damping("displacement"),
-    "velocity-squared": _damping("velocity-squared"),
-    "displacement-velocity": _damping("displacement-velocity"),
-    "quadratic-displacement": _damping("quadratic-displacement"),
+    **{
+        law: _damping(law)
+        for law in ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
+    },
     "coulomb-friction": _damping("coulomb", limit_friction),
     "slip": Kind(_draw_slip_shape, 20.0, _joint("jenkins"), free=(0,)),
     "slip:iwan": Kind(_draw_iwan_shape, 20.0, _add_iwan),

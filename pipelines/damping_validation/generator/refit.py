@@ -15,19 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from damping_validation.generator import plan
 from damping_validation.generator.balance import TrueRows, guess, recorded, sensor_phasor, sweep_phasor
 from damping_validation.generator.effects import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
 from damping_validation.generator.laws import Array, Complex, Structure
-from damping_validation.generator.plan import (
-    Bench,
-    Generator,
-    Noise,
-    draw_bench,
-    draw_noise,
-    log_uniform,
-    move_frequency,
-    without_base,
-)
 from damping_validation.generator.rig import DRIFT_KINDS, FOREIGN_KINDS, FOREIGN_RIG, RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors
 
@@ -38,13 +29,7 @@ OUTSIDE = tuple(FOREIGN_KINDS)
 #: Kinds whose fault is the rig's.
 RIG = (*RIG_KINDS, *FOREIGN_RIG)
 #: Members of pairs.
-FORCES = (
-    "displacement",
-    "velocity-squared",
-    "displacement-velocity",
-    "quadratic-displacement",
-    "coulomb-friction",
-)
+FORCES = ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement", "coulomb-friction")
 INSTRUMENT = ("amplitude-scale", "phase-lag", "force-dropout", "level-offset", "sensor-saturation", "background")
 STRUCTURE = ("slip", "stiffness-hardening", "stiffness-softening", *PATH_KINDS)
 
@@ -54,7 +39,7 @@ def name_effect(kind: str) -> str:
     return kind.partition(":")[0]
 
 
-def applied(effects: tuple[TrueEffect, ...], bench: Bench, rows: TrueRows | None = None) -> Truth:
+def applied(effects: tuple[TrueEffect, ...], bench: plan.Bench, rows: TrueRows | None = None) -> Truth:
     """True structure and rig with the effects present, at the rows of the bench or at others."""
     truth = bench.truth(), bench.rows if rows is None else rows
     for effect in effects:
@@ -62,7 +47,7 @@ def applied(effects: tuple[TrueEffect, ...], bench: Bench, rows: TrueRows | None
     return truth
 
 
-def draw_effect(name: str, rng: Generator, bench: Bench) -> TrueEffect:
+def draw_effect(name: str, rng: plan.Generator, bench: plan.Bench) -> TrueEffect:
     """The effect with a drawn shape and its largest size."""
     return TrueEffect(name, KINDS[name].largest(bench), KINDS[name].draw(rng, bench))
 
@@ -89,7 +74,7 @@ class RecordCells:
         return np.concatenate(parts)
 
 
-def gap(cells: RecordCells, bench: Bench, effects: tuple[TrueEffect, ...] = (), reshape: bool = False) -> float:
+def gap(cells: RecordCells, bench: plan.Bench, effects: tuple[TrueEffect, ...] = (), reshape: bool = False) -> float:
     """Root mean square, in sigma, left after the simulation (with ``effects`` of free size) was refitted.
 
     ``reshape`` frees the continuous entries of the effects' shapes too.
@@ -126,7 +111,7 @@ def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
     return recorded(sensor_phasor(structure, rows, main), rows)
 
 
-def _simulated(bench: Bench, effects: tuple[TrueEffect, ...], x: Array, sweeps: int) -> tuple[Structure, TrueRows]:
+def _simulated(bench: plan.Bench, effects: tuple[TrueEffect, ...], x: Array, sweeps: int) -> tuple[Structure, TrueRows]:
     """The simulation at the free values: deviations, gains and frequencies of sweeps, factors of sizes and shapes."""
     (f, m, c), rest = x[:3].tolist(), x[3:]
     rows = unscattered(bench.rows)
@@ -180,9 +165,9 @@ class DrawnCase:
     ``without_each`` is, for a pair, what is left when that effect is taken away and all else refitted.
     """
 
-    bench: Bench
+    bench: plan.Bench
     effects: tuple[TrueEffect, ...]
-    noise: Noise
+    noise: plan.Noise
     cells: RecordCells
     gap: float
     without_each: tuple[float, ...]
@@ -190,12 +175,12 @@ class DrawnCase:
     across: Complex
 
 
-def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
+def draw(kind: str, field: bool, rng: plan.Generator) -> DrawnCase:
     """Draw until a steady state exists and the effect can be made large enough."""
     for _ in range(_DRAWS):
         names = _list_names(kind, rng)
         bench = _bench(kind, names, field, rng)
-        noise = draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
+        noise = plan.draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
         effects = tuple(draw_effect(name, rng, bench) for name in names)
         gaps = PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS
         sized = [_sized(effect, bench, noise, gaps, rng) for effect in effects]
@@ -206,7 +191,7 @@ def draw(kind: str, field: bool, rng: Generator) -> DrawnCase:
     raise RuntimeError(f"no case of kind {kind} in {_DRAWS} draws")
 
 
-def _list_names(kind: str, rng: Generator) -> tuple[str, ...]:
+def _list_names(kind: str, rng: plan.Generator) -> tuple[str, ...]:
     """Names of the effects of a kind."""
     if kind.startswith("null:"):
         return ()
@@ -217,22 +202,23 @@ def _list_names(kind: str, rng: Generator) -> tuple[str, ...]:
     return (str(rng.choice(FORCES)), str(rng.choice(INSTRUMENT if kind == "pair:force-instrument" else STRUCTURE)))
 
 
-def _bench(kind: str, names: tuple[str, ...], field: bool, rng: Generator) -> Bench:
+def _bench(kind: str, names: tuple[str, ...], field: bool, rng: plan.Generator) -> plan.Bench:
     """A bench on which the effects are something that its simulation does not hold."""
     least = max((_LEVELS.get(name, 1) for name in names), default=1)
-    bench = draw_bench(rng, field, _MAY_SCATTER.get(kind), levels=max(least, len(names)))
+    bench = plan.draw_bench(rng, field, _MAY_SCATTER.get(kind), levels=max(least, len(names)))
     if kind == "null:swept":
-        return move_frequency(bench, log_uniform(rng, *_KNOWN_RATES))
+        return plan.move_frequency(bench, plan.log_uniform(rng, *_KNOWN_RATES))
     if "sweep-rate" in names:  # neither the rate nor the times that would tell it
         bench = replace(bench, columns=tuple(set(bench.columns) - {"rate", "time", "third", "across"}))
     if kind == "null:nothing":
         return replace(bench, deviation=(0.0, 0.0, 0.0))
     held = {name for name, _ in bench.base}
-    return without_base(bench) if held & {name.removesuffix("-friction") for name in map(name_effect, names)} else bench
+    added = {name.removesuffix("-friction") for name in map(name_effect, names)}
+    return plan.without_base(bench) if held & added else bench
 
 
 def _sized(
-    effect: TrueEffect, bench: Bench, noise: Noise, gaps: tuple[float, float], rng: Generator
+    effect: TrueEffect, bench: plan.Bench, noise: plan.Noise, gaps: tuple[float, float], rng: plan.Generator
 ) -> TrueEffect | None:
     """The effect at a size whose gap is log-uniform in ``gaps``; None out of its reach.
 
@@ -251,7 +237,7 @@ def _sized(
     here = gap_at(top)
     if here < 1.2 * gaps[0]:
         return None
-    target = log_uniform(rng, 1.1 * gaps[0], min(gaps[1], here))
+    target = plan.log_uniform(rng, 1.1 * gaps[0], min(gaps[1], here))
     bottom, place = top - _LOG_RANGE, top
     for _ in range(_TRIALS):
         if abs(np.log(max(here, _NOTHING) / target)) < _NEAR:
@@ -264,12 +250,12 @@ def _sized(
     return replace(effect, size=float(np.exp(place)))
 
 
-def _cells(record: tuple[Array, Array], noise: Noise) -> RecordCells:
+def _cells(record: tuple[Array, Array], noise: plan.Noise) -> RecordCells:
     """The record with its standard deviations, which go with its own amplitude."""
     return RecordCells(*record, noise.share * record[0], noise.phase if noise.has_phase else None)
 
 
-def _integrate(bench: Bench, effects: tuple[TrueEffect, ...], noise: Noise) -> DrawnCase | None:
+def _integrate(bench: plan.Bench, effects: tuple[TrueEffect, ...], noise: plan.Noise) -> DrawnCase | None:
     """The noise-free record and its gap; None without a steady state, without a gap, or where one effect would do."""
     structure, rows = applied(effects, bench)
     try:

@@ -94,9 +94,7 @@ RIG_KINDS = {
     ),
     # size is the lag at resonance, rad
     "time-delay": Kind(
-        draw_either_sign,
-        1.0,
-        rows=lambda e: {"delay": e.rows.delay + e.shape[0] * e.size / e.bench.nominal.omega},
+        draw_either_sign, 1.0, rows=lambda e: {"delay": e.rows.delay + e.shape[0] * e.size / e.bench.nominal.omega}
     ),
     "sweep-rate": Kind(draw_no_shape, 1.5, rows=_move_frequency),
 }

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from math import exp, hypot, log, log10, pi, sqrt
 from pathlib import Path
 
@@ -42,10 +43,8 @@ from damping.formats.quantity import unit
 
 #: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
 LEAST_SPREAD = 0.01
-#: Half of the range around a resonance in which its peak is sought, in half-power half-widths.
-_SEARCHED = 1.5
-#: Levels at which responses are predicted between the lowest and the design level.
-NOTCH_LEVELS = 10
+_SEARCHED = 1.5  #: half of the range around a resonance in which its peak is sought, in half-power half-widths
+NOTCH_LEVELS = 10  #: levels at which responses are predicted between the lowest and the design level
 
 
 def analyse(
@@ -86,26 +85,28 @@ def analyse(
 
 
 def _answer_driven(
-    levels: Sequence[Level],
-    mode: DrivenMode,
-    design: Sequence[DesignLevel],
-    seed: int,
-    limits: Mapping[str, float],
+    levels: Sequence[Level], mode: DrivenMode, design: Sequence[DesignLevel], seed: int, limits: Mapping[str, float]
 ) -> ModeAnswer:
     """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
     run = levels[0].run
     of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
     tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
     wanted = [level.at(float(mode.frequency[-1])) for level in design]
-    asked = [*tested, *wanted, *(list_levels(tested, wanted) if limits else [])]
+    # levels at which responses are needed for notches
+    asked = [*tested, *wanted]
+    if limits:
+        asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
     loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
         measured = k < len(levels)
-        ratio = _measured_ratio(mode, k) if measured else None
-        if not measured and np.isfinite(bands[k]).all():
+        ratio = None
+        if measured:
+            spread, z = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), float(mode.ratio[k])
+            ratio = (z, z * exp(-spread), z * exp(spread))
+        elif np.isfinite(bands[k]).all():
             per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
             z, high, low = (float(per_amplitude / A) for A in bands[k])
             ratio = (z, low, high)
@@ -118,14 +119,11 @@ def _answer_driven(
             cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
         places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
     count = len(tested) + len(wanted)
-    notches = [
-        notch
-        for level in wanted
-        for notch in find_notches(mode.mode.name, places[len(tested) :], max(tested), level, limits)
-    ]
+    beyond = places[len(tested) :]
+    notches = [find_notches(mode.mode.name, beyond, max(tested), level, limits) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[:count])
-    return ModeAnswer(law, answers, mode.left_out, mode.record, mode.mode, forces, tuple(notches))
+    return ModeAnswer(law, answers, mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)))
 
 
 def _find_input(level: Level, frequency: float) -> float:
@@ -133,12 +131,6 @@ def _find_input(level: Level, frequency: float) -> float:
     stated = float(level.run.level or 0.0)
     measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
     return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
-
-
-def _measured_ratio(mode: DrivenMode, k: int) -> tuple[float, float, float]:
-    """Damping ratio (median, low, high) that was measured at a level."""
-    spread = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD))
-    return float(mode.ratio[k]), float(mode.ratio[k]) * exp(-spread), float(mode.ratio[k]) * exp(spread)
 
 
 def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
@@ -185,11 +177,6 @@ def _peaks(level: Level, mode: DrivenMode, frequency: float, ratio: float) -> Fl
     places = [np.flatnonzero(row) + 1 for row in inner]
     nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
     return np.asarray(size[np.arange(len(size)), nearest])
-
-
-def list_levels(tested: Sequence[float], design: Sequence[float]) -> list[float]:
-    """Levels (in the unit of the drive) at which responses are needed for notches."""
-    return [float(level) for level in np.geomspace(0.5 * min(tested), max(*tested, *design), NOTCH_LEVELS)]
 
 
 def find_notches(

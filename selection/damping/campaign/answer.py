@@ -11,15 +11,14 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import Summary
-from damping.records.audit import audit
+from damping.formats.series import Summary
+from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 
 FORMAT = "campaign/1"
-#: Half of a 90 % band in standard deviations.
-NORMAL_90 = 1.645
+NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 
 
 @dataclass(frozen=True)
@@ -134,8 +133,7 @@ class Outcome:
         )
 
 
-#: Modes of two campaigns are one where their frequencies differ by no more than this share.
-SAME_MODE = 0.05
+SAME_MODE = 0.05  #: modes of two campaigns are one where their frequencies differ by no more than this share
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
@@ -152,21 +150,16 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
             if any(earlier.tested and abs(earlier.level / at.driven - 1.0) < 0.01 for earlier in near):
                 continue
             for response in at.response:
-                rows = sorted(
-                    {
-                        earlier.level: earlier.band
-                        for earlier in near
-                        if earlier.sensor == response.sensor and earlier.unit == response.unit
-                    }.items()
-                )
+                own = (row for row in near if (row.sensor, row.unit) == (response.sensor, response.unit))
+                rows = sorted({row.level: row.band for row in own}.items())
                 level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
                 if len(rows) < 2 or not level[0] <= at.driven <= level[-1]:
                     continue
                 band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
                 predicted = (band[0], band[1], band[2])
-                predictions.append(
-                    Outcome(mode.name, response.sensor, response.unit, at.driven, response.band[0], predicted)
-                )
+                measured = response.band[0]
+                outcome = Outcome(mode.name, response.sensor, response.unit, at.driven, measured, predicted)
+                predictions.append(outcome)
     return tuple(predictions)
 
 

@@ -19,23 +19,19 @@ from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAn
 from damping.campaign.records import DEAD, modal_loads
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
-from damping.formats import Summary
 from damping.formats.quantity import unit
+from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
+from damping.signals.histories import flat_window
 from damping.signals.ringdown import Decay, ring_down
-from damping.signals.windows import flat_window
 
-#: Parts of a record whose spectra are averaged.
-PARTS = 8
-#: Least height of a peak above its saddles, in ln of power.
-PROMINENCE = 3.0
-#: Least power of a peak, over the median of the spectrum.
-ABOVE = 30.0
+PARTS = 8  #: parts of a record whose spectra are averaged
+PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
+ABOVE = 30.0  #: least power of a peak, over the median of the spectrum
 #: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
 FOLLOWS = 0.9
-#: Levels that a decay is cut into.
-LEVELS = 8
+LEVELS = 8  #: levels that a decay is cut into
 PERIODS = 6.0
 _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
 _SAMPLES = 8.0  # a period must have more

@@ -26,17 +26,12 @@ from damping.predict.measured import prepare
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 
-#: Rows with |cot phase| up to this are written.
-WRITTEN = 1.5
-#: Rows of a level, at most and at least.
-MOST_ROWS = 21
-FEWEST_ROWS = 3
-#: A sensor is dead where it reads less than this share of what the sensors read in the middle.
-DEAD = 0.02
-#: Shapes of two levels are alike (modal assurance criterion) above this.
-ALIKE = 0.9
-#: Content of the bands of a campaign.
-LEVEL = 0.9
+WRITTEN = 1.5  #: rows with |cot phase| up to this are written
+MOST_ROWS = 21  #: rows of a level, at most
+FEWEST_ROWS = 3  #: rows of a level, at least
+DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
+LEVEL = 0.9  #: content of the bands of a campaign
 
 
 @dataclass(frozen=True)

@@ -25,17 +25,15 @@ import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
 from damping.errors import InputError
-from damping.formats import Samples, Summary
 from damping.formats.quantity import unit
+from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, describe_nearest, read_toml
-from damping.signals.tracking import track_sine
+from damping.signals.histories import track_sine
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
-#: Names of channels that drive.
-DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")
-#: A control that is off from the level in its label by no more than this is that level.
-LABEL_AGREES = 0.15
+DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
+LABEL_AGREES = 0.15  #: a control that is off from the level in its label by no more than this is that level
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
 
@@ -122,8 +120,7 @@ def _read_channel(channel: TomlTable) -> ChannelCorrection:
     return ChannelCorrection(role, text, -scale if channel.truth("reverse") else scale)
 
 
-#: Order of the time derivative of displacement.
-ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}  #: order of the time derivative of displacement
 _MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
 
 

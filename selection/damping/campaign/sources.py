@@ -29,20 +29,16 @@ from damping.campaign.runs import (
     summarise_runs,
 )
 from damping.errors import InputError, naming
-from damping.formats import Summary
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
-from damping.formats.columns import read_columns
-from damping.formats.headers import ABSCISSAS, DELIMITERS, ROLE_NAMES, ColumnHeader, Layout, find_layout, parse_header
+from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
+from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, read_bytes, read_start
 
-#: Bytes of a table, and samples of all channels, that are read together.
-BLOCK = 8_000_000
-SAMPLES = 2_000_000
-#: First bytes of a table by which its layout is told.
-LOOKED_AT = 100_000
-#: Steps of time that differ by more than this share of one are no even sampling.
-UNEVEN = 0.02
+BLOCK = 8_000_000  #: bytes of a table that are read together
+SAMPLES = 2_000_000  #: samples of all channels that are read together
+LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
+UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
 def read_runs(
@@ -183,7 +179,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     drive_unit = stated.unit or of_drive or (level[1] if level else channels[0].unit if channels else "")
     values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
-    control = source.stated.join_controls(rows)
+    control = source.stated.join_controls(list(rows))
     return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)
 
 

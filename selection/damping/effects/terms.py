@@ -186,8 +186,7 @@ def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive)
     theta = np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
     cycle: Floats = 0.0
     for force in terms.forces:
-        if not force.linear:
-            cycle = cycle + np.asarray(force.cycle(theta, A, drive.omega))
+        cycle = cycle + np.asarray(force.cycle(theta, A, drive.omega))
     if np.ndim(cycle) == 0:
         return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
     harmonic = 2j * np.mean(cycle * np.exp(-3j * theta), axis=0)

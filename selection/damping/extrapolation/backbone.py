@@ -141,7 +141,7 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
     neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
 
     Args:
-        implied: what the audit says of each sweep (:attr:`damping.records.audit.Audit.implied`).
+        implied: what the audit says of each sweep (:attr:`damping.records.Audit.implied`).
 
     Raises:
         InputError: the structure is shaken at its base and no sweep shows the participation.

@@ -53,20 +53,12 @@ def force_class(name: str) -> type[Force]:
 
 
 def shapes_of(name: str) -> tuple[Shape, ...]:
-    """The parameters of a force, the one it is proportional to first.
-
-    Raises:
-        InputError: no such force.
-    """
+    """The parameters of a force, the one it is proportional to first; InputError for a name that is none."""
     return component(name).shapes
 
 
 def list_parameter_names(name: str) -> tuple[str, ...]:
-    """Names of the parameters of a force, the one it is proportional to first.
-
-    Raises:
-        InputError: no such force.
-    """
+    """Names of the parameters of a force, the one it is proportional to first; InputError for a name that is none."""
     return tuple(shape.name for shape in shapes_of(name))
 
 
@@ -176,11 +168,8 @@ def energy_factor(kind: type[Force], **others: Floats) -> Floats:
 
 
 def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> Floats:
-    """The force's coefficient from that of its energy term a A^m omega^n: C = a/energy_factor (Table 5.I).
-
-    Raises:
-        AnalysisError: the energy of this force is no product of powers (slip).
-    """
+    """The force's coefficient from that of its energy term a A^m omega^n: C = a/energy_factor, whose error it raises
+    (Table 5.I)."""
     return a / energy_factor(kind, **others)
 
 

@@ -14,7 +14,7 @@ from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
 #: Amplitude at which a joint starts to slip: nothing is seen of one that slips far below or above the tested motion.
-LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="slip limit", smooth=False)
+LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="slip limit")
 
 
 @dataclass(frozen=True)

@@ -130,14 +130,11 @@ class Shape:
     """One parameter of a force or an effect.
 
     Attributes:
-        name: as in files.
-        unit: its dimension.
+        name: as in files. unit: its dimension. switch: whether it is 0 or 1.
         above: it is larger than this. least: it is not less than this. below: it is less than this.
         default: its value in a file that does not name it; None where a file must.
         prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
-        smooth: whether the averages are smooth in it, so that least squares can give it a standard error.
-        switch: whether it is 0 or 1.
     """
 
     name: str
@@ -148,7 +145,6 @@ class Shape:
     default: float | None = None
     prior: Prior | None = None
     label: str = ""
-    smooth: bool = True
     switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:

@@ -1,226 +1,192 @@
 """Files of laboratories to records: UFF data set 58, MAT, HDF5, CSV with a column map, lock-in columns.
 
 Bytes or a path in, a record and a summary of what was understood out. Every module is pure; none evaluates anything
-or loads a pickle. The way is: ``reading.read_file`` turns any file into ``Series`` (one sweep or one time history each,
-as the file has it, with what the file says of units and kind), ``steady.steady_record`` turns sweeps into a record,
-``conversion.time_histories`` turns time histories into displacement for ``signals.ringdown``. What neither the file nor
-the user says is asked for in an error; nothing is guessed.
-
-Here: series, what the file and the user say of them, roles of columns, and what was understood of a file.
+or loads a pickle. The way is: ``read_file`` (here) turns any file into ``series.Series`` (one sweep or one time history
+each, as the file has it, with what the file says of units and kind), ``steady.steady_record`` turns sweeps into a
+record, ``conversion.time_histories`` turns time histories into displacement for ``signals.ringdown``. What neither the
+file nor the user says is asked for in an error; nothing is guessed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
-
-import numpy.typing as npt
-import pandas as pd
+import codecs
+from collections.abc import Collection, Mapping
+from pathlib import Path
 
 from damping.arrays import FloatArray
-from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, parse_header
-from damping.records.record import Record
-from damping.records.text import describe_shortened
+from damping.errors import InputError, naming
+from damping.formats.arrays import list_array_series
+from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
+from damping.formats.conversion import RESPONSES, SCALINGS
+from damping.formats.named import UNIT_OF, list_units, to_series
+from damping.formats.quantity import SYSTEMS
+from damping.formats.series import ABSCISSAS, OWN_NAMES, ROLES, FileFacts, Series, Stated, Summary, require_response
+from damping.formats.uff import read_uff
+from damping.records.keys import describe_nearest
+from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes, read_start
 
-#: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
-RESPONSES: dict[str, tuple[int, bool]] = {
-    "receptance": (0, True),
-    "mobility": (1, True),
-    "accelerance": (2, True),
-    "displacement": (0, False),
-    "velocity": (1, False),
-    "acceleration": (2, False),
-}
-#: What an amplitude may be, and its size in amplitudes of the sine.
-SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
-
-#: Real or complex numbers.
-Samples: TypeAlias = npt.NDArray[Any]
+FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 
 
-@dataclass(frozen=True)
-class FileFacts:
-    """What a file says of a series; None where it says nothing.
+def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
+    """The series of a file, and what was understood so far.
 
-    ``response`` is a name of ``RESPONSES``, ``per_force`` whether it is a ratio to force, ``scaling`` a name of
-    ``SCALINGS`` (``force_scaling`` of the force where it has its own), ``units`` are texts by ``force``,
-    ``response``, ``energy`` and ``mass``; ``turn``: whether the phase leads or lags is told by its turn alone;
-    ``degrees``: roles whose header says degrees.
+    Raises:
+        InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not
+            understood, or something that neither the file nor the user says.
     """
-
-    response: str | None = None
-    per_force: bool | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    turn: bool = False
-    units: Mapping[str, str] = field(default_factory=dict)
-    degrees: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class Series:
-    """One sweep (``abscissa`` in Hz) or one time history (``is_time``, in s), as a file has it.
-
-    ``response`` (n,) is complex with the sign of exp(i omega t) where the phase is known (``has_phase``), else the
-    amplitude; ``force`` (n,) likewise, None where the file has none. ``extra`` are further columns of a record by
-    name.
-    """
-
-    label: str
-    abscissa: FloatArray
-    response: Samples
-    force: Samples | None = None
-    is_time: bool = False
-    has_phase: bool = True
-    extra: Mapping[str, FloatArray] = field(default_factory=dict)
-    facts: FileFacts = FileFacts()
+    check(stated)
+    summary = Summary()
+    with naming(path):
+        kind = _format(path, stated, summary)
+        _heeded(stated, kind)
+        if kind in _ARRAYS:
+            return list_array_series(path, kind, stated, summary, max_size), summary
+        data = read_bytes(path, max_size)
+        if kind == "uff":
+            return read_uff(data, summary, stated.datasets, stated.labels), summary
+        return _list_table_series(data, path, kind, stated, summary), summary
 
 
-@dataclass(frozen=True)
-class Stated:
-    """What the user says of a file.
-
-    Attributes:
-        format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
-        columns: name of the column or array of each role (``ROLES``).
-        response: a name of ``RESPONSES``, or None.
-        scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
-        units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.
-        scale: factors that turn values of ``force`` and ``response`` into their units (sensitivities).
-        system: ``si`` or ``us``: the units of the record.
-        forces: force amplitude of every sweep, or one for all; in the unit of force.
-        labels: label of every sweep.
-        datasets: numbers (from 1) of the data sets to take; empty: all.
-        band: lowest and highest frequency to take, Hz.
-        reverse: turn the sign of the response (a sensor mounted against the force).
-        delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``, or ``auto``: as its lines show.
-        skip: lines before the header of a CSV file. decimal: ``point``, ``comma`` or ``auto``: mark in its numbers.
-    """
-
-    format: str = "auto"
-    columns: Mapping[str, str] = field(default_factory=dict)
-    response: str | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    consistent: bool = False
-    scale: Mapping[str, float] = field(default_factory=dict)
-    system: str = "si"
-    forces: tuple[float, ...] = ()
-    labels: tuple[str, ...] = ()
-    datasets: tuple[int, ...] = ()
-    band: tuple[float, float] | None = None
-    reverse: bool = False
-    delimiter: str = "auto"
-    skip: int = 0
-    decimal: str = "auto"
-
-
-@dataclass
-class Summary:
-    """Rows (what, understood, whence) in the order they became known, and notes; grows while a file is read."""
-
-    rows: list[tuple[str, str, str]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-    def add(self, what: str, understood: str, whence: str) -> None:
-        """A fact: ``whence`` is ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
-        if (what, understood, whence) not in self.rows:
-            self.rows.append((what, understood, whence))
-
-    def note(self, text: str) -> None:
-        """A remark, once."""
-        if text not in self.notes:
-            self.notes.append(text)
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """The rows as a table."""
-        return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
-
-
-@dataclass(frozen=True)
-class Imported:
-    """A record and what was understood on the way."""
-
-    record: Record
-    summary: Summary
-
-
-#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
-ROLES: dict[str, str] = {
-    "sweep": "label of the sweep of each row",
-    "frequency": "forcing frequency, Hz",
-    "omega": "forcing frequency, rad/s",
-    "time": "time of a time history, s",
-    "response": "complex response, or the signal of a time history",
-    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
-    "y": "imaginary part of the response, or quadrature reading",
-    "amplitude": "amplitude of the response",
-    "phase": "lag of the response behind the force, rad",
-    "lag_deg": "lag of the response behind the force, degrees",
-    "lead": "lead of the response before the force or the reference, rad",
-    "lead_deg": "the same in degrees",
-    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
-    "force": "amplitude of the force, or complex force",
-    "force_x": "real part or in-phase reading of the force",
-    "force_y": "imaginary part or quadrature reading of the force",
-    "force_lead_deg": "lead of the force before the reference, degrees",
-    "energy": "energy per cycle",
-    "mass": "generalized mass",
-    "amplitude_sd": "standard uncertainty of the amplitude",
-    "phase_sd": "standard uncertainty of the phase, rad",
-    "force_sd": "standard uncertainty of the force",
+#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
+_LOCKIN_NAMES: dict[str, tuple[str, ...]] = {
+    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
+    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
+    "y": ("y", "quadrature", "y1", "ch1 y"),
+    "amplitude": ("r", "mag", "magnitude", "r1"),
+    "lead_deg": ("theta", "phase", "theta1"),
+    "force_x": ("x2", "ch2 x", "reference x", "force x"),
+    "force_y": ("y2", "ch2 y", "reference y", "force y"),
+    "force": ("force", "r2", "force r"),
+    "force_lead_deg": ("theta2", "force theta"),
 }
 
 
-#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
-OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
-    "x": ("x", "real", "re"),
-    "y": ("y", "imag", "im"),
+def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
+    twice = set()
+    if {"x", "y"} <= set(columns):
+        twice |= {"amplitude", "lead_deg"}
+    if {"force_x", "force_y"} <= set(columns):
+        twice |= {"force", "force_lead_deg"}
+    return {role: values for role, values in columns.items() if role not in twice}
+
+
+def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
+    """Series of a table of text."""
+    known = _LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
+    columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    if "auto" in (stated.delimiter, stated.decimal):
+        by = "no header, columns by number" if columns.layout.numbered else "columns by name"
+        layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
+        summary.add("table", layout, "found in the file")
+    numbers = columns.numbers if stated.columns or kind == "csv" else _drop_repeated(columns.numbers)
+    for role, header in columns.headers.items():
+        if role in numbers or role == "sweep":
+            whence = "stated" if role in stated.columns else "by its name"
+            summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
+    headers = {role: header for role, header in columns.headers.items() if role in numbers}
+    if kind == "csv":
+        require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated)
+    facts = FileFacts(
+        units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
+        response=columns.response,
+        scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
+        force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
+        degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
+    )
+    return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")
+
+
+def check(stated: Stated) -> None:
+    """InputError for a statement that is not understood, naming what is."""
+    if stated.decimal == stated.delimiter == "comma":
+        raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
+    given: list[tuple[str, str | None, Collection[str]]] = [
+        ("--format", stated.format, FORMATS),
+        ("--response", stated.response, RESPONSES),
+        ("--scaling", stated.scaling, SCALINGS),
+        ("--to", stated.system, SYSTEMS),
+        ("--scaling force", stated.force_scaling, SCALINGS),
+        ("--delimiter", stated.delimiter, ("auto", *DELIMITERS)),
+        ("--decimal", stated.decimal, ("auto", *DECIMALS)),
+        *(("--column", role, ROLES) for role in stated.columns),
+        *(("--unit", what, ("force", "response", "energy", "mass", *ABSCISSAS)) for what in stated.units),
+        *(("--scale", what, ("force", "response")) for what in stated.scale),
+    ]
+    for option, value, known in given:
+        if value is not None and value not in known:
+            nearest = describe_nearest(value, known, likeness=0.5)
+            hint = f" (is {nearest!r} meant?)" if nearest else ""
+            raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
+    if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
+        raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
+    if stated.consistent and stated.units:
+        raise InputError("--consistent beside --unit", expected="one of them")
+
+
+def _heeded(stated: Stated, kind: str) -> None:
+    """InputError for a statement that nothing in a file of this kind would heed."""
+    layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
+    if kind == "uff":
+        unheeded = {"columns": "--column"} | layout
+    else:
+        unheeded = {"datasets": "--dataset"} | (layout if kind in _ARRAYS else {})
+    for name, option in unheeded.items():
+        if getattr(stated, name) != getattr(Stated(), name):
+            raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
+
+
+def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
+    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
+    start = read_start(path, 2100)
+    hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
+    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
+    if start.startswith(b"MATLAB 5.0"):
+        text = "mat5"
+    elif hdf:
+        text = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
+    elif first == b"-1":
+        text = "uff"
+    elif start.startswith(b"TDSm"):
+        text = "tdms"
+    elif first.startswith(b"LabVIEW Measurement"):
+        text = "lvm"
+    else:
+        text = "csv"
+    if stated.format == "auto":
+        if text == "csv" and _is_binary(start):
+            raise InputError(
+                "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
+                expected="a file of one of these (save a MAT file of version 4 again with -v7)",
+            )
+        summary.add("format", _TITLES[text], "found in the file")
+        return text
+    if stated.format == "mat" and text not in ("mat5", "mat73"):
+        raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")
+    if stated.format == "hdf5":
+        text = "hdf5"
+    kind = text if stated.format == "mat" else stated.format
+    summary.add("format", _TITLES[kind], "stated")
+    return kind
+
+
+def _is_binary(start: bytes) -> bool:
+    """Whether these are no lines of text, of whatever encoding: one byte in twenty is a control character."""
+    controls = len(start) - len(start.translate(None, _CONTROLS))
+    return not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
+
+
+_TITLES = {
+    "uff": "universal file (UFF, UNV)",
+    "mat5": "MAT file, version 5",
+    "mat73": "MAT file, version 7.3",
+    "hdf5": "HDF5",
+    "tdms": "TDMS of National Instruments",
+    "lvm": "LabVIEW measurement file",
+    "csv": "CSV",
+    "lock-in": "readings of a lock-in amplifier",
 }
-
-
-#: What the unit in the header of a role's column belongs to.
-UNIT_OF = (
-    dict.fromkeys(("force", "force_x", "force_y"), "force")
-    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
-    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
-)
-
-
-#: Names of a column beside x and y that make them readings of an amplifier.
-_MODULI = {"r", "mag", "magnitude", "theta"}
-
-
-_MOTIONS = ("response", "x", "y", "amplitude")
-
-
-def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated) -> None:
-    """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
-    own = {parse_header(name.strip()).name.lower() for name in names}
-    if not set(_MOTIONS) & set(of_role):
-        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
-        unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
-        raise InputError(
-            f"which column is the response? {describe_shortened(', '.join(free), 80)}",
-            expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
-        )
-    halves = {role: of_role.get(role, "") for role in ("x", "y")}
-    guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
-    if guessed and not own & _MODULI:
-        raise InputError(
-            "are x and y the parts of one complex response, or two motions?",
-            expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
-        )
-
-
-def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
-    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
-    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
-    for role, text in of_roles.items():
-        if role in UNIT_OF:
-            units.setdefault(UNIT_OF[role], text)
-    return units

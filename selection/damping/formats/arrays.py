@@ -18,23 +18,12 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats import (
-    OWN_NAMES,
-    ROLES,
-    FileFacts,
-    Samples,
-    Series,
-    Stated,
-    Summary,
-    list_units,
-    require_response,
-)
-from damping.formats.named import to_series
+from damping.formats.named import list_units, to_series
 from damping.formats.quantity import unit
+from damping.formats.series import OWN_NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
-#: Seconds after which a file that is still being read is given up.
-LONGEST = 60.0
+LONGEST = 60.0  #: seconds after which a file that is still being read is given up
 _WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its own size
 _BLOCKWISE = 200_000_000  # of a file that is read in blocks no more counts as its size
 _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside three times the file
@@ -95,14 +84,19 @@ def read_arrays(
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])
     if answer["missing"]:
-        raise AnalysisError(
-            f"{path}: a {kind.upper()} file needs the package {answer['missing']}, which is not installed "
-            "(pip install 'damping-selection[formats]')"
-        )
+        needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
+        raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
     units = {name: text for name, text in answer["units"].items() if text}
     steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
-    return Arrays(_unpacked(answer["loaded"], body), units, known, steps)
+    arrays: dict[str, list[Samples]] = {}
+    place = 0
+    for name, form, shape in answer["loaded"]:
+        dtype = np.complex128 if form == "complex" else np.float64
+        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=place)
+        arrays.setdefault(name, []).append(values.reshape(shape))
+        place += values.nbytes
+    return Arrays(arrays, units, known, steps)
 
 
 def read_blocks(
@@ -132,18 +126,6 @@ _EXPECTED = {
 }
 
 
-def _unpacked(loaded: Sequence[tuple[str, str, Sequence[int]]], body: bytes) -> dict[str, list[Samples]]:
-    """The arrays out of their bytes."""
-    arrays: dict[str, list[Samples]] = {}
-    place = 0
-    for name, kind, shape in loaded:
-        pair = 2 if kind == "complex" else 1
-        values = np.frombuffer(body, dtype=np.float64, count=pair * math.prod(shape), offset=place)
-        arrays.setdefault(name, []).append((values.view(np.complex128) if pair == 2 else values).reshape(shape))
-        place += values.nbytes
-    return arrays
-
-
 def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
@@ -160,7 +142,9 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
-        names = _with_setting(names, known)
+        abscissas = {"frequency", "omega", "time"}
+        if not abscissas & set(names):  # the file may have one by its own name
+            names |= {role: role for role in ("frequency", "omega", "time") if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
@@ -179,20 +163,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
 
 
-def _with_setting(names: dict[str, str], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
-    """The roles with the abscissa that the file has by its own name, where none is stated."""
-    abscissas = ("frequency", "omega", "time")
-    if set(abscissas) & set(names):
-        return names
-    return names | {role: role for role in abscissas if known.get(role)}
-
-
 def _list_each(
-    names: Mapping[str, str],
-    arrays: Mapping[str, list[Samples]],
-    facts: FileFacts,
-    stem: str,
-    summary: Summary,
+    names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
     """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
     count = max(len(arrays[name]) for name in names.values())
@@ -223,14 +195,9 @@ def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[S
     for name in names:
         if name not in contents.steps:
             raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
-        summary.add(
-            f"channel {describe_shortened(name)!r}",
-            f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s",
-            "found in the file",
-        )
-    kinds = (
-        {unit(contents.units[name]).powers for name in names if name in contents.units} if not stated.units else set()
-    )
+        found = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
+        summary.add(f"channel {describe_shortened(name)!r}", found, "found in the file")
+    kinds = {unit(contents.units[name]).powers for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")

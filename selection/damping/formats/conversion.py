@@ -12,9 +12,20 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import RESPONSES, SCALINGS, FileFacts, Series, Stated, Summary
 from damping.formats.quantity import SYSTEMS, Unit, unit
+from damping.formats.series import FileFacts, Series, Stated, Summary
 
+#: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
+RESPONSES: dict[str, tuple[int, bool]] = {
+    "receptance": (0, True),
+    "mobility": (1, True),
+    "accelerance": (2, True),
+    "displacement": (0, False),
+    "velocity": (1, False),
+    "acceleration": (2, False),
+}
+#: What an amplitude may be, and its size in amplitudes of the sine.
+SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
 # Where a value came from, as the summary of an import says it.
 _STATED = "stated"
 _FOUND = "found in the file"
@@ -100,11 +111,9 @@ def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
     """Name of the response type: stated, found, or the only one that has the unit."""
     facts, name = known.facts, known.response
     if name is not None:
-        if name not in RESPONSES:
-            raise InputError(f"response type {name!r}", expected=", ".join(RESPONSES))
         if facts.per_force is not None and facts.per_force != RESPONSES[name][1]:
             kind = "a ratio to force" if facts.per_force else "no ratio to force"
-            raise InputError(f"the response is {kind} and {name} is stated", expected=_describe_choices(facts))
+            raise InputError(f"the response is {kind} and {name} is stated", expected=" or ".join(_list_fitting(facts)))
         return name
     if "response" in units:
         powers, possible = units["response"].powers, _list_fitting(facts)
@@ -115,16 +124,12 @@ def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
             fits = [n for n in possible if _powers(n) == ratio]
         if len(fits) == 1:
             return fits[0]
-    expected = f"--response {_describe_choices(facts)}"
+    expected = f"--response {' or '.join(_list_fitting(facts))}"
     raise InputError("the type of the response is neither in the file nor stated", expected=expected)
 
 
 def _list_fitting(facts: FileFacts) -> list[str]:
     return [name for name, (_, per) in RESPONSES.items() if facts.per_force is None or per == facts.per_force]
-
-
-def _describe_choices(facts: FileFacts) -> str:
-    return " or ".join(_list_fitting(facts))
 
 
 def _powers(name: str) -> tuple[int, int, int]:
@@ -165,7 +170,7 @@ def ask(known: Statements, *, force: bool | None) -> None:
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response
     if typed is None and (stated.consistent or not known.unit_of("response")):
-        missing["type of the response"] = f"--response {_describe_choices(known.facts)}"
+        missing["type of the response"] = f"--response {' or '.join(_list_fitting(known.facts))}"
     examples = {"response": _EXAMPLES.get(typed or "", "m/s^2"), **({} if force is None else {"force": "N"})}
     for what, example in examples.items():
         if not stated.consistent and not known.unit_of(what):
@@ -193,16 +198,12 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
         if own != facts.scaling or stated.scaling:
             known.summary.add("amplitudes of force", own, _STATED if stated.force_scaling else _OF_ROLE)
             if stated.scaling not in (None, own) and not stated.force_scaling:
-                known.summary.note(
-                    f"--scaling is that of the response; the force is {own} (--scaling force=... to say so)"
-                )
+                remark = f"the force is {own} (--scaling force=... to say so)"
+                known.summary.note(f"--scaling is that of the response; {remark}")
         return SCALINGS[own]
-    expected = " or ".join(SCALINGS)
     if name is None:
         message = "whether amplitudes are peak or rms is neither in the file nor stated"
-        raise InputError(message, expected=f"--scaling {expected}")
-    if name not in SCALINGS:
-        raise InputError(f"scaling {name!r}", expected=expected)
+        raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
     known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
     return SCALINGS[name]
 

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats import FileFacts, Samples, Series, Summary
-from damping.formats.headers import ABSCISSAS
+from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Stated, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -33,10 +32,8 @@ _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 
 _MOST_SWEEPS = 1000
 #: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
 _TURN_IN_RADIANS = 1.5
-#: Another sweep begins where the frequency goes back by more than this share of its range so far ...
-_RESTART = 0.5
-#: ... after so many rows at least.
-_FEWEST_ROWS = 4
+_RESTART = 0.5  #: another sweep begins where the frequency goes back by more than this share of its range so far ...
+_FEWEST_ROWS = 4  #: ... after so many rows at least
 
 
 def to_series(
@@ -66,7 +63,12 @@ def to_series(
     n = len(x)
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
-    extra = {key: _column(arrays[key], n, key) for key in _EXTRA if key in arrays}
+    extra = {}
+    for key in (key for key in _EXTRA if key in arrays):
+        columns = _real(_matrix(arrays[key], n, key), key)
+        if columns.shape[1] != 1:
+            raise InputError(f"array of {key} has {columns.shape[1]} columns", expected="one")
+        extra[key] = columns[:, 0]
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
@@ -77,13 +79,15 @@ def to_series(
         force_scaling=facts.force_scaling or ("peak" if own else None),
         turn="angle" in arrays,
     )
-    is_time = role == "time"
-    if response.shape[1] > 1:
-        return [
-            Series(f"{name} {k + 1}", x, response[:, k], _take_sweep(force, k), is_time, phased, extra, known)
-            for k in range(response.shape[1])
-        ]
-    whole = Series(name, x, response[:, 0], _take_sweep(force, 0), is_time, phased, extra, known)
+    is_time, many = role == "time", response.shape[1] > 1
+    series = []
+    for k, column in enumerate(response.T):
+        own_force = None if force is None else force[:, min(k, force.shape[1] - 1)]
+        label = f"{name} {k + 1}" if many else name
+        series.append(Series(label, x, column, own_force, is_time, phased, extra, known))
+    if many:
+        return series
+    whole = series[0]
     if labels is None and not is_time:
         cuts = _cuts(x, whole.force)
         if cuts:
@@ -94,19 +98,15 @@ def to_series(
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
-    return [_rows(whole, label or name, rows) for label, rows in by_label.items()]
+    return [_take_rows(whole, label or name, rows) for label, rows in by_label.items()]
 
 
-def _rows(whole: Series, label: str, rows: list[int]) -> Series:
+def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
     """Some rows of a series."""
-    return replace(
-        whole,
-        label=label,
-        abscissa=whole.abscissa[rows],
-        response=whole.response[rows],
-        force=None if whole.force is None else whole.force[rows],
-        extra={key: column[rows] for key, column in whole.extra.items()},
-    )
+    force = None if whole.force is None else whole.force[rows]
+    extra = {key: column[rows] for key, column in whole.extra.items()}
+    x, response = whole.abscissa[rows], whole.response[rows]
+    return replace(whole, label=label, abscissa=x, response=response, force=force, extra=extra)
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
@@ -155,12 +155,6 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
     return turned
 
 
-def _take_sweep(force: Samples | None, sweep: int) -> Samples | None:
-    if force is None:
-        return None
-    return force[:, min(sweep, force.shape[1] - 1)]
-
-
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
     """Which of some roles is there."""
     there = [role for role in roles if role in arrays]
@@ -192,18 +186,17 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
         raise InputError("x and y need each other", expected="--column x=NAME and y=NAME")
     if phase and main != "amplitude":
         raise InputError(f"{phase} beside a {main}", expected="a phase only beside an amplitude")
-    if main == "x" and is_time:
-        message = "x and y against time are no parts of a complex response"
-        raise InputError(message, expected="--column response=NAME of the signal")
     if main == "x":
+        if is_time:
+            message = "x and y against time are no parts of a complex response"
+            raise InputError(message, expected="--column response=NAME of the signal")
         y = _same(arrays["y"], n, values, "y")
         return cartesian(_real(values, "x"), _real(y, "y")), True
     if main == "response":
         if np.iscomplexobj(values) == is_time:
             kind = "a time history of complex values" if is_time else "a response of real values"
-            raise InputError(
-                f"{kind}", expected="a real signal" if is_time else "complex values, or the role amplitude or x"
-            )
+            expected = "a real signal" if is_time else "complex values, or the role amplitude or x"
+            raise InputError(kind, expected=expected)
         return values, not is_time
     if is_time:
         raise InputError("amplitudes against time", expected="--column response=NAME of the signal")
@@ -256,10 +249,8 @@ def _matrix(values: Samples, n: int, role: str) -> Samples:
         matrix = squeezed if squeezed.shape[0] == n else squeezed.T
         if matrix.shape[1] <= _MOST_SWEEPS:
             return matrix
-    raise InputError(
-        f"array of {role} has the shape {tuple(values.shape)}",
-        expected=f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps",
-    )
+    expected = f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps"
+    raise InputError(f"array of {role} has the shape {tuple(values.shape)}", expected=expected)
 
 
 def _same(values: Samples, n: int, like: Samples, role: str) -> Samples:
@@ -286,8 +277,18 @@ def _magnitude(values: Samples, role: str) -> FloatArray:
     return sizes
 
 
-def _column(values: Samples, n: int, role: str) -> FloatArray:
-    column = _real(_matrix(values, n, role), role)
-    if column.shape[1] != 1:
-        raise InputError(f"array of {role} has {column.shape[1]} columns", expected="one")
-    return column[:, 0]
+#: What the unit in the header of a role's column belongs to.
+UNIT_OF = (
+    dict.fromkeys(("force", "force_x", "force_y"), "force")
+    | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
+    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
+)
+
+
+def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
+    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
+    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
+    for role, text in of_roles.items():
+        if role in UNIT_OF:
+            units.setdefault(UNIT_OF[role], text)
+    return units

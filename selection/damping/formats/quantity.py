@@ -55,7 +55,8 @@ _NAMES: dict[str, tuple[tuple[int, int, int], float]] = {
     "kg": ((1, -1, 2), 1.0),
     "J": ((1, 1, 0), 1.0),
 }
-_TOKEN = re.compile(r"\s*([A-Za-zµμ]+|[0-9]+|\^|\*\*|[*/()·.²³-])")
+#: A name and the power that may follow it: ^2, **2, 2, ², ^-1.
+_TERM = re.compile(r"([A-Za-zµμ]+|[0-9]+)(?:\s*(?:([²³])|(?:\^|\*\*)?\s*(-?)\s*([0-9])(?![0-9])))?")
 _LONGEST = 60  # characters of a unit; labels of UFF files have 20
 _POWERS = {"²": 2, "³": 3}
 _EXPECTED = "a unit such as N, lbf, m, mm, in, m/s, g, m/s^2, m/s^2/N or in/lbf"
@@ -105,71 +106,42 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
     if len(text) > _LONGEST:
         raise ValueError
     signs, sign, powers, factor = [1], 1, [0, 0, 0], 1.0
-    tokens = _list_tokens(text)
-    wants_name = True
-    while tokens:
-        token = tokens.pop(0)
-        if token == "(" and wants_name:
-            signs.append(signs[-1] * sign)
-            sign = 1
-        elif token == ")" and not wants_name and len(signs) > 1:
-            signs.pop()
-        elif token in ("*", "·", ".", "/") and not wants_name:
-            sign, wants_name = (-1 if token == "/" else 1), True
-        elif wants_name:
-            of_name, size = _named(token)
-            power = signs[-1] * sign * _power(tokens)
+    rest, wants_name = text.strip(), True
+    while rest:
+        mark, term = rest[0], _TERM.match(rest)
+        if wants_name and term is not None:
+            name, square, minus, digit = term.groups()
+            of_name, size = _find_name(name)
+            power = signs[-1] * sign * (_POWERS[square] if square else int(f"{minus}{digit}") if digit else 1)
             powers = [total + power * own for total, own in zip(powers, of_name, strict=True)]
             factor *= size**power
-            sign, wants_name = 1, False
+            rest = rest[term.end() :]
+            # a space between two names multiplies
+            wants_name = name.isalpha() and name == term[0] and bool(re.match(r"\s+[A-Za-zµμ]", rest))
+            sign, rest = 1, rest.lstrip()
+            continue
+        if mark == "(" and wants_name:
+            signs.append(signs[-1] * sign)
+            sign = 1
+        elif mark == ")" and not wants_name and len(signs) > 1:
+            signs.pop()
+        elif mark in "*·./" and not wants_name:
+            sign, wants_name = (-1 if mark == "/" else 1), True
         else:
             raise ValueError
+        rest = rest[1:].lstrip()
     if wants_name or len(signs) > 1:
         raise ValueError
     return (powers[0], powers[1], powers[2]), factor
 
 
-def _list_tokens(text: str) -> list[str]:
-    """The text cut into names, numbers and signs; a space between two names multiplies."""
-    tokens: list[str] = []
-    position = 0
-    text = text.strip()
-    while position < len(text):
-        match = _TOKEN.match(text, position)
-        if match is None:
-            raise ValueError
-        if tokens and match[0][0].isspace() and tokens[-1].isalpha() and match[1].isalpha():
-            tokens.append("*")
-        tokens.append(match[1])
-        position = match.end()
-    return tokens
-
-
-def _named(token: str) -> tuple[tuple[int, int, int], float]:
+def _find_name(name: str) -> tuple[tuple[int, int, int], float]:
     """A name as it is, else in lower case (LBF, IN, G)."""
-    if token in _NAMES:
-        return _NAMES[token]
-    if (token.lower() in _NAMES and len(token) > 1) or token in ("G", "S"):
-        return _NAMES[token.lower()]
+    if name in _NAMES:
+        return _NAMES[name]
+    if (name.lower() in _NAMES and len(name) > 1) or name in ("G", "S"):
+        return _NAMES[name.lower()]
     raise ValueError
-
-
-def _power(tokens: list[str]) -> int:
-    """The power that follows a name: ^2, **2, 2, ², ^-1; 1 where there is none."""
-    if tokens and tokens[0] in _POWERS:
-        return _POWERS[tokens.pop(0)]
-    marked = bool(tokens) and tokens[0] in ("^", "**")
-    if marked:
-        tokens.pop(0)
-    negative = bool(tokens) and tokens[0] == "-"
-    if negative:
-        tokens.pop(0)
-    if tokens and tokens[0].isdecimal() and len(tokens[0]) == 1:
-        power = int(tokens.pop(0))
-        return -power if negative else power
-    if marked or negative:
-        raise ValueError
-    return 1
 
 
 #: Powers of (force, length) of the columns of a record; all times are in s. Other columns stay as they are.

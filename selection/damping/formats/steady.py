@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,22 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.errors import InputError, naming
-from damping.formats import Imported, Series, Stated, Summary
 from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
+from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A record and what was understood on the way."""
+
+    record: Record
+    summary: Summary
 
 
 def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Imported:
@@ -37,7 +46,11 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
 
 def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.DataFrame:
     """The rows of all sweeps."""
-    _not_too_many(series, stated)
+    low, high = stated.band or (0.0, np.inf)
+    count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
+    if count > MOST_ROWS:
+        expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
+        raise InputError(f"{count} rows", expected=expected)
     labels, forces = _list_labels(series, stated), _stated_forces(series, stated)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
@@ -47,22 +60,28 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
     if len({"phase" in table for table in tables}) > 1:
         raise InputError("some sweeps have phases and some have none", expected="sweeps of one kind")
     table = pd.concat(tables, ignore_index=True)
-    _checked(table)
+    for problem in find_problems(table):
+        where = f"{problem.message} in row {problem.row + 1} of the record"
+        if problem.column is None:
+            label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
+            where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
+        raise InputError(where, column=problem.column, expected=problem.expected)
     if stated.system in SYSTEMS and not stated.consistent:
         force, length = SYSTEMS[stated.system]
         system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
         summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
-    _phases(table, summary)
+    if "phase" not in table:
+        summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
+        return table
+    wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
+    if wrong > len(table) / 2:
+        raise InputError(
+            f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
+            "mounted against the force, or the phase of the other sign?",
+            expected="--reverse, or the phase as lead in place of lag (or the other way round)",
+        )
     return table
-
-
-def _not_too_many(series: Sequence[Series], stated: Stated) -> None:
-    low, high = stated.band or (0.0, np.inf)
-    count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
-    if count > MOST_ROWS:
-        expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
-        raise InputError(f"{count} rows", expected=expected)
 
 
 def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
@@ -114,7 +133,8 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
     }
     if row.has_phase:
         drive = np.ones_like(F) if to.per_force else F
-        columns["phase"] = _wrapped(np.angle(drive) - np.angle(X))
+        # within -pi/2..3 pi/2, so that noise about 0 and pi does not jump
+        columns["phase"] = (np.angle(drive) - np.angle(X) + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
     for name, values in row.extra.items():
         columns[name] = _extra(name, values[keep], row, columns, keep, known)
     return pd.DataFrame(columns)
@@ -190,11 +210,6 @@ def _extra(
     return values * other_factor(name, _POWERS[name], known) if name in _POWERS else values
 
 
-def _wrapped(phase: FloatArray) -> FloatArray:
-    """Angles within -pi/2..3 pi/2, so that noise about 0 and pi does not jump."""
-    return (phase + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
-
-
 def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:
     """The displacement, its phase taken as a lead or as a lag, whichever lets the structure take energy.
 
@@ -218,27 +233,3 @@ def _is_passive(lag: FloatArray, size: FloatArray, frequency: FloatArray) -> boo
     centre = float(np.sum(weight * f) / np.sum(weight))
     rises = float(np.sum(weight * (f - centre) * lag)) > 0.0 or len(f) == 1
     return inside > 0.5 and rises
-
-
-def _phases(table: pd.DataFrame, summary: Summary) -> None:
-    """Say so when there are no phases. InputError where the response mostly gives energy back."""
-    if "phase" not in table:
-        summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
-        return
-    wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
-    if wrong > len(table) / 2:
-        raise InputError(
-            f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
-            "mounted against the force, or the phase of the other sign?",
-            expected="--reverse, or the phase as lead in place of lag (or the other way round)",
-        )
-
-
-def _checked(table: pd.DataFrame) -> None:
-    """InputError for what no record may hold."""
-    for problem in find_problems(table):
-        where = f"{problem.message} in row {problem.row + 1} of the record"
-        if problem.column is None:
-            label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
-            where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
-        raise InputError(where, column=problem.column, expected=problem.expected)

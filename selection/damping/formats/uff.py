@@ -14,9 +14,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats import FileFacts, Samples, Series, Summary
-from damping.formats.headers import ABSCISSAS
 from damping.formats.quantity import unit
+from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Summary
 from damping.formats.uff_blocks import DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
@@ -35,8 +34,7 @@ _FUNCTIONS = {
 }
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-#: Data type of an abscissa that is frequency (field 1 of record 8 of data set 58).
-_FREQUENCY = 18
+_FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
 

@@ -15,20 +15,16 @@ from damping.errors import InputError
 from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
-#: Data sets of a file that are looked at.
-MOST_SETS = 50_000
+MOST_SETS = 50_000  #: data sets of a file that are looked at
 #: A closing line after bytes, where some programs end the line first.
 _CLOSING = re.compile(rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t\r]*(?=\n|\Z)")
 _END = re.compile(rb"^[ \t]{0,8}-1[ \t\r]*$", re.MULTILINE)
 _KIND = re.compile(rb"[ \t]{0,8}(\d{1,6})([bB]?)((?:[ \t]+-?\d{1,12})*)[ \t]*")
 _INTEGER = re.compile(rb"\s*[+-]?\d{1,12}\s*")
-#: Fortran's letter of an exponent to that of C.
-D_TO_E = bytes.maketrans(b"Dd", b"EE")
-#: Data sets of other numbers that are named.
-_MOST_OTHERS = 12
+D_TO_E = bytes.maketrans(b"Dd", b"EE")  #: Fortran's letter of an exponent to that of C
+_MOST_OTHERS = 12  #: data sets of other numbers that are named
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
-#: Data type of an abscissa that is time (field 1 of record 8 of data set 58).
-_TIME = 17
+_TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of data set 58)
 
 
 @dataclass(frozen=True)

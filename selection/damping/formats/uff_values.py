@@ -15,8 +15,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats import Samples
 from damping.formats.named import cartesian
+from damping.formats.series import Samples
 from damping.formats.uff_blocks import D_TO_E, DataSet
 from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
 from damping.records.record import Record
@@ -131,12 +131,10 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-#: Fourth ID line of a set whose amplitudes are those of the sine.
-PEAK = "peak amplitudes"
-#: Data types of data set 58: abscissa, numerator and denominator.
-_FREQUENCY = 18
-_DISPLACEMENT = 8
-_FORCE = 13
+PEAK = "peak amplitudes"  #: fourth ID line of a set whose amplitudes are those of the sine
+_FREQUENCY = 18  #: data type of the abscissa
+_DISPLACEMENT = 8  #: data type of the numerator
+_FORCE = 13  #: data type of the denominator
 
 
 def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes, list[str]]:

@@ -199,14 +199,14 @@ def conclude(explained: Explained) -> Diagnosis:
     more = known.dispersion > 1.0 or unexplained(leading.best, explained.tests, library) or bool(levels)
     cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
-    A = np.array([one.amplitude for one in local])
+    A = np.array([estimate.amplitude for estimate in local])
     return Diagnosis(
         record=record,
         mode=mode,
         setting=known,
         hypotheses=hypotheses,
         explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([hypothesis.hypothesis for hypothesis in hypotheses], library),
+        groups=group_equivalent_effects([explanation.hypothesis for explanation in hypotheses], library),
         tests=explained.tests,
         unexplained=more,
         in_library=explained.in_library,
@@ -216,9 +216,13 @@ def conclude(explained: Explained) -> Diagnosis:
         footprint=footprint_cells(leading.best),
         held_out=held_out,
         local=local,
-        damping_trend=trend(A, np.array([one.damping for one in local]), np.array([one.damping_sd for one in local])),
+        damping_trend=trend(
+            A, np.array([estimate.damping for estimate in local]), np.array([estimate.damping_sd for estimate in local])
+        ),
         frequency_trend=trend(
-            A, np.array([one.frequency for one in local]), np.array([one.frequency_sd for one in local])
+            A,
+            np.array([estimate.frequency for estimate in local]),
+            np.array([estimate.frequency_sd for estimate in local]),
         ),
         cautions=tuple(cautions),
     )
@@ -238,7 +242,7 @@ def refuse_rows(states: Sequence[State]) -> None:
 def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
     """The explanations beside the leading one that are alive."""
     alive = [hypothesis for hypothesis in hypotheses[1 : 1 + MOST_RIVALS] if hypothesis.probability > ALIVE]
-    return [Rival(one.hypothesis.best, one.probability) for one in alive]
+    return [Rival(rival.hypothesis.best, rival.probability) for rival in alive]
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
@@ -285,8 +289,8 @@ def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
     return search
 
 
-def _much_the_same(one: Setting, other: Setting) -> bool:
+def _much_the_same(setting: Setting, other: Setting) -> bool:
     """Whether two settings have the same noise within what is integrated over anyway."""
-    a, b = one.problem.rows, other.problem.rows
+    a, b = setting.problem.rows, other.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
     return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)

@@ -106,12 +106,12 @@ def fit_roughly(
 
 def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> list[ModelFit]:
     """Fits made again with predictions at the motion that they found: free of the noise of measured amplitudes."""
-    found = []
-    for one in rough:
-        model = one.model.at_motion(one.y)
-        y, r, J = _climb(model, one.y[np.newaxis].copy(), weights, share=_FINELY)
-        found.append(_fit(model, y[0], r[0], J[0], weights))
-    return _list_distinct(found)
+    fits = []
+    for fit in rough:
+        model = fit.model.at_motion(fit.y)
+        y, r, J = _climb(model, fit.y[np.newaxis].copy(), weights, share=_FINELY)
+        fits.append(_fit(model, y[0], r[0], J[0], weights))
+    return _list_distinct(fits)
 
 
 def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
@@ -125,14 +125,13 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
     return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
 
 
-def _list_distinct(found: list[ModelFit]) -> list[ModelFit]:
+def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
     """Fits that differ, best first, without those that are far behind."""
-    found = sorted(found, key=lambda one: -one.log_posterior)
     distinct: list[ModelFit] = []
-    for one in found:
-        if all(_differ(one, other) for other in distinct):
-            distinct.append(one)
-    return [one for one in distinct if one.log_posterior > distinct[0].log_posterior - _BEHIND]
+    for fit in sorted(fits, key=lambda fit: -fit.log_posterior):
+        if all(_differ(fit, other) for other in distinct):
+            distinct.append(fit)
+    return [fit for fit in distinct if fit.log_posterior > distinct[0].log_posterior - _BEHIND]
 
 
 def _differ(fit: ModelFit, other: ModelFit) -> bool:

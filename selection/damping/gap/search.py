@@ -171,22 +171,26 @@ class Search:
         rows = self.problem.rows
         sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
         ranked = self.ranked()
-        probable = [one for one in ranked[:_AGAIN] if one.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
-        simple = [one for one in ranked if len(one.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {one.key: one for one in (self.hypotheses[frozenset()], *simple, *probable)}
-        for one in sorted(worth.values(), key=lambda one: len(one.effects)):
+        probable = [
+            hypothesis
+            for hypothesis in ranked[:_AGAIN]
+            if hypothesis.log_posterior > ranked[0].log_posterior - _LOST_AGAIN
+        ]
+        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
+        worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
+        for hypothesis in sorted(worth.values(), key=lambda hypothesis: len(hypothesis.effects)):
             fits = []
-            for fit in one.near:
+            for fit in hypothesis.near:
                 at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
                 model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
                 z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
                 fits.append(fit_roughly(model, fit.y[np.newaxis, : model.size], z))
-            other._store(one.effects, list(chain.from_iterable(fits)), one.forms)
+            other._store(hypothesis.effects, list(chain.from_iterable(fits)), hypothesis.forms)
         return other
 
     def ranked(self) -> list[Hypothesis]:
         """All hypotheses, most probable first."""
-        return sorted(self.hypotheses.values(), key=lambda one: -one.log_posterior)
+        return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
     def _most_effects(self) -> int:
         """Effects that so many rows can carry; at phase resonance only, a level less than there are."""
@@ -205,8 +209,12 @@ class Search:
         best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
-        quiet = {key: one.log_posterior for key, one in self.hypotheses.items() if key and _leaves_noise(one)}
-        for base in [one for one in self.ranked() if len(one.effects) == size][:6]:
+        quiet = {
+            key: hypothesis.log_posterior
+            for key, hypothesis in self.hypotheses.items()
+            if key and _leaves_noise(hypothesis)
+        }
+        for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
@@ -234,12 +242,12 @@ class Search:
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         near = base.near[:_MOST_BASES]
         fits: list[ModelFit] = []
-        for tried, one in product(promising, near):
-            fits += self._fits(one, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
+        for tried, fit in product(promising, near):
+            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
         if fits:
-            top = max(one.log_evidence for one in fits)
+            top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-            known = max(one.log_evidence for one in self.hypotheses.values())
+            known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
             self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
@@ -262,12 +270,12 @@ class Search:
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
         """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
-        top = max(one.log_evidence for one in fits)
+        top = max(fit.log_evidence for fit in fits)
         plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-        least = max((one.log_evidence for one in self.hypotheses.values()), default=-np.inf) - _WORTH
-        near = [marginalise_scatter(one, self.unknown, least) for one in plain]
-        first = int(np.argmax([one.log_evidence for one in near]))
-        evidence = _total(one.log_evidence for one in near) - float(np.log(forms))
+        least = max((hypothesis.log_evidence for hypothesis in self.hypotheses.values()), default=-np.inf) - _WORTH
+        near = [marginalise_scatter(fit, self.unknown, least) for fit in plain]
+        first = int(np.argmax([fit.log_evidence for fit in near]))
+        evidence = _total(fit.log_evidence for fit in near) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
         prior += sum(np.log(self.effects[name].prior) for name in effects)
         others = _list_other_forms(plain[first], plain) if effects else ()
@@ -295,9 +303,9 @@ def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
 def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, ...]:
     """The best mode of the one other set of forms that comes nearest, if it is near."""
     rest = [
-        one for one in near if one.model.parts != best.model.parts and one.log_evidence > best.log_evidence - _CLOSE
+        fit for fit in near if fit.model.parts != best.model.parts and fit.log_evidence > best.log_evidence - _CLOSE
     ]
-    return (max(rest, key=lambda one: one.log_evidence),) if rest else ()
+    return (max(rest, key=lambda fit: fit.log_evidence),) if rest else ()
 
 
 def _total(logarithms: Iterable[float]) -> float:

@@ -94,7 +94,7 @@ def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
         s = max(spread(combined / of_shape), LEAST)
         price = _PRICE if rho else 0.0
         found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
-    return max(found, key=lambda one: one[0])[1]
+    return max(found, key=lambda choice: choice[0])[1]
 
 
 def spread(values: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 Log odds are tempered (Guo, Pleiss, Sun and Weinberger 2017) as far as the cause may be in no library: those of
 imitations differ by chance. The chance that the library holds the cause is logistic (as of Platt 1999) in what an
-answer leaves; its constants are those of ``python -m damping_validation.guard --doubts``, a regression on answers to
+answer leaves; its constants are those of ``python -m damping_validation.guard doubts``, a regression on answers to
 generated cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
 """
 
@@ -37,8 +37,11 @@ class Explanation:
 
 def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     """Probabilities among all hypotheses that were fitted, the most probable of which comes first."""
-    probabilities = softmax([one.log_posterior for one in ranked])
-    return tuple(Explanation(one.effects, float(p), one) for one, p in zip(ranked, probabilities, strict=True))
+    probabilities = softmax([hypothesis.log_posterior for hypothesis in ranked])
+    return tuple(
+        Explanation(hypothesis.effects, float(p), hypothesis)
+        for hypothesis, p in zip(ranked, probabilities, strict=True)
+    )
 
 
 #: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it.
@@ -47,10 +50,10 @@ TEMPERATURE_OUTSIDE = 8.0
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown."""
-    outside = softmax([one.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for one in hypotheses])
+    outside = softmax([explanation.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for explanation in hypotheses])
     return tuple(
-        replace(one, probability=float(in_library * one.probability + (1.0 - in_library) * own))
-        for one, own in zip(hypotheses, outside, strict=True)
+        replace(explanation, probability=float(in_library * explanation.probability + (1.0 - in_library) * own))
+        for explanation, own in zip(hypotheses, outside, strict=True)
     )
 
 
@@ -77,7 +80,7 @@ def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation]) ->
     leading = hypotheses[0].hypothesis
     decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
     more = max(len(leading.effects) - 1, 0)
-    shorter = [one.hypothesis.log_posterior for one in hypotheses if one.hypothesis.key < leading.key]
+    shorter = [rival.hypothesis.log_posterior for rival in hypotheses if rival.hypothesis.key < leading.key]
     gain = leading.log_posterior - max(shorter, default=leading.log_posterior)
     return np.array([decades, more / (1.0 + gain / _PAYS), len(list_ends(leading.best))], dtype=float)
 

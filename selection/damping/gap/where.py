@@ -197,12 +197,12 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTren
         return None
     relative = amplitude / amplitude.max()
     constant = _chi_square(np.ones((len(value), 1)), value, sd)[0]
-    found = []
+    trends = []
     for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
-        found.append(PowerTrend(float(power), float(constant - chi_square), float(change)))
-    return max(found, key=lambda one: one.gain)
+        trends.append(PowerTrend(float(power), float(constant - chi_square), float(change)))
+    return max(trends, key=lambda trend: trend.gain)
 
 
 def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:

@@ -16,23 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from damping.plots import (
-    AVERAGE,
-    BEYOND,
-    GRID,
-    INK,
-    LINEAR,
-    MEASURED,
-    MUTED,
-    PREDICTIVE,
-    WIDTH,
-    build_panel,
-    describe_short,
-    describe_with_unit,
-    distinguish,
-    law_style,
-    styled,
-)
+from damping import plots as look
+from damping.plots import build_panel, describe_short, describe_with_unit, distinguish, law_style, styled
 
 #: Line of a median beyond the test.
 _DASHED = (0, (4, 1.5))
@@ -59,7 +44,7 @@ def damping_curve(
 def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | None) -> None:
     rows = table[np.isfinite(table["damping_ratio"])].sort_values("amplitude", kind="stable")
     if rows.empty:
-        axes.text(0.5, 0.5, "no prediction", transform=axes.transAxes, ha="center", color=MUTED)
+        axes.text(0.5, 0.5, "no prediction", transform=axes.transAxes, ha="center", color=look.MUTED)
         return
     A = rows["amplitude"].to_numpy(float)
     ratio, low, high = (
@@ -67,15 +52,15 @@ def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | 
     )
     inside = rows["tested"].to_numpy(bool)
     edge = float(A[inside].max()) if inside.any() else float(A.min())
-    axes.fill_between(A, low, high, facecolor=PREDICTIVE, linewidth=0)
+    axes.fill_between(A, low, high, facecolor=look.PREDICTIVE, linewidth=0)
     shade_beyond(axes, edge, float(A.max()))
     within = edge >= A
     beyond = (edge <= A) if inside.any() else np.full(len(A), True)
-    axes.plot(A[within], ratio[within], color=AVERAGE, linewidth=2.2)
-    axes.plot(A[beyond], ratio[beyond], color=AVERAGE, linewidth=2.2, linestyle=_DASHED)
-    axes.plot(A, low, color=LINEAR, linewidth=1.2)
+    axes.plot(A[within], ratio[within], color=look.AVERAGE, linewidth=2.2)
+    axes.plot(A[beyond], ratio[beyond], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED)
+    axes.plot(A, low, color=look.LINEAR, linewidth=1.2)
     if tested is not None:
-        axes.plot(tested["amplitude"], 100.0 * tested["damping_ratio"], "o", color=MEASURED, mec="white", zorder=5)
+        axes.plot(tested["amplitude"], 100.0 * tested["damping_ratio"], "o", color=look.MEASURED, mec="white", zorder=5)
     first = A.min() if tested is None else min(float(A.min()), float(tested["amplitude"].min()))
     spare = 0.03 * (A.max() - first) or 0.05 * A.max()
     axes.set_xlim(first - spare, A.max() + spare)
@@ -108,18 +93,18 @@ def _to_q(percent: Any) -> Any:
 def shade_beyond(axes: Axes, edge: float, end: float) -> None:
     """Hatch the ground from ``edge`` to ``end``, where nothing was tested."""
     if end > edge:
-        axes.axvspan(edge, end, facecolor=BEYOND, edgecolor=GRID, hatch="///", linewidth=0, zorder=0)
+        axes.axvspan(edge, end, facecolor=look.BEYOND, edgecolor=look.GRID, hatch="///", linewidth=0, zorder=0)
 
 
 def _build_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
     marks: list[Line2D | Patch] = [
-        Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=AVERAGE, linewidth=2.2, linestyle=_DASHED, label="median, beyond (hatched)"),
-        Patch(color=PREDICTIVE, label=f"{100 * level:g} % band"),
-        Line2D([], [], color=LINEAR, linewidth=1.2, label="its low end: size loads with it"),
+        Line2D([], [], color=look.AVERAGE, linewidth=2.2, label="median, tested"),
+        Line2D([], [], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED, label="median, beyond (hatched)"),
+        Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % band"),
+        Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
     ]
     if tested:
-        marks.append(Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {tested})"))
+        marks.append(Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {tested})"))
     return marks
 
 
@@ -142,7 +127,7 @@ def fitted_sweeps(
     figure, axes = build_panel(3.7, x_label, y_label)
     for _, line in fitted.groupby("sweep", sort=False):
         axes.plot(line["x"], line["y"], color=law_style(law).colour, linewidth=1.3)
-    axes.plot(measured["x"], measured["y"], "o", color=MEASURED, markersize=3.6, mec="white", mew=0.3, zorder=3)
+    axes.plot(measured["x"], measured["y"], "o", color=look.MEASURED, markersize=3.6, mec="white", mew=0.3, zorder=3)
     sweeps = measured.groupby("sweep", sort=False)
     if sweeps.ngroups <= MOST_NAMED:
         tops = measured.loc[sweeps["y"].idxmax()]
@@ -151,7 +136,7 @@ def fitted_sweeps(
     axes.margins(x=0.1, y=0.1)
     measured_label = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
     marks = [
-        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=measured_label),
+        Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=measured_label),
         Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),
     ]
     figure.legend(handles=marks, loc="outside lower left", ncols=1)
@@ -166,16 +151,16 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
         table: a row a level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         unit: of the level.
     """
-    figure = Figure(figsize=(WIDTH, 4.4))
+    figure = Figure(figsize=(look.WIDTH, 4.4))
     left, right = figure.subplots(2, 1, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
-    left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=PREDICTIVE, label="90 % band")
+    left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % band")
     for axes, name, factor in ((left, "median", 100.0), (right, "frequency", 1.0)):
         values = factor * table[name].to_numpy(dtype=float)
-        axes.plot(level, values, color=AVERAGE)
-        axes.plot(level[tested], values[tested], "o", color=MEASURED, label="tested")
-        axes.plot(level[~tested], values[~tested], "o", mfc="white", color=MEASURED, label="design")
+        axes.plot(level, values, color=look.AVERAGE)
+        axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
+        axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
         axes.set_xlabel(f"level, {unit}")
     left.set_ylabel("damping ratio, %")
     right.set_ylabel("frequency, Hz")
@@ -212,8 +197,8 @@ def design_loads(
     _draw_loads(panel, band, tested, design)
     end = float(band["force"].iloc[-1])
     if limit < end:
-        panel.axvline(limit, color=MUTED, linewidth=0.8)
-        panel.text(limit, 0.02, " no prediction", transform=panel.get_xaxis_transform(), color=MUTED, fontsize=8)
+        panel.axvline(limit, color=look.MUTED, linewidth=0.8)
+        panel.text(limit, 0.02, " no prediction", transform=panel.get_xaxis_transform(), color=look.MUTED, fontsize=8)
     if axes is None:
         marks = _build_load_marks(level, len(tested))
         figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
@@ -224,17 +209,21 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     force = band["force"].to_numpy(float)
     edge = float(tested["force"].max())
     shade_beyond(axes, edge, float(force[-1]))
-    axes.fill_between(force, band["low"], band["high"], facecolor=PREDICTIVE, linewidth=0)
-    axes.plot(force, band["linear"], color=LINEAR, linewidth=1.4, linestyle=_LONG_DASH)
+    axes.fill_between(force, band["low"], band["high"], facecolor=look.PREDICTIVE, linewidth=0)
+    axes.plot(force, band["linear"], color=look.LINEAR, linewidth=1.4, linestyle=_LONG_DASH)
     inside = force <= edge
-    axes.plot(force[inside], band["median"][inside], color=AVERAGE, linewidth=2.2)
-    axes.plot(force[~inside], band["median"][~inside], color=AVERAGE, linewidth=2.2, linestyle=_DASHED)
-    axes.plot(tested["force"], tested["amplitude"], "o", color=MEASURED, markersize=5, mec="white", mew=0.6, zorder=5)
+    axes.plot(force[inside], band["median"][inside], color=look.AVERAGE, linewidth=2.2)
+    axes.plot(force[~inside], band["median"][~inside], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED)
+    axes.plot(
+        tested["force"], tested["amplitude"], "o", color=look.MEASURED, markersize=5, mec="white", mew=0.6, zorder=5
+    )
     if len(tested) <= MOST_NAMED:
         for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
-            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", color=MEASURED, fontsize=7.5)
-    axes.vlines(design["force"], design["low"], design["high"], color=AVERAGE, linewidth=1.2, zorder=4)
-    axes.plot(design["force"], design["median"], "D", color="white", markeredgecolor=AVERAGE, markersize=5, zorder=6)
+            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", color=look.MEASURED, fontsize=7.5)
+    axes.vlines(design["force"], design["low"], design["high"], color=look.AVERAGE, linewidth=1.2, zorder=4)
+    axes.plot(
+        design["force"], design["median"], "D", color="white", markeredgecolor=look.AVERAGE, markersize=5, zorder=6
+    )
     axes.set_xlim(force[0], force[-1])
     axes.set_ylim(0.0, _find_top(band, tested, design))
 
@@ -248,10 +237,10 @@ def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) ->
 
 def _build_load_marks(level: float, sweeps: int) -> list[Artist]:
     return [
-        Line2D([], [], marker="o", color=MEASURED, linestyle="", label=f"measured (n = {sweeps})"),
-        Line2D([], [], color=AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=AVERAGE, linewidth=2.2, ls=_DASHED, label="median, beyond (hatched)"),
-        Patch(fc=PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
-        Line2D([], [], color=LINEAR, linewidth=1.4, ls=_LONG_DASH, label="linear, from the top level"),
-        Line2D([], [], marker="D", color="white", markeredgecolor=INK, linestyle="", label="design force"),
+        Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {sweeps})"),
+        Line2D([], [], color=look.AVERAGE, linewidth=2.2, label="median, tested"),
+        Line2D([], [], color=look.AVERAGE, linewidth=2.2, ls=_DASHED, label="median, beyond (hatched)"),
+        Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
+        Line2D([], [], color=look.LINEAR, linewidth=1.4, ls=_LONG_DASH, label="linear, from the top level"),
+        Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -12,17 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy.ndimage import gaussian_filter
 
+from damping import plots as look
 from damping.arrays import FloatArray
 from damping.plots import (
-    AVERAGE,
-    CREDIBLE,
-    INK,
-    LINEAR,
-    MEASURED,
-    MOST_LABELS,
-    MUTED,
-    PREDICTIVE,
-    WIDTH,
     Drawing,
     build_panel,
     describe_short,
@@ -40,38 +32,27 @@ MANY = 5_000
 
 @styled
 def deviations_figure(
-    x: FloatArray, deviation: FloatArray, percent: FloatArray, *, x_label: str, response: str
+    x: FloatArray, deviation: FloatArray, percent: FloatArray, *, x_label: str, response: str, axes: Axes | None = None
 ) -> Figure:
-    """Deviation (above) and per cent deviation (below) against a variable.
+    """Deviation (above) and per cent deviation (below) against a variable; on ``axes`` the deviation alone.
 
     Args:
-        x: the variable (n,).
+        x: the variable (n,). x_label: its name. response: name of the response.
         deviation: observed - fitted (n,), in units of the response.
         percent: 100 deviation/observed (n,), NaN where there is none.
-        x_label: name of the variable.
-        response: name of the response.
     """
-    figure = Drawing(figsize=(WIDTH, 4.6))
-    above, below = figure.subplots(2, 1, sharex=True)
-    known = ~np.isnan(percent)
+    panels = Drawing(figsize=(look.WIDTH, 4.6)).subplots(2, 1, sharex=True) if axes is None else [axes]
     many: dict[str, Any] = {"rasterized": True, "markersize": 1.0, "alpha": 0.5} if len(x) > MANY else {}
-    for axes, shown, value in ((above, x, deviation), (below, x[known], percent[known])):
-        axes.plot(shown, value, "o", color=MEASURED, **many)
-    for axes, label in ((above, f"deviation of {response}"), (below, "deviation, per cent")):
-        axes.axhline(0.0, color=MUTED, linewidth=0.8)
-        axes.set_ylabel(label, parse_math=False)
-    below.set_xlabel(x_label, parse_math=False)
-    above.set_title("observed - fitted")
-    return figure
-
-
-@styled
-def draw_deviations(axes: Axes, x: FloatArray, deviation: FloatArray, *, x_label: str, response: str) -> None:
-    """Draw deviations (n,), observed - fitted, against a variable (n,) on ``axes``."""
-    axes.plot(x, deviation, "o", color=MEASURED)
-    axes.axhline(0.0, color=MUTED, linewidth=0.8)
-    axes.set_xlabel(x_label, parse_math=False)
-    axes.set_ylabel(f"deviation of {response}", parse_math=False)
+    labels = (f"deviation of {response}", "deviation, per cent")
+    for panel, values, label in zip(panels, (deviation, percent), labels, strict=False):
+        known = ~np.isnan(values)
+        panel.plot(x[known], values[known], "o", color=look.MEASURED, **many)
+        panel.axhline(0.0, color=look.MUTED, linewidth=0.8)
+        panel.set_ylabel(label, parse_math=False)
+    panels[-1].set_xlabel(x_label, parse_math=False)
+    if axes is None:
+        panels[0].set_title("observed - fitted")
+    return cast(Figure, panels[0].figure)
 
 
 @styled
@@ -82,7 +63,7 @@ def sweeps(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
         ordered = rows.sort_values("frequency", kind="stable")
         panel.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
     handles, labels = panel.get_legend_handles_labels()
-    if len(labels) > MOST_LABELS // 4:
+    if len(labels) > look.MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]
     panel.legend(handles, [describe_short(label) for label in labels], title="sweep")
     return figure
@@ -95,24 +76,25 @@ SMALLEST = 0.01
 
 
 @styled
-def ranking(table: pd.DataFrame) -> Figure:
-    """Draw weights as bars beside held-out and fitted errors, best law on top.
+def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
+    """Draw weights as bars beside held-out and fitted errors, best law on top; on ``axes`` the weights alone.
 
     Args:
         table: ``rank`` (missing where it could not be fitted), ``law, weight, held_out_error,
             average_absolute_percent`` (per cent of resonant amplitude) and ``physical``.
     """
-    figure = Drawing(figsize=(WIDTH, 0.9 + 0.21 * len(table)))
+    if axes is not None:
+        _draw_weights(axes, table)
+        return cast(Figure, axes.figure)
+    figure = Drawing(figsize=(look.WIDTH, 0.9 + 0.21 * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
-    draw_weights(weights, table)
+    _draw_weights(weights, table)
     _draw_errors(errors, table)
     figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, columnspacing=1.2)
     return figure
 
 
-@styled
-def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
-    """Draw the weights of :func:`ranking` on ``axes``."""
+def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     laws = table["law"].astype(str).tolist()
     draw_plain_rows(axes, [describe_short(law, MOST_LETTERS) for law in laws])
     colours = [law_style(law).colour for law in laws]
@@ -120,7 +102,9 @@ def draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
         label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else weight_text(weight)
-        axes.annotate(label, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=INK)
+        axes.annotate(
+            label, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=look.INK
+        )
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")
 
@@ -131,10 +115,10 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
     columns = table[["average_absolute_percent", "held_out_error"]].to_numpy(float)
     fitted, held_out = np.maximum(columns, SMALLEST).T
     axes.set_xscale("log")
-    axes.hlines(rows, fitted, held_out, color=MUTED, linewidth=0.7)
-    axes.plot(fitted, rows, "o", color="white", markeredgecolor=INK, markersize=5, label="fitted, mean absolute")
+    axes.hlines(rows, fitted, held_out, color=look.MUTED, linewidth=0.7)
+    axes.plot(fitted, rows, "o", color="white", markeredgecolor=look.INK, markersize=5, label="fitted, mean absolute")
     if np.isfinite(held_out).any():
-        axes.plot(held_out, rows, "o", color=INK, markersize=5, label="level held out, root mean square")
+        axes.plot(held_out, rows, "o", color=look.INK, markersize=5, label="level held out, root mean square")
     axes.tick_params(axis="y", labelleft=False)
     plain_log(axes.xaxis)
     exact = "\n(at the edge: rounding)" if np.nanmin(columns, initial=1.0) < SMALLEST else ""
@@ -156,8 +140,8 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     """
     labels = list(draws)
     size = len(labels)
-    height = WIDTH * min(1.1, 0.4 + 0.2 * size)
-    figure = Figure(figsize=(WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
+    height = look.WIDTH * min(1.1, 0.4 + 0.2 * size)
+    figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
     figure.subplots_adjust(left=0.16, right=0.96, bottom=0.12, top=0.92, wspace=0.12, hspace=0.2 + 0.06 * size)
     axes = figure.subplots(size, size, squeeze=False)
     limits = {label: _limits(draws[label]) for label in labels}
@@ -186,10 +170,10 @@ def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple
     """Histogram with the prior density over it; both integrate to 1 over all values, also those out of sight."""
     edges = np.linspace(*limits, _BINS + 1)
     heights = _density(values, edges)
-    axes.stairs(heights, edges, fill=True, color=CREDIBLE, label="posterior")
-    axes.stairs(_density(prior, edges), edges, color=LINEAR, linewidth=1.3, baseline=None, label="prior")
+    axes.stairs(heights, edges, fill=True, color=look.CREDIBLE, label="posterior")
+    axes.stairs(_density(prior, edges), edges, color=look.LINEAR, linewidth=1.3, baseline=None, label="prior")
     low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
-    axes.vlines([low, high], 0.0, heights.max(), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
+    axes.vlines([low, high], 0.0, heights.max(), color=look.INK, linewidth=0.8, linestyle=(0, (3, 2)))
     summary = f"{median:.3g}\n({low:.3g} to {high:.3g})"
     axes.set_title(summary, fontsize=7, fontweight="normal", loc="center", pad=3)
     axes.set_ylim(0.0, 1.08 * heights.max())
@@ -209,8 +193,8 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[tuple[float, f
     levels = [float(ordered[np.searchsorted(share, content)]) for content in CONTENTS]
     centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (x_edges, y_edges)]
     if levels[0] < levels[1] < ordered[0]:
-        axes.contourf(*centres, smooth.T, [*levels, ordered[0]], colors=[PREDICTIVE, CREDIBLE])
-        axes.contour(*centres, smooth.T, levels, colors=[AVERAGE], linewidths=0.7)
+        axes.contourf(*centres, smooth.T, [*levels, ordered[0]], colors=[look.PREDICTIVE, look.CREDIBLE])
+        axes.contour(*centres, smooth.T, levels, colors=[look.AVERAGE], linewidths=0.7)
     axes.set_ylim(limits[1])
 
 
@@ -218,7 +202,9 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     """Numbers and names on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    axes.tick_params(labelbottom=bool(x_label), labelleft=bool(y_label), left=bool(y_label), labelsize=7, color=MUTED)
+    axes.tick_params(
+        labelbottom=bool(x_label), labelleft=bool(y_label), left=bool(y_label), labelsize=7, color=look.MUTED
+    )
     axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 
@@ -240,14 +226,14 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
     sweeps = list(table["sweep"].unique())
     columns = min(_COLUMNS, len(sweeps))
     rows = -(-len(sweeps) // columns)
-    figure = Figure(figsize=(WIDTH, 0.5 + rows * (0.5 + 0.19 * len(laws))))
+    figure = Figure(figsize=(look.WIDTH, 0.5 + rows * (0.5 + 0.19 * len(laws))))
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes in panels[len(sweeps) :]:
         axes.remove()
     for axes, sweep, label in zip(panels, sweeps, distinguish(sweeps, 8), strict=False):
         of_sweep = table[table["sweep"] == sweep]
         draw_plain_rows(axes, [describe_short(law, _MOST_LETTERS) for law in laws])
-        axes.axvline(100.0, color=MEASURED, linewidth=1.2)
+        axes.axvline(100.0, color=look.MEASURED, linewidth=1.2)
         for law, median, low, high in of_sweep[["law", "median", "low", "high"]].itertuples(index=False):
             row, colour = laws.index(str(law)), law_style(str(law)).colour
             axes.plot([low, high], [row, row], color=colour, linewidth=2.0)

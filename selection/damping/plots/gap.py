@@ -10,36 +10,54 @@ from matplotlib.axes import Axes
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
-from damping.plots import (
-    ALERT,
-    AVERAGE,
-    INK,
-    MEASURED,
-    MUTED,
-    WIDTH,
-    build_panel,
-    describe_with_unit,
-    draw_plain_rows,
-    plain_log,
-    styled,
-    weight_text,
-)
+from damping import plots as look
+from damping.plots import build_panel, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
 
+#: Title and description of each figure of a diagnosis.
+DESCRIBED = {
+    "overlay": (
+        "Measured and simulated sweeps",
+        "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
+        "refitted within its tolerance, and with the leading explanation.",
+    ),
+    "resonances": (
+        "Measured and simulated resonances",
+        "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
+        "simulation as given, refitted within its tolerance, and with the leading explanation.",
+    ),
+    "residuals": (
+        "Where the simulation as given misses the test",
+        "Residual of amplitude and phase in units of noise, by sweep and frequency.",
+    ),
+    "footprint": (
+        "Footprint of the explanation",
+        "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
+    ),
+    "probabilities": (
+        "Probabilities of the explanations",
+        "Bars of the most probable explanations; those that together reach 0.95 stand out.",
+    ),
+    "local": (
+        "Local natural frequency and damping",
+        "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself (bars of one "
+        "standard error), with the refitted simulation, the explanation, and what a curve of free form would add to "
+        "the explanation (90 per cent band).",
+    ),
+}
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
 
 
 @styled
 def gap_map(rows: pd.DataFrame, label: str) -> Figure:
-    """Draw one coloured mark a row of the record, sweeps one below the other.
+    """Draw one coloured mark a row of the record, sweeps one below the other; ``label``: what the colour is.
 
     Args:
         rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.
-        label: what the colour is.
     """
     quantities = list(rows["quantity"].unique())
     sweeps = list(rows["sweep"].unique())
-    figure = Figure(figsize=(WIDTH, 1.5 + 0.24 * len(sweeps)))
+    figure = Figure(figsize=(look.WIDTH, 1.5 + 0.24 * len(sweeps)))
     axes = figure.subplots(1, len(quantities), sharey=True, squeeze=False)[0]
     reach = max(3.0, float(np.nanquantile(rows["value"].abs(), 0.99)))
     norm = SymLogNorm(linthresh=2.0, vmin=-reach, vmax=reach)
@@ -61,16 +79,24 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     return figure
 
 
-LINES = {"nominal": (MUTED, (0, (1, 1.2))), "refitted": (MUTED, "-"), "explained": (ALERT, "-")}
-NAMES = {
-    "nominal": "simulation as given",
-    "refitted": "refitted within its tolerance",
-    "explained": "with the explanation",
+#: Colour, line and name of each model that is drawn.
+MODELS = {
+    "nominal": (look.MUTED, (0, (1, 1.2)), "simulation as given"),
+    "refitted": (look.MUTED, "-", "refitted within its tolerance"),
+    "explained": (look.ALERT, "-", "with the explanation"),
 }
+#: Sweeps beside one another.
+_PER_ROW = 2
+
+
+def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
+    for model, (colour, line, name) in MODELS.items():
+        rows = curves[curves["model"] == model]
+        ax.plot(rows[x], rows[y], color=colour, linestyle=line, label=name)
 
 
 @styled
-def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, per_row: int = 2) -> Figure:
+def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) -> Figure:
     """Draw one pair of panels a sweep: amplitude above phase, over frequency.
 
     Args:
@@ -80,15 +106,15 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
     """
     sweeps = list(measured["sweep"].unique())
     with_phase = bool(measured["phase"].notna().any())
-    bands = -(-len(sweeps) // per_row)
+    bands = -(-len(sweeps) // _PER_ROW)
     kinds = 2 if with_phase else 1
     ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
-    figure = Figure(figsize=(WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
-    axes = figure.subplots(bands * kinds, min(per_row, len(sweeps)), squeeze=False, height_ratios=ratios)
+    figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
+    axes = figure.subplots(bands * kinds, min(_PER_ROW, len(sweeps)), squeeze=False, height_ratios=ratios)
     for ax in axes.flat:
         ax.set_visible(False)
     for number, sweep in enumerate(sweeps):
-        band, column = divmod(number, per_row)
+        band, column = divmod(number, _PER_ROW)
         points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
         upper = axes[band * kinds, column]
         _draw_panel(upper, points, curves, "amplitude")
@@ -108,12 +134,12 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str, pe
 
 def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
     ax.set_visible(True)
-    for model, (colour, line) in LINES.items():
-        rows = curves[curves["model"] == model]
-        ax.plot(rows["frequency"], rows[quantity], color=colour, linestyle=line, label=NAMES[model])
+    _draw_models(ax, curves, "frequency", quantity)
     regular, wild = points[~points["wild"]], points[points["wild"]]
-    ax.plot(regular["frequency"], regular[quantity], "o", color=MEASURED, markersize=2.6, label="measured", zorder=3)
-    ax.plot(wild["frequency"], wild[quantity], "x", color=AVERAGE, markersize=4, zorder=3)
+    ax.plot(
+        regular["frequency"], regular[quantity], "o", color=look.MEASURED, markersize=2.6, label="measured", zorder=3
+    )
+    ax.plot(wild["frequency"], wild[quantity], "x", color=look.AVERAGE, markersize=4, zorder=3)
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
 
@@ -133,16 +159,17 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
             ``frequency_low`` and so on.
         length: unit of the amplitude.
     """
-    figure = Figure(figsize=(WIDTH, 5.0))
+    figure = Figure(figsize=(look.WIDTH, 5.0))
     axes = figure.subplots(2, 1)
     for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
-        for model, colour in (("refitted", MUTED), ("explained", ALERT)):
+        for model, name in (("refitted", "simulation, refitted"), ("explained", "with the explanation")):
             rows = curves[curves["model"] == model]
-            ax.plot(rows["amplitude"], rows[quantity], color=colour, label=_NAMES[model])
+            ax.plot(rows["amplitude"], rows[quantity], color=MODELS[model][0], label=name)
         free = curves[curves["model"] == "free"]
         if len(free):
             low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
-            ax.fill_between(free["amplitude"], low, high, color=ALERT, alpha=0.15, linewidth=0.0, label=_NAMES["free"])
+            style: dict[str, Any] = {"color": look.ALERT, "alpha": 0.15, "linewidth": 0.0}
+            ax.fill_between(free["amplitude"], low, high, **style, label="with a curve of free form, 90 % band")
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
@@ -165,13 +192,6 @@ def _range(*values: pd.Series[float]) -> tuple[float, float]:
     return float(every.min()) - margin, float(every.max()) + margin
 
 
-_NAMES = {
-    "refitted": "simulation, refitted",
-    "explained": "with the explanation",
-    "free": "with a curve of free form, 90 % band",
-}
-
-
 @styled
 def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, length: str) -> Figure:
     """Draw amplitude at phase resonance over force.
@@ -181,11 +201,9 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
             nominal, refitted, explained. force, length: units.
     """
     figure, ax = build_panel(3.0, describe_with_unit("force", force), describe_with_unit("resonant amplitude", length))
-    for model, (colour, line) in LINES.items():
-        rows = predicted[predicted["model"] == model].sort_values("force")
-        ax.plot(rows["force"], rows["amplitude"], color=colour, linestyle=line, label=NAMES[model])
+    _draw_models(ax, predicted.sort_values("force"), "force", "amplitude")
     bars = measured["sd"] * measured["amplitude"]
-    style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "markersize": 3.5, "label": "measured"}
+    style: dict[str, Any] = {"fmt": "o", "color": look.MEASURED, "markersize": 3.5, "label": "measured"}
     ax.errorbar(measured["force"], measured["amplitude"], bars, **style)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
@@ -200,9 +218,9 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
     """
     figure, ax = build_panel(0.7 + 0.24 * len(table), "probability", axes=axes)
     draw_plain_rows(ax, table["explanation"].tolist())
-    colours = [ALERT if listed else MUTED for listed in table["listed"]]
+    colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
+    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": look.INK}
     for row, probability in enumerate(table["probability"].tolist()):
         ax.annotate(weight_text(probability), (probability, row), (4, 0), **beside)
     ax.set_xlim(0.0, 1.12)

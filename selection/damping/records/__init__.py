@@ -1,1 +1,128 @@
-"""Records and modes: what they may hold, reading and checking them, writing them, and the resonances in them."""
+"""Records and modes: what they may hold, reading and checking them, writing them, and the resonances in them.
+
+Here the audit of a record: is it what it seems to be? Every check looks for one cause by which a record that reads well
+is wrong, and says it in the words of a test engineer, with the remedy. One cause is one finding: what a finding
+explains is not looked for again.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Collection
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import pandas as pd
+
+from damping.errors import InputError, Refused
+from damping.records import check_sweeps, check_units
+from damping.records.mode import Mode
+from damping.records.record import Record
+from damping.records.view import Finding, View
+
+FORMAT = "audit/1"
+#: Names of all checks.
+NAMES = (
+    "units", "phase-unit", "phase-sign", "phase-offset", "edge-of-sweep", "several-modes", "energy", "amplitude-falls",
+    "outlier",
+    "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model",
+)  # fmt: skip
+#: What noise and exchanged columns look like: anything but a copy.
+_EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
+_OF_A_FAST_SWEEP = ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", "amplitude-falls")
+#: Every check with the checks that its finding explains, in the order in which causes explain each other: a record in
+#: which force and response are exchanged has no resonance either, and is not told so.
+CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
+    (check_units.check_exchange, _EVERYTHING),
+    (check_sweeps.check_noise, _EVERYTHING),
+    (check_sweeps.check_outlier, ("beyond-model",)),
+    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
+    (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model")),
+    (check_units.check_phase_sign, ("phase-offset", "energy")),
+    (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
+    (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", "amplitude-falls", "edge-of-sweep", "units")),
+    (check_sweeps.check_edge, ("amplitude-falls", "beyond-model", "phase-offset")),
+    (check_units.check_energy, ()),
+    (check_units.check_units, ("beyond-model", "amplitude-falls")),
+    (check_units.check_phase_offset, ()),
+    (check_sweeps.check_repeats, ("amplitude-falls",)),
+    (check_sweeps.check_amplitude_falls, ("beyond-model",)),
+    (check_units.check_beyond_model, ()),
+)
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Findings of a record, those that refuse first, and what its sweeps imply.
+
+    ``implied``: a row a sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``, ``damping_ratio``,
+    ``phase_offset`` (rad); NaN where a sweep does not show it.
+    """
+
+    findings: tuple[Finding, ...]
+    implied: pd.DataFrame
+
+    @property
+    def verdict(self) -> str:
+        """``ok``, ``caution`` or ``refuse``."""
+        verdicts = {finding.verdict for finding in self.findings}
+        return "refuse" if "refuse" in verdicts else "caution" if verdicts else "ok"
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a finding: ``check, verdict, what, advice, sweeps``."""
+        columns = list(Finding.__dataclass_fields__)
+        return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
+
+    def to_json(self) -> dict[str, Any]:
+        """The form ``audit/1``; ``implied`` is an extra key."""
+        findings = [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
+        implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
+        return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
+
+    def refusing(self, despite: Collection[str] = ()) -> tuple[Finding, ...]:
+        """The findings that refuse, but for the checks named in ``despite``."""
+        return tuple(
+            finding for finding in self.findings if finding.verdict == "refuse" and finding.check not in despite
+        )
+
+    def require(self, despite: Collection[str] = ()) -> None:
+        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
+
+        Raises:
+            InputError: ``despite`` names no check.
+        """
+        require_checks(despite)
+        for finding in self.refusing(despite):
+            raise Refused(f"{finding}, or --despite {finding.check}")
+
+    def __str__(self) -> str:
+        return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{finding.check}</td><td>{finding.verdict}</td><td>{html.escape(finding.what)}</td>"
+            f"<td>{html.escape(finding.advice)}</td><td>{html.escape(', '.join(finding.sweeps))}</td></tr>"
+            for finding in self.findings
+        )
+        head = "<tr><th>check</th><th>verdict</th><th>what</th><th>advice</th><th>sweeps</th></tr>"
+        table = f"<table>{head}{rows}</table>" if rows else ""
+        return f"<p>Audit: <b>{self.verdict}</b></p>{table}{self.implied.to_html(index=False)}"
+
+
+def require_checks(names: Collection[str]) -> None:
+    """InputError for a name that is no check's."""
+    for name in names:
+        if name not in NAMES:
+            raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")
+
+
+def audit(record: Record, mode: Mode | None = None) -> Audit:
+    """The audit of a record, beside the mode that simulates it where one is given."""
+    view, findings, explained = View(record, mode), [], set()
+    for check, explains in CHECKS:
+        finding = check(view)
+        if finding is not None and finding.check not in explained:
+            findings.append(finding)
+            explained |= set(explains)
+    return Audit(tuple(sorted(findings, key=lambda finding: finding.verdict != "refuse")), view.implied)

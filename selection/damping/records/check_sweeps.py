@@ -19,13 +19,9 @@ def check_noise(view: View) -> Finding | None:
     smooth = [run for run in view.runs if run.phase is not None and np.mean(np.cos(np.diff(run.phase))) > SMOOTH]
     if len(smooth) == len(view.runs):
         return None
-    return Finding(
-        "edge-of-sweep",
-        "refuse",
-        "amplitudes jump from row to row as much as over the whole sweep: there is no resonance in this record",
-        "check the channel and the tracking filter, or take a band with a resonance",
-        view.record.sweeps,
-    )
+    what = "amplitudes jump from row to row as much as over the whole sweep: there is no resonance in this record"
+    advice = "check the channel and the tracking filter, or take a band with a resonance"
+    return Finding("edge-of-sweep", "refuse", what, advice, view.record.sweeps)
 
 
 def check_outlier(view: View) -> Finding | None:
@@ -42,32 +38,28 @@ def check_outlier(view: View) -> Finding | None:
     values = ", ".join(f"{table['amplitude'][row]:g}" for row in wild[:3])
     what = f"amplitude {values} at {', '.join(places[:3])}: more than {WILD:g} times off the rows beside it"
     advice = "correct the gain range of that reading, or leave the row out"
-    return Finding(
-        "outlier", "refuse" if taken else "caution", what, advice, tuple(dict.fromkeys(view.wild[r] for r in wild))
-    )
+    sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
+    return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)
 
 
 def check_edge(view: View) -> Finding | None:
     """Sweeps that hold no resonance: without a phase their last row would be taken for it."""
-    beside = [(run, lag) for run, lag, seen in zip(view.runs, view.lags, view.resonant, strict=True) if not seen]
-    seen = {run.sweep for run, held in zip(view.runs, view.resonant, strict=True) if held}
-    beside = [(run, lag) for run, lag in beside if run.sweep not in seen]
+    seen = {leg.run.sweep for leg in view.legs if leg.resonant}
+    beside = [leg for leg in view.legs if leg.run.sweep not in seen]
     if not beside:
         return None
-    below = all(np.argmax(run.compliance) > len(run) // 2 for run, _ in beside)
-    above = all(np.argmax(run.compliance) < len(run) // 2 for run, _ in beside)
+    below = all(np.argmax(leg.run.compliance) > len(leg.run) // 2 for leg in beside)
+    above = all(np.argmax(leg.run.compliance) < len(leg.run) // 2 for leg in beside)
     where = "stops below its resonance" if below else "starts above its resonance" if above else "holds no resonance"
-    sweeps = label_sweeps(run for run, _ in beside)
-    blind = any(lag is None for _, lag in beside)
+    sweeps = label_sweeps(leg.run for leg in beside)
+    blind = any(leg.lag is None for leg in beside)
     what = f"{name_sweeps(sweeps)}: the range {where}; the largest response stands at its edge"
-    advice = "sweep on past the resonance" + (
-        ", or record the phase: without it the edge would be taken for it" if blind else ""
-    )
+    advice = "sweep on past the resonance"
+    advice += ", or record the phase: without it the edge would be taken for it" if blind else ""
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
 
 
-#: Peaks farther apart than this ratio of frequencies are of different modes for certain.
-SEPARATE = 1.08
+SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies are of different modes for certain
 
 
 def _find_further_peaks(view: View) -> list[tuple[Run, FloatArray]]:
@@ -91,8 +83,7 @@ def check_several_modes(view: View) -> Finding | None:
 
 #: Half-power bandwidths in the time one takes, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state.
 FAST = 0.3
-#: The same beyond which no answer holds.
-TOO_FAST = 3.0
+TOO_FAST = 3.0  #: the same beyond which no answer holds
 
 
 def check_sweep_rate(view: View) -> Finding | None:
@@ -103,43 +94,33 @@ def check_sweep_rate(view: View) -> Finding | None:
         sweep = max(fast, key=lambda label: fast[label])
         what = f"{name_sweeps(fast)}: the frequency moves {fast[sweep]:.2g} half-power bandwidths in the time one takes"
         verdict = "refuse" if fast[sweep] > TOO_FAST else "caution"
-        return Finding(
-            "sweep-rate", verdict, what, f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell", tuple(fast)
-        )
+        advice = f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell"
+        return Finding("sweep-rate", verdict, what, advice, tuple(fast))
     if rates:
         return None
     middle = take_median(view.implied["frequency"])
     width = 2.0 * take_median(view.implied["damping_ratio"]) * middle
     apart = any(float(p.max() / p.min()) > SEPARATE for _, p in _find_further_peaks(view))
-    if (
-        view.sensed is not None
-        and not apart
-        and abs(view.sensed) * take_median(view.implied["frequency"]) > FAST * width**2
-    ):
+    if view.sensed is not None and not apart and abs(view.sensed) * middle > FAST * width**2:
         what = f"the phases turn late, as in a sweep of {abs(view.sensed) * 60.0 / log(2.0):.2g} octaves a minute"
         advice = "sweep slower, or dwell; peaks are corrected: state sweep_rate (Hz/s) to be sure"
         return Finding("sweep-rate", "caution", what, advice, view.record.sweeps)
     beats = {run.sweep: count_beats(run) for run in view.runs}
-    turned = label_sweeps(
-        run for run, turn in zip(view.runs, view.turns, strict=True) if turn and _is_dragged(run, turn)
-    )
+    turned = label_sweeps(run for run, turn in view.turns if turn and _is_dragged(run, turn))
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
     if len(ringing) < 0.5 * len(view.record.sweeps):
         return None
     what = f"the response of {name_sweeps(ringing)} "
     what += "beats after its peak" if any(ringing.values()) else "lags ever more behind the frequency"
     sure = max(ringing.values()) > 1 or bool(turned)
-    what += ": the sweep was faster than the mode could follow" + (
-        "" if sure else ", or a second mode stands beside it"
-    )
+    what += ": the sweep was faster than the mode could follow"
+    what += "" if sure else ", or a second mode stands beside it"
     verdict = "refuse" if sure else "caution"
     return Finding("sweep-rate", verdict, what, "sweep slower, or dwell; state sweep_rate (Hz/s)", tuple(ringing))
 
 
-#: A phase offset, rad, that with ``CURVED`` only a sweep faster than the mode could follow has.
-DRAGGED = 0.5
-#: Misfit of Y by a straight line, relative to |Y|, beside that offset.
-CURVED = 0.25
+DRAGGED = 0.5  #: a phase offset, rad, that with ``CURVED`` only a sweep faster than the mode could follow has
+CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, beside that offset
 #: Share of that misfit that other modes beside the resonance leave at most, where it is theirs; of a fast sweep three
 #: fifths are left.
 OF_OTHER_MODES = 0.3
@@ -172,11 +153,8 @@ LEVEL = 1.12
 
 def check_mixed_levels(view: View) -> Finding | None:
     """One label, several forces: rows of different levels take turns over the same frequencies."""
-    mixed = {
-        sweep: levels
-        for sweep, levels in ((sweep, _find_levels(view, sweep)) for sweep in view.record.sweeps)
-        if levels
-    }
+    levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
+    mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
     if not mixed:
         return None
     levels = next(iter(mixed.values()))
@@ -205,10 +183,9 @@ def _find_levels(view: View, sweep: str) -> list[float]:
 
 def check_repeats(view: View) -> Finding | None:
     """A sweep that is another one to the last digit, or a multiple of it: noise never repeats itself."""
-    runs = [run for run in view.raw]
     copies: list[tuple[Run, Run, float]] = []
-    for k, second in enumerate(runs):
-        for first in runs[:k]:
+    for k, second in enumerate(view.raw):
+        for first in view.raw[:k]:
             factor = _find_factor(first, second)
             if factor is not None and first.sweep != second.sweep:
                 copies.append((first, second, factor))
@@ -218,19 +195,12 @@ def check_repeats(view: View) -> Finding | None:
     first, second, factor = copies[0]
     scaled = "" if abs(factor - 1.0) < 1e-9 else f" times {factor:.4g}"
     what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, which no measurement does"
-    return Finding(
-        "repeated-sweep",
-        "caution",
-        what,
-        "leave the copy out: its rows would count twice",
-        label_sweeps(c[1] for c in copies),
-    )
+    advice = "leave the copy out: its rows would count twice"
+    return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
 
 
-#: Proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded.
-COPY = 2e-4
-#: And where the noise of their rows is larger than that by this factor.
-NOISE_OF_COPY = 5.0
+COPY = 2e-4  #: proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded
+NOISE_OF_COPY = 5.0  #: and where the noise of their rows is larger than that by this factor
 
 
 def _find_factor(first: Run, second: Run) -> float | None:
@@ -252,21 +222,14 @@ def _find_factor(first: Run, second: Run) -> float | None:
     return float(np.exp(np.median(ratio))) if noisy and same_phase and np.ptp(ratio) < COPY else None
 
 
-#: Levels are compared where their forces differ by this factor.
-FORCE_STEP = 1.1
-#: A resonant amplitude has fallen below this share of that at less force.
-FALLEN = 0.87
+FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
+FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
 
 
 def check_amplitude_falls(view: View) -> Finding | None:
     """A resonant amplitude that falls with force: no passive structure does that."""
-    table = view.implied[
-        [
-            all(seen for run, seen in zip(view.runs, view.resonant, strict=True) if run.sweep == sweep)
-            for sweep in view.implied["sweep"]
-        ]
-    ]
-    table = table.sort_values("force", kind="stable")
+    beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
+    table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
     falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]

@@ -57,14 +57,11 @@ def check_energy(view: View) -> Finding | None:
     table = view.record.table
     most = pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64)
     share = energy_per_cycle(view.record) / most
-    share[[row for row in view.wild]] = np.nan
+    share[list(view.wild)] = np.nan
     beyond = share > ENERGY
-    small = all(
-        np.nanmax(share[run.rows]) < 1.0 / ENERGY_SHORT
-        for run, seen in zip(view.runs, view.resonant, strict=True)
-        if seen
-    )
-    if not beyond.any() and not (small and any(view.resonant)):
+    resonant = [leg.run.rows for leg in view.legs if leg.resonant]
+    small = bool(resonant) and all(np.nanmax(share[rows]) < 1.0 / ENERGY_SHORT for rows in resonant)
+    if not beyond.any() and not small:
         return None
     row = int(np.nanargmax(share))
     what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
@@ -75,20 +72,13 @@ def check_energy(view: View) -> Finding | None:
     return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if beyond[run.rows].any()))
 
 
-#: Energy beyond pi F A by this factor is no noise.
-ENERGY = 1.25
-#: A resonance whose energy is smaller than pi F A by this factor is none: there they are equal.
-ENERGY_SHORT = 3.0
+ENERGY = 1.25  #: energy beyond pi F A by this factor is no noise
+ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
 
-
-#: Least damping ratio of a structure: single crystals in a vacuum have more.
-LEAST_RATIO = 1e-6
-#: Largest damping ratio of a structure that has a resonance to sweep over.
-LARGEST_RATIO = 0.5
-#: A mass is of another system of units beyond this factor.
-OTHER_SYSTEM = 3.0
-#: Between 2 and that, where it is so near (in the logarithm) to a known factor.
-NEAR_FACTOR = 0.05
+LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
+LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
+OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
+NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
 #: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
 LARGEST_PARTICIPATION = 3.0
 SMALLEST_PARTICIPATION = 0.003
@@ -108,30 +98,30 @@ def check_units(view: View) -> Finding | None:
                 return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
-    wrong = None if bent else guess_unit(ratio)
-    if view.mode.drive == "base" and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION:
-        wrong = None
+    base = view.mode.drive == "base"
+    participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
+    wrong = not bent and not participates and is_other_unit(ratio)
     impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
-    if wrong is None and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
+    if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
-    implied = f"{ratio:.4g} times the mass of the mode file"
-    if view.mode.drive == "base":
-        implied = f"a participation of {1.0 / ratio:.4g}, shape included"
+    participation = f"a participation of {1.0 / ratio:.4g}, shape included"
+    implied = participation if base else f"{ratio:.4g} times the mass of the mode file"
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    name = name_factor(ratio) if wrong else name_damping_factor(view, zeta)
+    if wrong:
+        name = name_factor(ratio)
+    else:  # the unit factor that brings the damping ratio back to a structure's, by the simulated damping if any
+        off = abs(log(zeta / (view.simulated or 0.01)))
+        name = min(UNIT_FACTORS, key=lambda key: abs(off - log(UNIT_FACTORS[key])))
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
 
-def guess_unit(ratio: float) -> float | None:
-    """The factor by which force over amplitude is too large, where no structure but only a unit explains it."""
+def is_other_unit(ratio: float) -> bool:
+    """Whether no structure but only a unit explains a factor by which force over amplitude is too large."""
     size = abs(log(ratio)) if ratio > 0.0 else float("nan")
-    if size > log(OTHER_SYSTEM) or (
-        size > log(2.0) and any(abs(size - log(x)) < NEAR_FACTOR for x in UNIT_FACTORS.values())
-    ):
-        return ratio
-    return None
+    near = any(abs(size - log(factor)) < NEAR_FACTOR for factor in UNIT_FACTORS.values())
+    return size > log(OTHER_SYSTEM) or (size > log(2.0) and near)
 
 
 def name_factor(ratio: float) -> str:
@@ -142,24 +132,11 @@ def name_factor(ratio: float) -> str:
     return name if abs(size - log(names[name])) < 0.1 else ""
 
 
-def name_damping_factor(view: View, zeta: float) -> str:
-    """What the unit factor means that brings a damping ratio back to a structure's, by the simulated damping if any."""
-    assert view.mode is not None
-    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
-    simulated = viscous / (2.0 * view.mode.mass * view.mode.omega_n) or 0.01
-    return min(UNIT_FACTORS, key=lambda key: abs(abs(log(zeta / simulated)) - log(UNIT_FACTORS[key])))
-
-
-#: A mass farther than this factor from the mode file's is far.
-FAR_MASS = 1.27
-#: The same of the frequency of the lowest level, where a resonance is bent least.
-FAR_FREQUENCY = 1.1
-#: The same of the damping ratio, which simulations know least.
-FAR_DAMPING = 5.0
-#: Without phases the mass is that of a parabola, which a bent resonance is not.
-FAR_MASS_WITHOUT_PHASE = 1.8
-#: Farther than this outside the rows no mode of the record is the one described.
-OTHER_MODE = 1.25
+FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
+FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
+FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
+FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
+OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
 
 
 def check_beyond_model(view: View) -> Finding | None:
@@ -171,13 +148,12 @@ def check_beyond_model(view: View) -> Finding | None:
     frequency = float(table["frequency"].iloc[0])
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    far_mass = FAR_MASS if all(lag is not None for lag in view.lags) else FAR_MASS_WITHOUT_PHASE
+    far_mass = FAR_MASS if all(leg.lag is not None for leg in view.legs) else FAR_MASS_WITHOUT_PHASE
     base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
-    viscous = view.mode.damping.get("viscous", {}).get("coefficient", 0.0)
-    simulated, zeta = viscous / (2.0 * view.mode.mass * view.mode.omega_n), float(table["damping_ratio"].iloc[0])
+    simulated, zeta = view.simulated, float(table["damping_ratio"].iloc[0])
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
     if not differences:
@@ -199,10 +175,7 @@ def check_phase_unit(view: View) -> Finding | None:
 
 
 _KINDS = {
-    "negated": (
-        "falls through -pi/2: it is the lead of the displacement, or of force over displacement",
-        "negate it",
-    ),
+    "negated": ("falls through -pi/2: it is the lead of the displacement, or of force over displacement", "negate it"),
     "minus pi": (
         "runs from -pi to 0: half a turn too small, as of a sensor mounted backwards or an acceleration's lag",
         "add pi, or reverse the sensor",
@@ -224,13 +197,12 @@ def check_phase_sign(view: View) -> Finding | None:
 
 #: A constant offset is one beyond this, rad, in the mean and in most sweeps: phase meters are good to 2 degrees.
 OFFSET = 0.04
-#: It is one beyond so many standard errors, too.
-OFFSET_ERRORS = 3.0
+OFFSET_ERRORS = 3.0  #: it is one beyond so many standard errors, too
 
 
 def check_phase_offset(view: View) -> Finding | None:
     """A constant that all phases carry: they are not pi/2 where rows of like amplitude say the resonance is."""
-    turns = [(run, turn) for run, turn in zip(view.runs, view.turns, strict=True) if turn and turn.both_sides]
+    turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
     turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
     if not turns:
         return None
@@ -238,17 +210,14 @@ def check_phase_offset(view: View) -> Finding | None:
     middle = float(np.median(offsets))
     spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
     other_law = float(np.median([turn.damping for _, turn in turns]))
-    if (
-        abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread)
-        or np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) < 0.5
-    ):
+    in_most = np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) >= 0.5
+    if abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread) or not in_most:
         return None
     sweeps = label_sweeps(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
     way = "large" if middle > 0.0 else "small"
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
     what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
     far = abs(middle) > 0.25 * pi
-    advice = (
-        f"correct the delay of the channels (lead_deg = {np.degrees(middle):.1f}), or look for a second mode beside"
-    )
+    lead = f"lead_deg = {np.degrees(middle):.1f}"
+    advice = f"correct the delay of the channels ({lead}), or look for a second mode beside"
     return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)

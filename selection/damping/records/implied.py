@@ -41,19 +41,27 @@ class Implied:
         return float(np.angle(self.mass))
 
 
+#: Least share of the mass in motion that is the structure's own: more added to it leaves none to be seen.
+LEAST_OF_MASS = 0.01
+
+
 def find_implied(run: Run) -> Implied | None:
     """Mass and phase offset that a run with phases implies; None with fewer than ``FEWEST_ROWS`` rows or no phase."""
     if run.phase is None or len(run) < FEWEST_ROWS or np.ptp(run.omega) == 0.0:
         return None
+    # what is added to every row moves with the rest: an offset turns the phasors of both
+    added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
+    run = replace(run, added=run.added - added)
     line, miss = _fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
     mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
+    own = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
     turned = run.stiffness * np.exp(-1j * np.angle(mass))
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
     error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
-    return Implied(mass, scatter, damping, mean / error, miss, pairs is not None)
+    return Implied(own * mass, scatter / own, damping, mean / error, miss, pairs is not None)
 
 
 def _fit_line(run: Run) -> tuple[complex, float]:
@@ -66,8 +74,7 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     return complex(-values[1] / np.mean(run.omega**2)), miss
 
 
-#: Compliances of other modes that are tried, over the largest of the run.
-_RESIDUALS = np.linspace(-0.9, 0.9, 37)
+_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: compliances of other modes that are tried, over the largest of the run
 
 
 def measure_miss_beside_modes(run: Run) -> float:
@@ -104,7 +111,7 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
         return None
     fitted = fit_parabola(run.omega, run.F / run.A)
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return None
     x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
     near = NO_PARABOLA + 2.0 * run.noise
@@ -139,20 +146,11 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
 
 
-def count_quarter_turns(angle: float) -> int:
-    """The nearest number of quarter turns to an angle: 0, 1, 2 (half a turn) or -1."""
-    turns = round(angle / (0.5 * pi))
-    return 2 if abs(turns) == 2 else turns
-
-
 #: Phases miss a straight line in Y by so much of |Y| (median) where they have nothing to do with the amplitudes.
 INCOHERENT = 0.5
-#: Mean cosine of the steps of phase from row to row below which they are no curve.
-SMOOTH = 0.75
-#: More radians than a phase can pass in a sweep over a few modes; degrees pass 180.
-MOST_RADIANS = 6.0 * pi
-#: A mean sine of the phase is below 0 where it is so many standard errors.
-CERTAIN = 4.0
+SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which they are no curve
+MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a few modes; degrees pass 180
+CERTAIN = 4.0  #: a mean sine of the phase is below 0 where it is so many standard errors
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:
@@ -162,10 +160,8 @@ def is_incoherent(run: Run, turn: Implied) -> bool:
         return True
     if len(run) < 6:
         return False
-    smooth = float(np.mean(np.cos(np.diff(run.phase))))
-    if np.ptp(np.unwrap(run.phase)) > MOST_RADIANS:
-        return True
-    return turn.miss > INCOHERENT and smooth < SMOOTH
+    jumps = float(np.mean(np.cos(np.diff(run.phase)))) < SMOOTH
+    return bool(np.ptp(np.unwrap(run.phase)) > MOST_RADIANS) or (turn.miss > INCOHERENT and jumps)
 
 
 #: The lag that a phase of each kind should have been.
@@ -179,7 +175,7 @@ AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 def classify_phase(turn: Implied) -> str:
     """What a phase is that is no lag: negated, minus pi, the lead of the acceleration; nothing where it may be one."""
-    half = count_quarter_turns(turn.offset) == 2
+    half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is half a turn rather than a quarter or none
     if turn.taken < -CERTAIN:
         return "acceleration" if half else "negated"
     return "minus pi" if half and turn.taken > CERTAIN else ""
@@ -189,14 +185,10 @@ def classify_phase(turn: Implied) -> str:
 NEAR = 0.35
 #: Slopes of the phase are taken over a row on either side, and one more for every so many rows of a run.
 ROWS_A_SIDE = 30
-#: Fewest rows of all runs, beside those that the fit takes.
-FREE_ROWS = 8
-#: A rate is one where it is so many standard errors ...
-CERTAIN_RATE = 8.0
-#: ... leaves at most this share of the squares that no rate leaves ...
-OF_STEADY = 0.35
-#: ... and this share of those that a spring leaves whose stiffness changes with amplitude.
-OF_SPRING = 0.6
+FREE_ROWS = 8  #: fewest rows of all runs, beside those that the fit takes
+CERTAIN_RATE = 8.0  #: a rate is one where it is so many standard errors ...
+OF_STEADY = 0.35  #: ... leaves at most this share of the squares that no rate leaves
+OF_SPRING = 0.6  #: ... and this share of those that a spring leaves whose stiffness changes with amplitude
 
 
 def sense_rate(runs: Sequence[Run]) -> float | None:

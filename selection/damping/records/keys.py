@@ -32,8 +32,7 @@ OPTIONAL_COLUMNS = (
     *("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd"),
     *("amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time"),
 )
-#: Columns of a record that hold text.
-TEXT_COLUMNS = ("sweep",)
+TEXT_COLUMNS = ("sweep",)  #: columns of a record that hold text
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = ("mass", "amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time")
 
@@ -45,6 +44,21 @@ LARGEST = 1e50
 def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
     """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
     return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
+
+
+#: What is in the columns of a record that hold numbers > 0, and in those that hold numbers >= 0.
+_POSITIVE = {
+    "force": "a force amplitude",
+    "frequency": "a frequency in Hz",
+    "amplitude": "a displacement amplitude",
+    "energy": "an energy per cycle",
+    "mass": "a generalized mass",
+}
+_NOT_NEGATIVE = dict.fromkeys(("amplitude_sd", "phase_sd", "force_sd"), "a standard uncertainty") | {
+    "amplitude_3": "an amplitude",
+    "amplitude_y": "an amplitude",
+    "added_mass": "an added mass",
+}
 
 
 def record_schema() -> pa.DataFrameSchema:
@@ -60,36 +74,18 @@ def record_schema() -> pa.DataFrameSchema:
         error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
     )
 
-    def positive(meaning: str, *, required: bool = False) -> pa.Column:
-        checks = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
-        return pa.Column(checks=checks, nullable=True, required=required)
-
-    def magnitude_of(meaning: str) -> pa.Column:
-        return pa.Column(checks=[pa.Check.ge(0.0, error=f"{meaning} >= 0"), magnitude], nullable=True, required=False)
-
     radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
+    checks: dict[str, list[pa.Check]] = {name: [radians] for name in ("phase", "phase_3", "phase_y")}
+    for name, meaning in _POSITIVE.items():
+        checks[name] = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
+    for name, meaning in _NOT_NEGATIVE.items():
+        checks[name] = [pa.Check.ge(0.0, error=f"{meaning} >= 0"), magnitude]
     return pa.DataFrameSchema(
-        {
-            "force": positive("a force amplitude", required=True),
-            "frequency": positive("a frequency in Hz", required=True),
-            "amplitude": positive("a displacement amplitude", required=True),
-            "phase": pa.Column(checks=radians, nullable=True, required=False),
-            "energy": positive("an energy per cycle"),
-            "mass": positive("a generalized mass"),
-            "amplitude_sd": magnitude_of("a standard uncertainty"),
-            "phase_sd": magnitude_of("a standard uncertainty"),
-            "force_sd": magnitude_of("a standard uncertainty"),
-            "phase_3": pa.Column(checks=radians, nullable=True, required=False),
-            "phase_y": pa.Column(checks=radians, nullable=True, required=False),
-            "amplitude_3": magnitude_of("an amplitude"),
-            "amplitude_y": magnitude_of("an amplitude"),
-            "added_mass": magnitude_of("an added mass"),
-        }
+        {name: pa.Column(checks=own, nullable=True, required=name in REQUIRED_COLUMNS) for name, own in checks.items()}
     )
 
 
-#: Largest TOML file that is read, bytes (a mode takes less than one thousand).
-MAX_TOML_SIZE = 1_000_000
+MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)
 
 _LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a key is looked for
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
@@ -105,17 +101,14 @@ def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
         try:
             return TomlTable(tomllib.loads(content), (), str(path), content)
         except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
-            raise _syntax_error(str(error), content) from None
+            reason, place = str(error), _PLACE.search(str(error))
+            if place is None:
+                raise InputError(f"not TOML: {reason}") from None
+            line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
+            message = f"not TOML: {reason[: place.start()].strip()}"
+            raise InputError(message, line=line, column=place[2]) from None
         except RecursionError:
             raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
-
-
-def _syntax_error(reason: str, content: str) -> InputError:
-    place = _PLACE.search(reason)
-    if place is None:
-        return InputError(f"not TOML: {reason}")
-    line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-    return InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2])
 
 
 @dataclass(frozen=True)
@@ -132,9 +125,8 @@ class TomlTable:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                raise self.error(
-                    key, f"unknown key{where}", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
-                )
+                expected = f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
+                raise self.error(key, f"unknown key{where}", expected)
 
     def table(self, key: str, *, required: bool = False, expected: str = "a table") -> TomlTable:
         """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
@@ -258,11 +250,8 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
         # a misspelt key explains a missing one, so it comes first
         problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     loc, kind = problem["loc"], problem["type"]
-    key, message, expected = (
-        str(loc[-1]),
-        problem["msg"].removeprefix("Value error, "),
-        (written or {}).get(str(loc[-1])),
-    )
+    key, message = str(loc[-1]), problem["msg"].removeprefix("Value error, ")
+    expected = (written or {}).get(key)
     if kind == "extra_forbidden":
         known = _find_schema(schema, loc[:-1]).model_fields
         message, expected = "unknown key", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"

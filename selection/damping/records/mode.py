@@ -17,8 +17,7 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: What shakes a structure: a force, or the motion of its base.
-DRIVES = ("force", "base")
+DRIVES = ("force", "base")  #: what shakes a structure: a force, or the motion of its base
 
 
 @dataclass(frozen=True)
@@ -128,19 +127,30 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     drive = mode.text("drive", default="force")
     if drive not in DRIVES:
         raise mode.error("drive", f"is {drive!r}", '"force" or "base"')
-    units = top.table("units")
+    units, tolerance, repeatability = top.table("units"), mode.table("tolerance"), top.table("repeatability")
     units.only("force", "length", "time")
+    tolerance.only("frequency", "mass", "viscous", "from_record")
+    repeatability.only("amplitude", "frequency")
+    damping, others = top.table("damping"), top.table("effects")
+    damping.only(*forces.CATALOGUE)
+    others.only(*effects.CATALOGUE)
+    default = Tolerance()
     return {
         "name": mode.text("name", default=name),
         "frequency": mode.number("frequency", above=0.0),
         "mass": mode.number("mass", above=0.0, default=1.0 if drive == "base" else None),
         "drive": drive,
-        "tolerance": _tolerance(mode.table("tolerance")),
-        "repeatability": _repeatability(top.table("repeatability")),
+        "tolerance": Tolerance(
+            frequency=tolerance.number("frequency", default=default.frequency, least=0.0),
+            mass=tolerance.number("mass", default=default.mass, least=0.0),
+            viscous=tolerance.number("viscous", default=default.viscous, least=0.0),
+            from_record=tolerance.truth("from_record"),
+        ),
+        "repeatability": Repeatability(**{key: repeatability.number(key, least=0.0) for key in repeatability.values}),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
         "rig": _rig(top.table("rig")),
-        "damping": _damping(top.table("damping")),
-        "effects": _effects(top.table("effects")),
+        "damping": {name: _force(damping, name) for name in damping.values},
+        "effects": {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values},
     }
 
 
@@ -151,14 +161,6 @@ def _as_written(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _as_written(inner) for key, inner in value.items()}
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _tolerance(table: TomlTable) -> Tolerance:
-    table.only("frequency", "mass", "viscous", "from_record")
-    numbers = {
-        key: table.number(key, default=getattr(Tolerance(), key), least=0.0) for key in ("frequency", "mass", "viscous")
-    }
-    return Tolerance(**numbers, from_record=table.truth("from_record"))
 
 
 def _rig(table: TomlTable) -> Rig:
@@ -173,16 +175,6 @@ def _rig(table: TomlTable) -> Rig:
     return Rig(None if planes is None else int(planes), force, rate)
 
 
-def _repeatability(table: TomlTable) -> Repeatability:
-    table.only("amplitude", "frequency")
-    return Repeatability(**{key: table.number(key, least=0.0) for key in table.values})
-
-
-def _damping(table: TomlTable) -> dict[str, dict[str, float]]:
-    table.only(*forces.CATALOGUE)
-    return {name: _force(table, name) for name in table.values}
-
-
 def _force(damping: TomlTable, name: str) -> dict[str, float]:
     """Parameters of one damping force; a bare number is its parameter where it has one only."""
     shapes = forces.shapes_of(name)
@@ -190,11 +182,6 @@ def _force(damping: TomlTable, name: str) -> dict[str, float]:
         return {shapes[0].name: _number(damping, name, shapes[0])}
     expected = f"{{{', '.join(f'{shape.name} = ...' for shape in shapes)}}}"
     return _parameters(damping.table(name, expected=expected), shapes)
-
-
-def _effects(table: TomlTable) -> dict[str, dict[str, float]]:
-    table.only(*effects.CATALOGUE)
-    return {name: _parameters(table.table(name), effects.CATALOGUE[name].shapes) for name in table.values}
 
 
 def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]:
@@ -220,32 +207,27 @@ def describe_mode_to_toml(mode: Mode) -> str:
         "repeatability": {key: value for key, value in vars(mode.repeatability).items() if value is not None},
         "units": {key: unit for key, unit in vars(mode.units).items() if unit},
         "rig": {key: value for key, value in vars(mode.rig).items() if value not in (None, "")},
-        "damping": {name: _inline(parameters) for name, parameters in mode.damping.items()},
+        # a force with one parameter is written as the bare number
+        "damping": {
+            name: next(iter(parameters.values())) if len(parameters) == 1 else parameters
+            for name, parameters in mode.damping.items()
+        },
         **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
     }
-    written = [
-        _describe_group(name, values) for name, values in groups.items() if values or name.startswith("effects.")
-    ]
+    written = []
+    for name, values in groups.items():
+        if values or name.startswith("effects."):
+            lines = [f"{_describe_key(key)} = {_describe_value(value)}\n" for key, value in values.items()]
+            written.append(f"[{name}]\n{''.join(lines)}")
     return "\n".join(written)
-
-
-def _describe_group(name: str, values: Mapping[str, Any]) -> str:
-    lines = [f"[{name}]", *(f"{_describe_key(key)} = {_describe_value(value)}" for key, value in values.items())]
-    return "\n".join(lines) + "\n"
-
-
-def _inline(parameters: Mapping[str, float]) -> float | Mapping[str, float]:
-    """Parameters of a force as written: the bare number where there is one only."""
-    return next(iter(parameters.values())) if len(parameters) == 1 else parameters
 
 
 def _describe_value(value: str | float | Mapping[str, float]) -> str:
     if isinstance(value, str):
         return _quoted(value)
     if isinstance(value, Mapping):
-        return (
-            "{" + ", ".join(f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items()) + "}"
-        )
+        pairs = (f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items())
+        return f"{{{', '.join(pairs)}}}"
     return "true" if value is True else repr(float(value))
 
 

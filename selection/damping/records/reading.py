@@ -5,6 +5,7 @@ Nothing that is read is ever evaluated. A cell is a number, or it is text.
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -13,17 +14,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.arrays import IntArray
+from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, naming
 from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, describe_nearest
 from damping.records.record import Record, find_problems, require_columns
-from damping.records.text import DEFAULT_MAX_SIZE, Cells, CsvRows, describe_shortened, read_bytes, unguarded
+from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, describe_shortened, read_bytes, unguarded
 
-#: Most rows of a table: a bound on memory and time.
-MOST_ROWS = 250_000
-#: Most columns of a header: the same.
-MOST_COLUMNS = 2000
+MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
+MOST_COLUMNS = 2000  #: most columns of a header: the same
 _BLOCK = 100_000  # cells that are looked at together
+_FEW = 10_000  # different labels of a column that are kept once each
+_BETWEEN = "\0"  # is in no cell: a file that holds it is no text
+_CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
 
 
 def read_table(
@@ -106,7 +108,7 @@ def _scan(data: bytes, columns: _Columns) -> _Scan:
         raise rows.problem or InputError("the file is empty")
     names = _list_names(header, header_line)
     require_columns(columns.required, names, line=header_line)
-    growing = {name: Cells(name in columns.text, name in columns.numbers) for name in names}
+    growing: dict[str, list[str]] = {name: [] for name in names}
     lines, problem = _data(rows, list(growing.values()))
     if not len(lines):
         raise problem or InputError("no data rows", expected="at least one row below the header")
@@ -132,10 +134,10 @@ def _list_names(header: list[str], line: int) -> list[str]:
     return names
 
 
-def _data(rows: CsvRows, growing: Sequence[Cells]) -> tuple[IntArray, InputError | None]:
+def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputError | None]:
     """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
 
-    Cells go to their columns some thousand rows at a time.
+    Cells go to their columns some thousand rows at a time, joined, so that memory stays a few times that of the file.
     """
     lines = array("q")
     block: list[list[str]] = []
@@ -157,29 +159,51 @@ def _data(rows: CsvRows, growing: Sequence[Cells]) -> tuple[IntArray, InputError
     return np.frombuffer(lines, dtype=np.int64) if lines else np.empty(0, np.int64), problem or rows.problem
 
 
-def _grow(growing: Sequence[Cells], block: list[list[str]]) -> None:
+def _grow(growing: Sequence[list[str]], block: list[list[str]]) -> None:
     for column, cells in zip(growing, zip(*block, strict=True), strict=False):  # no block, nothing to add
-        column.add(cells)
+        column.append(_BETWEEN.join(cells))
 
 
-def _column(scan: _Scan, name: str, cells: Cells, columns: _Columns) -> pd.Series:
+def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) -> pd.Series:
     """One column as floats or as text; the first cell that does not hold what it should is noted."""
     if name in columns.text:
-        text = cells.text()
+        text = _list_labels(blocks, strip=True)
         if name in columns.required and "" in text:
             scan.add(text.index(""), name, "empty cell", "text")
         return pd.Series(text, dtype=object)
-    if name in columns.numbers:
-        bad = cells.bad
-        if name in columns.blank:
-            bad = [(row, cell) for row, cell in bad if cell.strip()]
-        if bad:
-            row, cell = bad[0]
-            scan.add(row, name, _describe_wrong(cell), "a finite number")
-        return pd.Series(cells.numbers(), copy=False)
-    if cells.all_numbers:
-        return pd.Series(cells.numbers(), copy=False)
-    return pd.Series(cells.text(), dtype=object)
+    numbers: list[FloatArray] = []
+    for block in blocks:
+        cells = block.split(_BETWEEN)
+        values = _read_floats(cells)
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if name not in columns.numbers and (len(wrong) or any(_CODE.match(cell) for cell in cells)):
+            return pd.Series(_list_labels(blocks, strip=False), dtype=object)
+        bad = next((int(k) for k in wrong if name not in columns.blank or cells[k].strip()), None)
+        if bad is not None:
+            scan.add(sum(map(len, numbers)) + bad, name, _describe_wrong(cells[bad]), "a finite number")
+        numbers.append(values)
+    return pd.Series(np.concatenate(numbers), copy=False)
+
+
+def _list_labels(blocks: Sequence[str], *, strip: bool) -> list[str]:
+    """The column as text, the same object for equal labels as long as there are few."""
+    known: dict[str, str] = {}
+    labels = []
+    for cell in (cell for block in blocks for cell in block.split(_BETWEEN)):
+        text = unguarded(cell.strip() if strip else cell)
+        labels.append(known.setdefault(text, text) if len(known) < _FEW else known.get(text, text))
+    return labels
+
+
+def _read_floats(cells: Sequence[str]) -> FloatArray:
+    """Numbers in the cells (n,), NaN where there is none. Digits are 0-9, without grouping marks."""
+    joined = "".join(cells)
+    if joined.isascii() and "_" not in joined:
+        try:
+            return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
+        except ValueError:
+            pass  # a cell holds text: look at each
+    return np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
 
 
 def _describe_wrong(cell: str) -> str:

@@ -48,12 +48,8 @@ class Record:
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            raise InputError(
-                f"{first.describe('row', range(len(table)))} in row {first.row}",
-                file=self.source or None,
-                column=first.column,
-                expected=first.expected,
-            )
+            message = f"{first.describe('row', range(len(table)))} in row {first.row}"
+            raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
         object.__setattr__(self, "table", table)
 
     @classmethod
@@ -102,14 +98,7 @@ class Record:
         """The rows of one sweep. InputError if the record has no such sweep."""
         if sweep not in self.sweeps:
             raise InputError(f"no sweep {sweep!r}", file=self.source, expected=f"one of {', '.join(self.sweeps)}")
-        return self._rows(self.table["sweep"] == sweep)
-
-    def without(self, sweeps: Iterable[str]) -> Record:
-        """The rows of all other sweeps (none may be left)."""
-        return self._rows(~self.table["sweep"].isin(list(sweeps)))
-
-    def _rows(self, chosen: pd.Series) -> Record:
-        return Record.trusted(self.table[chosen].reset_index(drop=True), self.source)
+        return Record.trusted(self.table[self.table["sweep"] == sweep].reset_index(drop=True), self.source)
 
 
 class CellProblem(NamedTuple):

@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
-from damping.errors import InputError
 from damping.records.record import Record
 
 #: Rows between the half-power points (|cot phase| <= 1) that make a fit of them better than two neighbours.
@@ -26,15 +25,11 @@ ROWS_FOR_FIT = 5
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
-#: Rows that a phase offset needs on either side of resonance.
-ROWS_ASIDE = 4
+ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
-
-
-#: Relative difference of tested forces up to which two sweeps are repeats of one level.
-SAME_LEVEL = 0.10
+SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
 
 @dataclass(frozen=True)
@@ -75,7 +70,7 @@ def energy_per_cycle(record: Record) -> FloatArray:
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
-    rows = [_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
+    rows = [find_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
 
 
@@ -97,8 +92,8 @@ def number_levels(force: FloatArray) -> IntArray:
     return number
 
 
-def resonance(record: Record, sweep: str) -> Resonance:
-    """Phase resonance of one sweep of a record. InputError if the record has no such sweep.
+def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
+    """Phase resonance of one sweep by its rows in the table of a record, which keep their index.
 
     A constant phase offset is taken off first (``phase_offset``). Force, frequency and 1/Im Z at phase pi/2, Re Z = 0,
     then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points. It is exact
@@ -107,14 +102,6 @@ def resonance(record: Record, sweep: str) -> Resonance:
     for a linear mode under constant force; where the sweep jumps past resonance the nearer one decides. The amplitude
     is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
     """
-    table = record.table[record.table["sweep"] == sweep]
-    if table.empty:
-        raise InputError(f"no sweep {sweep!r}", file=record.source, expected=f"one of {', '.join(record.sweeps)}")
-    return _resonance(sweep, table)
-
-
-def _resonance(sweep: str, table: pd.DataFrame) -> Resonance:
-    """Phase resonance of the rows of one sweep, which keep their index in the record."""
     rows = table.index.to_numpy(dtype=np.int64)
     force, frequency, amplitude = (
         table[name].to_numpy(dtype=np.float64) for name in ("force", "frequency", "amplitude")
@@ -128,10 +115,8 @@ def _resonance(sweep: str, table: pd.DataFrame) -> Resonance:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
             return Resonance(sweep, *passage, offset, "interpolated", row)
     peak = int(np.argmax(amplitude))
-    method = "row" if len(rows) == 1 else "peak"
-    return Resonance(
-        sweep, float(force[peak]), float(frequency[peak]), float(amplitude[peak]), offset, method, int(rows[peak])
-    )
+    F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
+    return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
 
 
 def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> float:
@@ -168,8 +153,7 @@ def like_pairs(
     distance = np.log(amplitude[below][:, None] / amplitude[above][None, :]) / SAME_AMPLITUDE
     like = np.abs(distance) < 1.0
     if min(like.any(axis=1).sum(), like.any(axis=0).sum()) < ROWS_ASIDE:
-        none = np.empty(0, np.int64)
-        return none, none, np.empty(0)
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     first, second = np.nonzero(like)
     i, j = below[first], above[second]
     weight = np.exp(-0.5 * distance[like] ** 2) * np.abs(Y[i] - Y[j]) / (np.abs(Y[i]) + np.abs(Y[j]))

@@ -13,22 +13,15 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
 
-#: Fewest rows of a run that can show a resonance.
-FEWEST_ROWS = 4
-#: A further peak stands out by this factor of A/F.
-PROMINENCE = 1.4
-#: And by so many standard deviations of the noise.
-NOISE_BESIDE_PEAK = 5.0
-#: A maximum of A/F is a resonance where A/F falls on either side by this share.
-FALL = 0.05
-#: And by so many standard deviations of the noise.
-NOISE_BESIDE_FALL = 4.0
+FEWEST_ROWS = 4  #: fewest rows of a run that can show a resonance
+PROMINENCE = 1.4  #: a further peak stands out by this factor of A/F
+NOISE_BESIDE_PEAK = 5.0  #: and by so many standard deviations of the noise
+FALL = 0.05  #: a maximum of A/F is a resonance where A/F falls on either side by this share
+NOISE_BESIDE_FALL = 4.0  #: and by so many standard deviations of the noise
 #: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
 SHORT_OF_PEAK = 1.3
-#: Median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent.
-NO_PARABOLA = 0.1
-#: Neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve.
-WHITE = 1.3
+NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent
+WHITE = 1.3  #: neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve
 
 
 @dataclass(frozen=True)
@@ -107,11 +100,13 @@ def _run(table: pd.DataFrame) -> Run:
 
 
 def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike."""
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike.
+
+    None with fewer than three frequencies, or where it has no minimum.
+    """
     x = (omega / np.mean(omega)) ** 2 - 1.0
-    if len(np.unique(x)) < 3:
-        return None
-    return np.asarray(np.polyfit(x, size**2, 2, w=size**-2.0))
+    fitted = np.polyfit(x, size**2, 2, w=size**-2.0) if len(np.unique(x)) >= 3 else np.zeros(3)
+    return np.asarray(fitted) if fitted[0] > 0.0 else None
 
 
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
@@ -128,7 +123,7 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
         return True
     near = np.argsort(-g)[: max(5, len(run) // 3)]
     fitted = fit_parabola(run.omega[near], (run.F / run.A)[near])
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return False
     least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
     return bool(least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * least)
@@ -182,10 +177,8 @@ def _measure_prominence(level: FloatArray, top: int) -> float:
 #: Humps of beats after a resonance that was passed fast stand out by so much at least, ln A/F (this and the next two
 #: from integrating a linear mode at 1 to 10 bandwidths squared per second).
 SHALLOW = 0.05
-#: And by so much at most.
-DEEP = 1.2
-#: The first of them lies so far below the peak, ln A/F.
-FIRST_BEAT = (0.7, 1.8)
+DEEP = 1.2  #: and by so much at most
+FIRST_BEAT = (0.7, 1.8)  #: the first of them lies so far below the peak, ln A/F
 
 
 def count_beats(run: Run) -> int:
@@ -208,8 +201,7 @@ def count_beats(run: Run) -> int:
     return len(humps) if first and closer else 0
 
 
-#: Rows that are off are at most this share of a run: more of them are another branch of the response.
-MOST_WILD = 0.05
+MOST_WILD = 0.05  #: rows that are off are at most this share of a run: more of them are another branch of the response
 #: A row within this factor of one of the three rows before or after it, in Y, is on a branch of its own.
 SAME_BRANCH = 1.5
 
@@ -239,8 +231,7 @@ def _stands_alone(run: Run, k: int, factor: float) -> bool:
     return above < 0.0 or not _may_resonate(run, k, factor)
 
 
-#: A sweep of more rows shows its resonance in more than one of them.
-MOST_COARSE = 40
+MOST_COARSE = 40  #: a sweep of more rows shows its resonance in more than one of them
 
 
 def _may_resonate(run: Run, k: int, factor: float) -> bool:
@@ -256,7 +247,7 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     size = run.F / run.A
     near = rest[np.argsort(size[rest], kind="stable")[:6]]
     fitted = fit_parabola(run.omega[near], size[near])
-    if fitted is None or fitted[0] <= 0.0:
+    if fitted is None:
         return True
     least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
     x = (run.omega[near] / np.mean(run.omega[near])) ** 2 - 1.0

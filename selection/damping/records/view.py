@@ -23,20 +23,10 @@ from damping.records.implied import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
-from damping.records.runs import (
-    FEWEST_ROWS,
-    WHITE,
-    Run,
-    find_wild_rows,
-    has_resonance,
-    measure_whiteness,
-    runs_of,
-)
+from damping.records.runs import FEWEST_ROWS, WHITE, Run, find_wild_rows, has_resonance, measure_whiteness, runs_of
 
-#: Relative scatter beyond which the mass of pairs of rows is not known.
-SURE = 0.2
-#: An amplitude is wild where its neighbours say less than a third or more than three times as much.
-WILD = 3.0
+SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
+WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
 #: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
 FAR_LEVEL = log(3.0)
 #: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
@@ -55,6 +45,31 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.check} ({self.verdict}): {self.what}; {self.advice}"
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A run and what it implies: phases as they are (``turn``), and the ``lag`` that they should have been (n,).
+
+    ``lag`` is None where there is no phase or an incoherent one.
+    """
+
+    run: Run
+    turn: Implied | None
+    lag: FloatArray | None
+
+    @cached_property
+    def resonant(self) -> bool:
+        """Whether the run holds a resonance; one of few rows is taken at its word."""
+        return len(self.run) < FEWEST_ROWS or has_resonance(self.run, self.lag)
+
+    @cached_property
+    def mass(self) -> tuple[float, bool]:
+        """Mass that the run implies (NaN: none); whether by its phases or by a resonance that is not bent."""
+        if self.turn is None or self.lag is None:
+            return estimate_mass_without_phase(self.run) or (float("nan"), False)
+        sure = self.turn.both_sides and self.turn.scatter < SURE
+        return abs(self.turn.mass) if sure else float("nan"), True
 
 
 @dataclass(frozen=True)
@@ -100,9 +115,9 @@ class View:
         return [run for run in kept if len(run)]
 
     @cached_property
-    def turns(self) -> list[Implied | None]:
-        """What each run implies, phases as they are."""
-        return [find_implied(run) for run in self.runs]
+    def turns(self) -> list[tuple[Run, Implied | None]]:
+        """Each run and what it implies, phases as they are."""
+        return [(run, find_implied(run)) for run in self.runs]
 
     @cached_property
     def curve(self) -> bool:
@@ -113,15 +128,13 @@ class View:
     @cached_property
     def incoherent(self) -> tuple[str, ...]:
         """Sweeps whose phases have nothing to do with their amplitudes."""
-        return label_sweeps(
-            run for run, turn in zip(self.runs, self.turns, strict=True) if turn and is_incoherent(run, turn)
-        )
+        return label_sweeps(run for run, turn in self.turns if turn and is_incoherent(run, turn))
 
     @cached_property
     def wrong_sign(self) -> dict[str, str]:
         """Sweeps whose phase is no lag of the displacement, and what it is instead."""
         kinds: dict[str, str] = {}
-        for run, turn in zip(self.runs, self.turns, strict=True):
+        for run, turn in self.turns:
             if run.sweep in self.incoherent or run.phase is None:
                 continue
             if turn is None:
@@ -134,74 +147,49 @@ class View:
         return kinds
 
     @cached_property
-    def lags(self) -> list[FloatArray | None]:
-        """Phase of every run as the lag that it should have been; None where there is none or it is incoherent."""
-        lags: list[FloatArray | None] = []
-        for run, turn in zip(self.runs, self.turns, strict=True):
-            kind = self.wrong_sign.get(run.sweep, "")
-            if run.phase is None or run.sweep in self.incoherent:
-                lags.append(None)
-                continue
-            offset = turn.offset if turn and turn.both_sides and not kind and abs(turn.offset) < MOST_OFFSET else 0.0
-            lag = AS_LAG[kind](run.phase - offset)
-            lags.append(np.angle(np.exp(1j * (lag - 0.5 * pi))) + 0.5 * pi)
-        return lags
+    def legs(self) -> list[Leg]:
+        """Every run with its phase as the lag that it should have been."""
+        legs = []
+        for run, turn in self.turns:
+            kind, lag = self.wrong_sign.get(run.sweep, ""), None
+            if run.phase is not None and run.sweep not in self.incoherent:
+                near = turn and turn.both_sides and not kind and abs(turn.offset) < MOST_OFFSET
+                shifted = AS_LAG[kind](run.phase - (turn.offset if turn and near else 0.0))
+                lag = np.angle(np.exp(1j * (shifted - 0.5 * pi))) + 0.5 * pi
+            legs.append(Leg(run, turn, lag))
+        return legs
 
     @cached_property
     def sensed(self) -> float | None:
         """Rate of sweeping (d omega/dt)/omega, 1/s, that the phases show; None where they show none."""
-        return sense_rate([run for run, lag in zip(self.runs, self.lags, strict=True) if lag is not None])
-
-    @cached_property
-    def resonant(self) -> list[bool]:
-        """Whether each run holds a resonance; a run of few rows is taken at its word."""
-        return [
-            len(run) < FEWEST_ROWS or has_resonance(run, lag) for run, lag in zip(self.runs, self.lags, strict=True)
-        ]
+        return sense_rate([leg.run for leg in self.legs if leg.lag is not None])
 
     @cached_property
     def right(self) -> Record:
         """The record without wild rows, with lags where its phases were others; without phases where they are noise."""
         rows = np.concatenate([run.rows for run in self.runs])
         table = self.record.table.loc[np.sort(rows)].copy()
-        if "phase" in table.columns:
-            if any(lag is None for lag in self.lags):
-                table = table.drop(columns="phase")
-            else:
-                for run, lag in zip(self.runs, self.lags, strict=True):
-                    if run.sweep in self.wrong_sign and lag is not None:
-                        table.loc[run.rows, "phase"] = lag
+        if "phase" in table.columns and any(leg.lag is None for leg in self.legs):
+            table = table.drop(columns="phase")
+        elif "phase" in table.columns:
+            for leg in self.legs:
+                if leg.run.sweep in self.wrong_sign:
+                    table.loc[leg.run.rows, "phase"] = leg.lag
         return Record(table.reset_index(drop=True), self.record.source)
-
-    @cached_property
-    def masses(self) -> FloatArray:
-        """Mass that each run implies, (runs,); NaN where it does not."""
-        return np.array([mass for mass, _ in self._masses])
 
     @cached_property
     def straight(self) -> bool:
         """Whether the implied masses rest on phases or on resonances that are not bent."""
-        known = [straight for mass, straight in self._masses if np.isfinite(mass)]
+        known = [straight for mass, straight in (leg.mass for leg in self.legs) if np.isfinite(mass)]
         return float(np.mean(known)) > 0.5 if known else False
-
-    @cached_property
-    def _masses(self) -> list[tuple[float, bool]]:
-        masses = []
-        for run, turn, lag in zip(self.runs, self.turns, self.lags, strict=True):
-            if turn is not None and lag is not None:
-                sure = turn.both_sides and turn.scatter < SURE
-                masses.append((abs(turn.mass) if sure else float("nan"), True))
-            else:
-                masses.append(estimate_mass_without_phase(run) or (float("nan"), False))
-        return masses
 
     @cached_property
     def implied(self) -> pd.DataFrame:
         """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
         table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
-        for run, value in zip(self.runs, self.masses, strict=True):
-            mass.setdefault(run.sweep, []).append(value)
+        for leg in self.legs:
+            mass.setdefault(leg.run.sweep, []).append(leg.mass[0])
         implied = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
         implied["mass"] = [take_median(mass.get(sweep, [])) for sweep in table["sweep"]]
         stated = self.mode.mass if self.mode and self.mode.drive == "force" else np.nan
@@ -211,16 +199,21 @@ class View:
         implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])
         return implied.reset_index(drop=True)
 
+    @property
+    def simulated(self) -> float:
+        """Damping ratio of the viscous part of the mode's damping."""
+        assert self.mode is not None
+        viscous = self.mode.damping.get("viscous", {}).get("coefficient", 0.0)
+        return viscous / (2.0 * self.mode.mass * self.mode.omega_n)
+
     @cached_property
     def mass_ratio(self) -> float:
         """Mass that the rows imply over that of the mode (or of the rows' own column); NaN where they imply none."""
         if self.mode is None:
             return float("nan")
         own = self.record.masses(self.mode.mass)
-        stated = np.array([float(np.median(own[run.rows])) for run in self.runs])
-        if self.mode.drive == "base":
-            stated = np.ones(len(self.runs))
-        return take_median(self.masses / stated)
+        base = self.mode.drive == "base"
+        return take_median(leg.mass[0] / (1.0 if base else np.median(own[leg.run.rows])) for leg in self.legs)
 
 
 def take_median(values: Iterable[float]) -> float:

@@ -67,12 +67,7 @@ def whole_power(x: Pair, exponent: int) -> Pair:
 
 
 def times_matrix(columns: Pair, matrix: FloatArray) -> FloatArray:
-    """(head + tail) @ matrix, products and sums in twice the working precision, the result rounded once.
-
-    Args:
-        columns: head and tail, (n, k).
-        matrix: (k, m).
-    """
+    """(head + tail) @ matrix, (n, k) and (k, m), products and sums in twice the working precision, rounded once."""
     head, tail = columns
     total = np.zeros((len(head), matrix.shape[1]))
     loss = tail @ matrix
@@ -115,9 +110,7 @@ class Term:
     def values(self, column: Callable[[str], FloatArray], n: int) -> Pair:
         """The transformed variable phi(Q_j) (Eq. 5.2.3): head and tail (n,).
 
-        Args:
-            column: gives the values (n,) of a column.
-            n: number of observations.
+        ``column`` gives the values (n,) of a column.
 
         Raises:
             AnalysisError: the term has no finite value at some observation (0 to a negative power, a negative number

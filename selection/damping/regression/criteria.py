@@ -56,13 +56,11 @@ class Criteria:
 
 
 def criteria(sse: Floats, press: Floats, k: int | IntArray, observed: FloatArray) -> Criteria:
-    """The criteria of models fitted to one response.
+    """The criteria of models fitted to one response ``observed`` (n,).
 
     Args:
-        sse: sums of squared deviations.
-        press: sums of squared leave-one-out errors (``leave_one_out`` gives them).
+        sse: sums of squared deviations. press: of squared leave-one-out errors (``leave_one_out`` gives them).
         k: numbers of coefficients.
-        observed: the response (n,).
     """
     n = len(observed)
     K: npt.NDArray[np.float64] = np.asarray(k, dtype=np.float64) + 1.0

@@ -29,11 +29,8 @@ _ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
 
 @dataclass(frozen=True)
 class Columns:
-    """The numbers that a regression needs.
-
-    ``numbers`` maps each name asked for to its column (n,); ``rows`` (n,) are the rows of the table used, from 0;
-    ``notes`` say what was derived or left out.
-    """
+    """The numbers that a regression needs: each name asked for with its column (n,), the ``rows`` (n,) of the table
+    used, from 0, and ``notes`` of what was derived or left out."""
 
     numbers: dict[str, FloatArray]
     rows: IntArray
@@ -69,9 +66,8 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
     """The columns that ``names`` stand for.
 
     Args:
-        table: holds what ``required_columns`` names, as finite numbers (``sweep`` excepted).
-        names: of response and factors, each once.
-        source: of the table, for messages.
+        table: holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted).
+        names: of response and factors, each once. source: of the table, for messages.
 
     Without ``phase``, an energy that has to be derived is known at phase resonance only, where it is
     pi * force * amplitude: each sweep's row of largest amplitude is used and the others are left out.

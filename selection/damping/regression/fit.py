@@ -103,11 +103,7 @@ class Fit:
 
 
 def fit(design: Design, basis: Basis | None = None) -> Fit:
-    """Least-squares fit of a design.
-
-    Args:
-        design: terms and response.
-        basis: of the design, where it is at hand.
+    """Least-squares fit of a design; ``basis``: of it, where it is at hand.
 
     Raises:
         AnalysisError: the design is numerically rank-deficient; the columns are named.

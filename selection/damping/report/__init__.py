@@ -162,6 +162,11 @@ def format_percent(value: SupportsFloat) -> str:
     return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
 
 
+def format_percent_ratio(ratio: float) -> str:
+    """A damping ratio in per cent: ``0.287 %``."""
+    return f"{number(100.0 * ratio)} %" if isfinite(ratio) else NOTHING
+
+
 def format_signed(value: SupportsFloat) -> str:
     """Per cent with its sign: ``+68 %``."""
     x = float(value)

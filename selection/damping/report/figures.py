@@ -1,6 +1,9 @@
-"""The figures of a record, each with its title and its description in words."""
+"""The figures of a record, each with its title and its description in words; that of design loads with its slider."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,19 +14,27 @@ from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
 from damping.report import (
+    NOTHING,
     choose_length,
+    format_between,
     format_force_text,
     format_joined,
     format_parameter_label,
     format_quantity,
     format_share,
+    format_signed,
     forms,
     number,
     tables,
 )
+from damping.report.page import Block, FigureBlock
 from damping.report.results import (
     LawPosterior,
     RecordResult,
+    StudyResult,
+    Svgs,
+    describe_file_stem,
+    name_record,
     posterior_draws,
     prior_draws,
     weighted,
@@ -130,25 +141,18 @@ def _draw_ranking(result: RecordResult) -> Drawn:
     return Drawn(ranking(table), f"{result.title}: candidate laws ranked", description)
 
 
-def _labelled(result: RecordResult, sampled: LawPosterior) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Prior and posterior draws under labels with units."""
-    units = result.mode.units
-    prior, posterior = prior_draws(sampled.posterior.coordinates), posterior_draws(sampled)
-    labels = {name: format_parameter_label(name, units) for name in posterior}
-    return {labels[name]: prior[name] for name in posterior}, {labels[name]: posterior[name] for name in posterior}
-
-
-def _describe_intervals(draws: dict[str, np.ndarray]) -> str:
-    quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in draws.items()}
-    return format_joined(f"{name} {number(q[1])} ({number(q[0])} to {number(q[2])})" for name, q in quantiles.items())
-
-
 def _draw_corner(result: RecordResult) -> Drawn | None:
     best = leading(result)
     if best is None:
         return None
-    prior, posterior = _labelled(result, best)
-    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {_describe_intervals(posterior)}."
+    draws, prior_of = posterior_draws(best), prior_draws(best.posterior.coordinates)
+    posterior = {format_parameter_label(name, result.mode.units): values for name, values in draws.items()}
+    prior = dict(zip(posterior, (prior_of[name] for name in draws), strict=True))
+    quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in posterior.items()}
+    intervals = format_joined(
+        f"{name} {number(median)} ({number(low)} to {number(high)})" for name, (low, median, high) in quantiles.items()
+    )
+    description = f"Posterior of {best.law.name}; median and 90 per cent interval: {intervals}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
 
 
@@ -173,8 +177,8 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
     data, units = result.data, result.mode.units
     design, bands = forms.tabulate_loads(result.design), forms.tabulate_loads(result.bands)
     factor, length = choose_length(units.length, bands["median"].max())
-    amplitude = factor * data.tested_amplitude
-    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": amplitude})
+    tested = forms.tabulate_tested(data)
+    tested["amplitude"] *= factor
     for table in (design, bands):
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)
@@ -189,3 +193,105 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
         f"Resonant amplitude with its {100 * result.bands.level:g} per cent predictive interval: {predictions}."
     )
     return Drawn(figure, f"{result.title}: resonant amplitude against force", description)
+
+
+_DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "linear")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A value that follows the slider: ``name`` in ``texts``, what it is, and its text at the start."""
+
+    name: str
+    what: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Explorer(FigureBlock):
+    """A figure of design loads: the force moves, and the band with it, from predictions made beforehand.
+
+    Attributes:
+        name: an id on the page. data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null
+            and a dash where no prediction is given. start: position of the slider. jumps: positions of the design
+            forces with their text. shown: what stands beside the slider.
+    """
+
+    name: str
+    data: dict[str, Any]
+    start: int
+    jumps: tuple[tuple[int, str], ...]
+    shown: tuple[Shown, ...]
+
+    @property
+    def last(self) -> int:
+        """The last position of the slider."""
+        return len(self.data["force"]) - 1
+
+
+def build_loads_figure(result: RecordResult, study: StudyResult, svgs: Svgs, slider: bool) -> list[Block]:
+    """The figure of a record's design loads, with its slider where asked; nothing where there is no such figure."""
+    stem = describe_file_stem(result, "design_loads")
+    if stem not in svgs or result.bands is None or result.design is None:
+        return []
+    caption = (
+        f"{name_record(result, study, '.')}Resonant amplitude against force, n = {len(result.data.A)} points: the "
+        f"{100 * result.bands.level:g} % band holds what the next test would read."
+    )
+    if not slider:
+        return [FigureBlock(svgs[stem], caption)]
+    table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)
+    # a design force keeps the numbers of the table of design loads, whatever the grid says there
+    table = table.drop_duplicates("force", keep="last").sort_values("force", ignore_index=True)
+    factor, length = choose_length(result.mode.units.length, table["median"].max())
+    table[list(_DRAWN[1:])] *= factor
+    force, unit = table["force"].to_numpy(float), result.mode.units.force
+    positions = [int(np.flatnonzero(force == f)[0]) for f in result.design.force]
+    texts = _write_texts(table, unit, length)
+    numbers = {name: [float(f"{x:.5g}") if np.isfinite(x) else None for x in table[name]] for name in _DRAWN}
+    start = max(positions)
+    level = f"{100 * result.bands.level:g} %"
+    shown = tuple(Shown(name, what.format(level=level), texts[name][start]) for name, what in _WHAT.items())
+    return [
+        Explorer(
+            svgs[stem],
+            caption,
+            name=stem,
+            data={**numbers, "texts": texts},
+            start=start,
+            jumps=tuple((i, format_force_text(force[i], unit)) for i in sorted(set(positions))),
+            shown=shown,
+        )
+    ]
+
+
+_WHAT = {
+    "force": "design force",
+    "ratio": "times the largest tested force",
+    "median": "expected (median)",
+    "predictive": "{level} predictive: the next test",
+    "credible": "{level} credible: the law's own",
+    "linear": "linear prediction",
+    "over": "linear over median, and its {level} interval",
+}
+
+
+def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
+    """What the page says at each force, written as in the tables; a dash where no prediction is given."""
+    texts: dict[str, list[str]] = {name: [] for name in _WHAT}
+    for row in table.to_dict("records"):
+        over, low, high = (format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
+        said = {
+            "median": format_quantity(row["median"], length_unit),
+            "predictive": format_between(row["low"], row["high"], length_unit),
+            "credible": format_between(row["credible_low"], row["credible_high"], length_unit),
+            "over": f"{over} ({low} to {high})",
+        }
+        if not np.isfinite(row["median"]):
+            said = dict.fromkeys(said, NOTHING)
+        said["force"] = format_quantity(row["force"], force_unit, 4)
+        said["ratio"] = number(row["extrapolation_ratio"])
+        said["linear"] = format_quantity(row["linear"], length_unit)
+        for name, text in said.items():
+            texts[name].append(text)
+    return texts

@@ -40,6 +40,19 @@ def list_mode_cautions(data: Observations, mode: Mode) -> list[str]:
     return [f"the mode's frequency, {mode.frequency:.4g} Hz, is far from those of the record, {tested} Hz"]
 
 
+def tabulate_tested(data: Observations) -> pd.DataFrame:
+    """A row a sweep at its resonance: ``sweep, points, force, frequency`` (Hz)``, amplitude``."""
+    return pd.DataFrame(
+        {
+            "sweep": data.sweeps,
+            "points": data.rows_per_sweep,
+            "force": data.tested_force,
+            "frequency": data.tested_omega / RAD_S_PER_HZ,
+            "amplitude": data.tested_amplitude,
+        }
+    )
+
+
 def tabulate_candidates(ranking: Ranking) -> pd.DataFrame:
     """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
     rows = [
@@ -100,6 +113,8 @@ def _build_forces(candidate: Candidate) -> list[Form]:
     return entries or [{"name": name, "coefficient": None, **nothing} for name in candidate.law.components]
 
 
+#: Keys of a band: of a prediction of ``loads/1`` before the parts of its spread.
+_BAND_KEYS = ("median", "low", "high", "credible_low", "credible_high")
 #: Prefix of the columns of the parts of a predictive distribution, standard deviations in per cent of amplitude.
 _PART = "sd_percent_"
 
@@ -114,47 +129,35 @@ def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
         {
             **asked,
             "extrapolation_ratio": loads.ratio,
-            "median": loads.average.median,
-            "low": loads.average.low,
-            "high": loads.average.high,
-            "credible_low": loads.average.credible_low,
-            "credible_high": loads.average.credible_high,
+            **{key: getattr(loads.average, key) for key in _BAND_KEYS},
             "linear": loads.linear,
             "linear_overprediction_percent": loads.overprediction,
             "linear_overprediction_low": loads.overprediction_low,
             "linear_overprediction_high": loads.overprediction_high,
             **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
-            **({name: curve.table[name] for name in _CURVE_COLUMNS} if curve else {}),
+            **(curve.table[_CURVE_COLUMNS] if curve else {}),
             "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
     )
 
 
 #: Columns of a curve that predictions hold too.
-_CURVE_COLUMNS = (
-    "frequency",
-    "frequency_low",
-    "frequency_high",
-    "damping_ratio",
-    "damping_ratio_low",
-    "damping_ratio_high",
-)
+_CURVE_COLUMNS = [f"{name}{end}" for name in ("frequency", "damping_ratio") for end in ("", "_low", "_high")]
 
 
 def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
     """A row a law and force."""
-    columns = ("median", "low", "high", "credible_low", "credible_high")
     parts = [
         pd.DataFrame(
-            {"law": band.name, "weight": band.weight, "force": loads.force} | {c: getattr(band, c) for c in columns}
+            {"law": band.name, "weight": band.weight, "force": loads.force}
+            | {key: getattr(band, key) for key in _BAND_KEYS}
         )
         for band in loads.by_model
     ]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-#: Keys of a prediction of ``loads/1`` before and after the parts of its spread.
-_LOAD_KEYS = ("median", "low", "high", "credible_low", "credible_high")
+#: Keys of a prediction of ``loads/1`` after the parts of its spread.
 _LINEAR_KEYS = (
     "linear",
     "linear_overprediction_percent",
@@ -174,7 +177,7 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
     predictions = [
         {
             asked: row[asked],
-            **{key: row[key] for key in _LOAD_KEYS},
+            **{key: row[key] for key in _BAND_KEYS},
             "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
             **{key: row[key] for key in _LINEAR_KEYS},
             **(_build_ratio(curve, i) if curve else {}),
@@ -187,7 +190,10 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
         for i, row in enumerate(tabulate_loads(loads).to_dict("records"))
     ]
     form: Form = {"format": "loads/1", "level": loads.level, "predictions": predictions}
-    return {**form, **_plan_keys(plan)} if plan else form
+    if plan is None:
+        return form
+    rows = zip(plan.trend.force, plan.trend.p, plan.trend.sd, strict=True)
+    return {**form, "local_exponents": [{"force": F, "p": p, "sd": sd} for F, p, sd in rows], "limit": plan.limit}
 
 
 def _build_ratio(curve: Curve, row: int) -> Form:
@@ -211,12 +217,6 @@ def curve_form(curve: Curve) -> Form:
         for i, row in enumerate(table.to_dict("records"))
     ]
     return {"format": "curve/1", "level": curve.level, "rows": rows}
-
-
-def _plan_keys(plan: Plan) -> Form:
-    p = plan.trend
-    exponents = [{"force": force, "p": value, "sd": sd} for force, value, sd in zip(p.force, p.p, p.sd, strict=True)]
-    return {"local_exponents": exponents, "limit": plan.limit}
 
 
 def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
@@ -251,13 +251,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "levels": [asdict(level) for level in diagnosis.levels],
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
-        "gap": {
-            "nominal": diagnosis.gap.nominal,
-            "before": diagnosis.gap.before,
-            "after": diagnosis.gap.after,
-            "shrinkage": diagnosis.gap.shrinkage,
-            "held_out": _held_out(diagnosis),
-        },
+        "gap": {**asdict(diagnosis.gap), "held_out": _held_out(diagnosis)},
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
         "intervals": {
             effect: {name: list(interval) for name, interval in values.items()}

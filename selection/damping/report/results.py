@@ -74,11 +74,7 @@ class RecordResult:
 
 @dataclass(frozen=True)
 class FurtherPage:
-    """A page of its own beside the report, in the same frame.
-
-    Attributes:
-        file: its address from the folder of the report, without the ending (``reproduction/chapter-2``).
-    """
+    """A page of its own beside the report; ``file``: its address from there, without ending (``reproduction/page``)."""
 
     file: str
     title: str
@@ -87,18 +83,12 @@ class FurtherPage:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """What joins a study beside its records, such as the reproduction of a report.
-
-    Files are named without their endings.
+    """What joins a study beside its records, such as the reproduction of a report. Files are named without endings.
 
     Attributes:
-        sections: of the report's page.
-        pages: of its own, which one of the sections links.
-        figures: SVG by file.
-        drawings: how each of the figures is drawn, for other formats.
-        tables: by file.
-        summary: what it adds to the summary of the study, by key.
-        posteriors: what it sampled by file, as ArviZ groups.
+        sections: of the report's page. pages: of its own, which one of the sections links.
+        figures: SVG by file. drawings: how each of them is drawn, for other formats. tables: by file.
+        summary: what it adds to the summary of the study, by key. posteriors: by file, as ArviZ groups.
     """
 
     sections: Sequence[Section]
@@ -112,13 +102,7 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A whole study.
-
-    Attributes:
-        inputs: file name to SHA-256.
-        versions: package to version.
-        exhibits: what stands on the page after the records.
-    """
+    """A whole study; ``inputs``: file name to SHA-256, ``versions``: package to version, ``exhibits``: joining it."""
 
     title: str
     seed: int

@@ -1,6 +1,6 @@
-"""The page of a study as five screens: the answer, damping, measured beside fitted, which law, the design load.
+"""The first screens of the page of a study: the answer, damping, measured beside fitted, which law.
 
-What a screen rests on stands folded away (:mod:`damping.report.study`).
+The design load and what a screen rests on follow in :mod:`damping.report.study`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from damping.report import (
     format_length_band,
     format_parameter_unit,
     format_percent,
+    format_percent_ratio,
     format_quantity,
     format_share,
     format_signed,
     number,
 )
-from damping.report.loads import build_loads, format_percent_ratio
 from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
 from damping.report.results import (
     RecordResult,
@@ -49,15 +49,13 @@ MOST_CAUTIONS = 3
 
 
 def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The five screens; a screen without content is left out."""
-    screens = [
+    """The screens; those that the results cannot fill have no blocks."""
+    return [
         Section("answer", "The answer", _build_answer(study)),
         Section("damping", "Damping against amplitude", _build_curves(study, svgs)),
         Section("sweeps", "Measured beside fitted", _build_fits(study, svgs)),
         Section("laws", "Which law", _build_laws(study)),
-        Section("loads", "At the design load, and what to test next", build_loads(study, svgs)),
     ]
-    return [screen for screen in screens if screen.blocks]
 
 
 def find_lead(study: StudyResult) -> RecordResult:

@@ -1,6 +1,7 @@
 """A study rendered: the page, every table and every figure, of its records and of the exhibits that join it.
 
-Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`); here what it rests on, folded.
+Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`, and here the design load); here
+too what it rests on, folded.
 """
 
 from __future__ import annotations
@@ -8,18 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from damping.extrapolation.draws import AVERAGE_DRAWS
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
-from damping.plots import Drawn
 from damping.ranking import INTERVAL
 from damping.report import (
     format_decimals,
+    format_force_text,
     format_joined,
     format_percent,
     format_quantity,
@@ -28,13 +29,16 @@ from damping.report import (
     number,
     tables,
 )
-from damping.report.figures import leading, record_figures
+from damping.report.figures import build_loads_figure, leading, record_figures
 from damping.report.page import (
     Block,
     Callout,
     Fold,
     Footer,
+    Format,
+    Heading,
     List,
+    Row,
     Section,
     Table,
     Text,
@@ -50,6 +54,7 @@ from damping.report.results import (
     build_figure,
     describe_failed_chains,
     describe_file_stem,
+    find_largest,
 )
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
@@ -67,9 +72,17 @@ class Rendered:
 
 def render(study: StudyResult) -> Rendered:
     """Render a study; equal studies give equal text."""
-    figures, tables = _figures(study), _tables(study)
+    figures: dict[str, str] = {}
+    tables: dict[str, pd.DataFrame] = {}
+    for result in study.records:
+        for name, drawn in record_figures(result, study.level).items():
+            stem = describe_file_stem(result, name)
+            figures[stem] = drawn.to_svg(stem)
+        tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
     further = [section for exhibit in study.exhibits for section in exhibit.sections]
-    sections = [*build_screens(study, figures), *further, _build_details(study, figures)]
+    loads = Section("loads", "At the design load, and what to test next", _build_loads(study, figures))
+    screens = [screen for screen in (*build_screens(study, figures), loads) if screen.blocks]
+    sections = [*screens, *further, _build_details(study, figures)]
     for exhibit in study.exhibits:
         figures |= exhibit.figures
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
@@ -79,20 +92,51 @@ def render(study: StudyResult) -> Rendered:
     return Rendered(render_page(study.title, sections, footer), tables, figures, pages)
 
 
-def _figures(study: StudyResult) -> dict[str, str]:
-    drawn: dict[str, Drawn] = {}
-    for result in study.records:
-        drawn |= {
-            describe_file_stem(result, name): figure for name, figure in record_figures(result, study.level).items()
-        }
-    return {name: figure.to_svg(name) for name, figure in drawn.items()}
+def _build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
+    """The screen of the prediction by parts and of what to test next; nothing where no design load is asked for."""
+    asked = [result for result in study.records if result.design is not None]
+    if not asked:
+        return []
+    blocks: list[Block] = [
+        Text("Amplitude at resonance under each design force; linear scales the largest tested level in proportion.")
+    ]
+    for result in asked:
+        assert result.design is not None  # chosen so above
+        heading = [Heading(result.title)] if len(study.records) > 1 else []
+        blocks += [*heading, *_describe_refusals(result.design), *_tabulate_loads(result, result.design)]
+        further = result.next_level
+        if further is not None:
+            unit = result.mode.units.force
+            blocks.append(
+                Text(
+                    f"To test next: one more level at {format_quantity(further.force, unit)}. It would shrink the band "
+                    f"at {format_force_text(further.design, unit)} from a factor of {further.width:.2f} between its "
+                    f"ends to {further.expected:.2f}."
+                )
+            )
+    drawn = [
+        block for number, result in enumerate(asked) for block in build_loads_figure(result, study, svgs, number == 0)
+    ]
+    return [*blocks, Row(drawn)] if drawn else blocks
 
 
-def _tables(study: StudyResult) -> dict[str, pd.DataFrame]:
-    tables: dict[str, pd.DataFrame] = {}
-    for result in study.records:
-        tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
-    return tables
+def _describe_refusals(design: Loads) -> list[Block]:
+    """Why no prediction is given, where none is."""
+    if find_largest(design) is not None:
+        return []
+    why = format_joined(dict.fromkeys(caution[0] for caution in design.cautions if caution))
+    return [Text(f"No amplitude is predicted: {why}.")]
+
+
+def _tabulate_loads(result: RecordResult, design: Loads) -> list[Block]:
+    caption = "Amplitude and damping at the design forces; the low end of the damping ratio is the one to size with."
+    headings, key = {"band": f"{100 * design.level:g} % band"}, describe_file_stem(result, "design_loads")
+    predicted = Table(tables.tabulate_design(result, design), caption, {"times tested": number}, headings, key=key)
+    caption = "What the band is made of: standard deviations in per cent of amplitude, whose squares add."
+    headings = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
+    headings |= {"discrepancy": "the law changing beyond the test, %"}
+    formats: dict[str, Format] = dict.fromkeys(PARTS, format_percent)
+    return [predicted, Table(tables.tabulate_parts(result, design), caption, formats, headings)]
 
 
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
@@ -165,16 +209,7 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
 
 def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str, Table]:
     """Tested levels, and the points used."""
-    data = result.data
-    levels = pd.DataFrame(
-        {
-            "sweep": data.sweeps,
-            "points": data.rows_per_sweep,
-            "force": data.tested_force,
-            "frequency": data.tested_omega / (2.0 * np.pi),
-            "amplitude": data.tested_amplitude,
-        }
-    )
+    levels = forms.tabulate_tested(result.data)
     points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
     return {"levels": Table(levels, ""), "observations": Table(points.head(MOST_POINTS), "")}
 

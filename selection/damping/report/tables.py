@@ -10,13 +10,30 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import format_between, format_force_text, format_parameter_unit, forms, number
+from damping.report import (
+    NOTHING,
+    format_between,
+    format_force_text,
+    format_gravity,
+    format_length,
+    format_length_band,
+    format_parameter_unit,
+    format_percent_ratio,
+    format_quantity,
+    format_signed,
+    forms,
+    number,
+)
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
+#: Attributes that are columns of the same name: of a posterior, of the convergence of a quantity, of a power law.
+_CHAIN = ("converged", "failure", "steps", "acceptance", "log_z")
+_CONVERGENCE = ("mean", "sd", "monte_carlo_error", "r_hat", "effective_size", "autocorrelation", "lengths")
+_POWER_LAW = ("form", "p", "std_error", "degrees_of_freedom", "level", "p_low", "p_high")
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
 
@@ -91,11 +108,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
             "law": sampled.law.name,
             "weight": sampled.weight,
             "of_source": sampled.of_source,
-            "converged": sampled.posterior.converged,
-            "failure": sampled.posterior.failure,
-            "steps": sampled.posterior.steps,
-            "acceptance": sampled.posterior.acceptance,
-            "log_z": sampled.posterior.log_z,
+            **{name: getattr(sampled.posterior, name) for name in _CHAIN},
             "elpd_loo": sampled.leave_one_out.elpd,
             "elpd_standard_error": sampled.leave_one_out.standard_error,
             "p_loo": sampled.leave_one_out.p,
@@ -112,17 +125,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
 def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     """A row a sampled law and reported quantity."""
     rows = [
-        {
-            "law": sampled.law.name,
-            "quantity": d.name,
-            "mean": d.mean,
-            "sd": d.sd,
-            "monte_carlo_error": d.monte_carlo_error,
-            "r_hat": d.r_hat,
-            "effective_size": d.effective_size,
-            "autocorrelation": d.autocorrelation,
-            "lengths": d.lengths,
-        }
+        {"law": sampled.law.name, "quantity": d.name, **{name: getattr(d, name) for name in _CONVERGENCE}}
         for sampled in result.posteriors
         for d in sampled.posterior.diagnoses
     ]
@@ -162,13 +165,7 @@ def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
         low, median, high = _posterior_exponent(result, law.form)
         rows.append(
             {
-                "form": law.form,
-                "p": law.p,
-                "std_error": law.std_error,
-                "degrees_of_freedom": law.degrees_of_freedom,
-                "level": law.level,
-                "p_low": law.p_low,
-                "p_high": law.p_high,
+                **{name: getattr(law, name) for name in _POWER_LAW},
                 "posterior_p": median,
                 "posterior_p_low": low,
                 "posterior_p_high": high,
@@ -192,22 +189,12 @@ def _posterior_exponent(result: RecordResult, form: str) -> FloatArray:
 
 def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
     """Predictive resonant amplitude of each tested sweep, per cent of the measured; laws whose chain converged."""
-    data = result.data
-    parts = [
-        pd.DataFrame(
-            {
-                "law": sampled.law.name,
-                "sweep": data.sweeps,
-                "force": data.tested_force,
-                "amplitude": data.tested_amplitude,
-                "median": sampled.check.median,
-                "low": sampled.check.low,
-                "high": sampled.check.high,
-            }
-        )
-        for sampled in result.posteriors
-        if sampled.posterior.converged
-    ]
+    parts = []
+    for sampled in result.posteriors:
+        if sampled.posterior.converged:
+            part = forms.tabulate_tested(result.data)[["sweep", "force", "amplitude"]]
+            part.insert(0, "law", sampled.law.name)
+            parts.append(part.assign(median=sampled.check.median, low=sampled.check.low, high=sampled.check.high))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
@@ -254,3 +241,39 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
     assert candidate.fit is not None
     force = candidate.fit.force
     return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)
+
+
+def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
+    """Amplitude and damping at the design forces as the page says them: a row a force, texts but ``times tested``."""
+    units, curve = result.mode.units, result.design_curve
+    table = pd.DataFrame(
+        {
+            "force": [format_force_text(force, units.force) for force in design.force],
+            "times tested": design.ratio,
+            "median": [format_length(value, units.length) for value in design.average.median],
+            "band": [
+                format_length_band(a, b, units.length)
+                for a, b in zip(design.average.low, design.average.high, strict=True)
+            ],
+            "linear": [
+                f"{format_length(value, units.length)} ({format_signed(over)})"
+                for value, over in zip(design.linear, design.overprediction, strict=True)
+            ],
+        }
+    )
+    if curve is None:
+        return table
+    ratio, frequency = curve.damping_ratio, curve.frequency.median
+    table["damping ratio"] = [format_percent_ratio(value) for value in ratio.median]
+    table["low end"] = [format_percent_ratio(value) for value in ratio.low]
+    table["frequency"] = [format_quantity(value, "Hz", 4) for value in frequency]
+    gravities = [format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)]
+    if any(text != NOTHING for text in gravities):
+        table.insert(3, "peak acceleration", gravities)
+    return table
+
+
+def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
+    """What the band is made of: a row a force, a column a part, standard deviations in per cent of amplitude."""
+    force = [format_force_text(force, result.mode.units.force) for force in design.force]
+    return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})

@@ -167,11 +167,6 @@ class DampingRoots:
     energy_peak: float
 
 
-def principal_forces(F_e: Floats, theta: float) -> tuple[Floats, Floats]:
-    """F_p = F_e cos theta, F_y = -F_e sin theta (Eqs. 3.2.1, 3.2.2)."""
-    return F_e * cos(theta), -F_e * sin(theta)
-
-
 def input_energy(X: Floats, F: Floats, phi: Floats) -> Floats:
     """Delta W per cycle = pi X F sin(phi), phi the lag of X behind F (Eq. 3.2.9)."""
     return np.pi * X * F * np.sin(phi)

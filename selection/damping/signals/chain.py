@@ -8,7 +8,7 @@ force, rad): of the node's motion first, then of the mode's.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import radians
 
@@ -18,9 +18,9 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
 from damping.signals import (
-    NodeCorrection,
     NodeMode,
     PrincipalPlanes,
+    branch,
     damping_roots,
     displacement,
     identify_r2_over_i,
@@ -33,7 +33,7 @@ from damping.signals import (
     plane_motion,
     yaw_displacement,
 )
-from damping.signals.description import Description, Principal, Sensor, Yaw
+from damping.signals.description import Description
 
 
 @dataclass(frozen=True)
@@ -67,22 +67,22 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
             damping factor.
     """
     d = description
+    actions = [
+        to_displacements,
+        *([to_yaw] if d.yaw else []),
+        to_node,
+        to_mode,
+        *([remove_rigid_body] if d.rigid_body else []),
+        *([remove_modes] if d.modes else []),
+        *([remove_correction] if d.correction else []),
+        to_modal_force,
+        *([to_principal] if d.principal else []),
+        to_record,
+    ]
     steps: list[ConditioningStep] = []
     table = tabulate_working(raw, d)
-    actions: list[Callable[[pd.DataFrame], ConditioningStep]] = [
-        lambda t: to_displacements(t, d.sensors),
-        *([lambda t: to_yaw(t, d.yaw)] if d.yaw else []),
-        lambda t: to_node(t, raw, d),
-        lambda t: to_mode(t, d.mode.phi),
-        *([lambda t: remove_rigid_body(t, raw, d)] if d.rigid_body else []),
-        *([lambda t: remove_modes(t, d)] if d.modes else []),
-        *([lambda t: remove_correction(t, raw, d)] if d.correction else []),
-        lambda t: to_modal_force(t, d.mode.drive),
-        *([lambda t: to_principal(t, d)] if d.principal else []),
-        lambda t: to_record(t, d),
-    ]
     for action in actions:
-        steps.append(action(table))
+        steps.append(action(table, raw, d))
         table = steps[-1].after
     return tuple(steps)
 
@@ -101,11 +101,11 @@ def tabulate_working(raw: pd.DataFrame, description: Description) -> pd.DataFram
     return pd.DataFrame(columns, index=raw.index)
 
 
-def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> ConditioningStep:
+def to_displacements(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Amplitudes of displacement: unit a F/omega^2 of an acceleration (Table 3.I), unit v F/omega of a velocity."""
     omega = _column(table, "omega")
     moved = {}
-    for sensor in sensors:
+    for sensor in description.sensors:
         force = _column(table, "force") if sensor.per_force else np.ones(len(table))
         reading = _column(table, sensor.name)
         as_acceleration = {"acceleration": reading, "velocity": reading * omega, "displacement": reading * omega**2}
@@ -113,12 +113,13 @@ def to_displacements(table: pd.DataFrame, sensors: tuple[Sensor, ...]) -> Condit
     return _step("displacement", "section 3.1, Table 3.I", table, table.assign(**moved))
 
 
-def to_yaw(table: pd.DataFrame, nodes: tuple[Yaw, ...]) -> ConditioningStep:
+def to_yaw(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Yaw displacements of nodes measured in pitch only (Eq. 3.1.1).
 
     The ratio of the tip's accelerations is that of its displacements, as both are at one frequency.
     """
-    yaw = {n.name: yaw_displacement(*(_column(table, c) for c in (n.tip_yaw, n.tip_pitch, n.pitch))) for n in nodes}
+    readings = {n.name: (n.tip_yaw, n.tip_pitch, n.pitch) for n in description.yaw}
+    yaw = {name: yaw_displacement(*(_column(table, c) for c in columns)) for name, columns in readings.items()}
     return _step("yaw from pitch", "Eq. 3.1.1", table, table.assign(**yaw))
 
 
@@ -133,8 +134,9 @@ def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) ->
     return _step("node", "Eq. 3.1.21", table, after, {"lag": np.full(len(table), lag)} if lag else None)
 
 
-def to_mode(table: pd.DataFrame, phi: float) -> ConditioningStep:
+def to_mode(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Node to modal displacement, X/phi (Eqs. 3.1.2-3.1.5); a negative phi turns the phase by pi."""
+    phi = description.mode.phi
     after = table.assign(amplitude=_column(table, "amplitude") / abs(phi))
     if phi < 0.0 and "phase" in after:
         after["phase"] = _lag(_column(table, "phase") + np.pi)
@@ -161,7 +163,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
     return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, constants)
 
 
-def remove_modes(table: pd.DataFrame, description: Description) -> ConditioningStep:
+def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Other modes taken off as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
 
     Raises:
@@ -172,7 +174,7 @@ def remove_modes(table: pd.DataFrame, description: Description) -> ConditioningS
     for named, other in zip(description.modes, others, strict=True):
         if omega.min() <= other.omega <= omega.max():
             raise AnalysisError(f"mode {named.name!r} lies inside the swept frequencies: it cannot be removed undamped")
-    correction: NodeCorrection = node_correction(mode, others, F, omega)
+    correction = node_correction(mode, others, F, omega)
     parts = {f"mode {m.name}": part for m, part in zip(description.modes, correction.adjacent, strict=True)}
     return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
 
@@ -184,15 +186,16 @@ def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
     return _in_phase("known correction", "Eq. 3.1.19", table, {"total": C_t})
 
 
-def to_modal_force(table: pd.DataFrame, phi_drive: float) -> ConditioningStep:
+def to_modal_force(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """F_e = phi F (Eqs. 2.2.3, 3.1.11); a negative phi at the drive turns the phase by pi."""
-    after = table.assign(force=modal_force(_column(table, "force"), abs(phi_drive)))
-    if phi_drive < 0.0 and "phase" in after:
+    phi = description.mode.drive
+    after = table.assign(force=modal_force(_column(table, "force"), abs(phi)))
+    if phi < 0.0 and "phase" in after:
         after["phase"] = _lag(_column(table, "phase") + np.pi)
     return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, after)
 
 
-def to_principal(table: pd.DataFrame, description: Description) -> ConditioningStep:
+def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Motion and energy in the principal pitch plane, with xi of Eq. 3.2.15 point by point (section 3.2).
 
     Removes the motion in the yaw plane, and rows at which no xi balances the energy. Amplitude and energy that remain
@@ -208,7 +211,11 @@ def to_principal(table: pd.DataFrame, description: Description) -> ConditioningS
     F, omega = _column(table, "force"), _column(table, "omega")
     energy = np.asarray(input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
     rows = zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)
-    xi = np.array([_root(damping_roots(planes, *row).roots, principal) for row in rows])
+    points = [damping_roots(planes, *row) for row in rows]
+    if principal.xi is None:
+        xi = branch(points, 0 if principal.branch == "low" else -1, principal.largest)
+    else:  # that is, branch "near"
+        xi = np.array([nearest_root(point.roots[point.roots < principal.largest], principal.xi) for point in points])
     kept = np.isfinite(xi)
     if not kept.any():
         raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
@@ -220,23 +227,12 @@ def to_principal(table: pd.DataFrame, description: Description) -> ConditioningS
     return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
 
 
-def to_record(table: pd.DataFrame, description: Description) -> ConditioningStep:
+def to_record(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """The columns of a record (frequency in Hz), energy and xi where there are, then those kept."""
     columns = {"sweep": table["sweep"], "force": table["force"], "frequency": _column(table, "omega") / RAD_S_PER_HZ}
     names = [name for name in ("amplitude", "phase", "energy", "xi") if name in table]
     columns |= {name: table[name] for name in (*names, *description.raw.keep)}
     return _step("record", "", table, pd.DataFrame(columns))
-
-
-def _root(roots: FloatArray, principal: Principal) -> float:
-    """The root on the branch asked for, NaN where there is none below ``largest``."""
-    roots = roots[roots < principal.largest]
-    if not roots.size:
-        return np.nan
-    if principal.branch == "near":
-        assert principal.xi is not None  # checked with the description
-        return nearest_root(roots, principal.xi)
-    return float(roots[0 if principal.branch == "low" else -1])
 
 
 def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode, list[NodeMode], FloatArray]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import radians
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
@@ -138,12 +138,8 @@ class Principal(_DescriptionTable):
     largest: Positive = 0.1
 
 
-class DescriptionProblem(NamedTuple):
-    """Something in a description that contradicts the rest of it: the keys that lead there, and what was expected."""
-
-    keys: tuple[str | int, ...]
-    message: str
-    expected: str
+#: Something in a description that contradicts the rest of it: the keys that lead there, what, and what was expected.
+DescriptionProblem: TypeAlias = tuple[tuple[str | int, ...], str, str]
 
 
 class Description(_DescriptionTable):
@@ -185,15 +181,13 @@ class Description(_DescriptionTable):
 
     def _check_raw(self) -> Iterator[DescriptionProblem]:
         if (self.raw.sweep is None) == (self.raw.sweep_label is None):
-            yield DescriptionProblem(("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT")
+            yield ("raw",), "sweeps have no label or two", "sweep = COLUMN or sweep_label = TEXT"
         if self.raw.sweep in self.columns:
-            yield DescriptionProblem(
-                ("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels"
-            )
+            yield ("raw", "sweep"), f"column {self.raw.sweep!r} is used as a number", "a column of labels"
         meant = {*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS, *WORKING_COLUMNS, *(f"{name}_sd" for name in WORKING_COLUMNS)}
         for name in self.raw.keep:
             if name in meant:
-                yield DescriptionProblem(("raw", "keep"), f"column {name!r} would stand for a result", "another name")
+                yield ("raw", "keep"), f"column {name!r} would stand for a result", "another name"
 
     def _check_names(self) -> Iterator[DescriptionProblem]:
         seen = {*WORKING_COLUMNS, *self.raw.keep}
@@ -202,35 +196,33 @@ class Description(_DescriptionTable):
         named += [(("yaw", i, "name"), yaw.name) for i, yaw in enumerate(self.yaw)]
         for keys, name in named:
             if name in seen:
-                yield DescriptionProblem(keys, f"{name!r} is taken", "a name of its own")
+                yield keys, f"{name!r} is taken", "a name of its own"
             seen.add(name)
         used = [(("yaw", i, key), getattr(y, key)) for i, y in enumerate(self.yaw) for key in _YAW_SENSORS]
         for path, name in [*used, (("node", "sensor"), self.node.sensor)]:
             if name not in sensors:
-                yield DescriptionProblem(path, f"no sensor {name!r}", f"one of {', '.join(sensors)}")
+                yield path, f"no sensor {name!r}", f"one of {', '.join(sensors)}"
 
     def _check_mode(self) -> Iterator[DescriptionProblem]:
         for key in ("phi", "phi_drive"):
             if getattr(self.mode, key) == 0.0:
-                yield DescriptionProblem(("mode", key), "is 0: the mode cannot be seen or driven there", "another node")
+                yield ("mode", key), "is 0: the mode cannot be seen or driven there", "another node"
         if len({mode.name for mode in self.modes}) < len(self.modes):
-            yield DescriptionProblem(("modes",), "two modes have one name", "different names")
+            yield ("modes",), "two modes have one name", "different names"
 
     def _check_removals(self) -> Iterator[DescriptionProblem]:
         rigid = self.rigid_body
         if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
-            yield DescriptionProblem(("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from")
+            yield ("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from"
         if self.correction is not None and (self.modes or rigid is not None):
-            message = "the total correction is given and computed"
-            yield DescriptionProblem(("correction",), message, "it, or modes and rigid_body")
+            yield ("correction",), "the total correction is given and computed", "it, or modes and rigid_body"
         removed = [key for key in ("modes", "rigid_body", "correction", "principal") if getattr(self, key)]
         if self.node.phase is None and self.node.phase_sd is not None:
-            yield DescriptionProblem(("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]")
+            yield ("node", "phase_sd"), "there is no phase that it belongs to", "phase in [node]"
         if self.node.phase is None and removed:
-            message = "nothing can be removed without the phase of the node"
-            yield DescriptionProblem((removed[0],), message, "phase in [node]")
+            yield (removed[0],), "nothing can be removed without the phase of the node", "phase in [node]"
         if self.principal is not None and (self.principal.branch == "near") != (self.principal.xi is not None):
-            yield DescriptionProblem(("principal",), 'xi goes with branch = "near"', "both or neither")
+            yield ("principal",), 'xi goes with branch = "near"', "both or neither"
 
 
 _YAW_SENSORS = ("tip_yaw", "tip_pitch", "pitch")

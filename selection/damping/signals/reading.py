@@ -13,9 +13,8 @@ correlated, which a record does not say either. Near a point without a damping f
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,35 +27,33 @@ from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 
-#: Part of an uncertainty by which a column is moved: errors of the difference are of the square of it.
-_PART = 1e-3
+_PART = 1e-3  #: part of an uncertainty by which a column is moved: errors of the difference are of the square of it
 
 
 def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
-    """All steps of a test with the uncertainties that the raw table states; the last one's ``after`` is the record."""
-    return with_uncertainties(condition(raw, description), raw, description)
+    """All steps of a test; the last one's ``after`` is the record.
 
-
-def with_uncertainties(
-    steps: tuple[ConditioningStep, ...], raw: pd.DataFrame, description: Description
-) -> tuple[ConditioningStep, ...]:
-    """The steps with one more, that adds ``NAME_sd`` to the record; unchanged where no uncertainty is stated.
-
+    Where the raw table (uncertainties >= 0) states uncertainties, one more step adds ``NAME_sd`` to the record:
     ``force_sd``, ``amplitude_sd`` and ``phase_sd`` are there where the uncertainty of that reading is stated, and 0
     (none) in rows in which it is stated as 0; ``energy_sd`` and ``xi_sd`` go with ``amplitude_sd``.
-
-    Args:
-        steps: of ``condition(raw, description)``. raw: the raw table, uncertainties >= 0.
 
     Raises:
         AnalysisError: a damping factor that is lost as soon as a reading is moved.
     """
+    steps = condition(raw, description)
     stated = description.uncertainties
     if not stated:
         return steps
     record = steps[-1].after
-    held = _with_r2_over_i_held(description, steps)
-    owners = {name: column for name, column in _owners(description) if column in stated and name in record}
+    held, rigid = description, description.rigid_body
+    r2_over_i = next((step.constants["r2_over_i"] for step in steps if "r2_over_i" in step.constants), None)
+    if rigid is not None and r2_over_i is not None:
+        known = rigid.model_copy(update={"r2_over_i": r2_over_i, "identify_from": None})
+        held = description.model_copy(update={"rigid_body": known})
+    node = next(sensor.column for sensor in description.sensors if sensor.name == description.node.sensor)
+    own = {"force": description.raw.force, "phase": description.node.phase}  # raw column of each of the record
+    own |= dict.fromkeys(("amplitude", "energy", "xi"), node)
+    owners = {name: column for name, column in own.items() if column in stated and name in record}
     squares = {name: np.zeros(len(record)) for name in owners}
     for column, sd in stated.items():
         step = _PART * raw[sd]
@@ -69,23 +66,6 @@ def with_uncertainties(
     }
     after = record.assign(**given)
     return (*steps, ConditioningStep("uncertainties", "first order", record, after, pd.DataFrame(index=record.index)))
-
-
-def _owners(description: Description) -> Iterator[tuple[str, str | None]]:
-    """Columns of the record with the raw column that they stand for."""
-    node = next(sensor.column for sensor in description.sensors if sensor.name == description.node.sensor)
-    yield "force", description.raw.force
-    yield "phase", description.node.phase
-    for name in ("amplitude", "energy", "xi"):
-        yield name, node
-
-
-def _with_r2_over_i_held(description: Description, steps: tuple[ConditioningStep, ...]) -> Description:
-    r2_over_i = next((step.constants["r2_over_i"] for step in steps if "r2_over_i" in step.constants), None)
-    if description.rigid_body is None or r2_over_i is None:
-        return description
-    rigid = description.rigid_body.model_copy(update={"r2_over_i": r2_over_i, "identify_from": None})
-    return description.model_copy(update={"rigid_body": rigid})
 
 
 def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.DataFrame) -> FloatArray:
@@ -109,27 +89,24 @@ _WRITTEN = {
 }
 
 
-def read_description(path: str | Path) -> Description:
-    """Read and check a CONDITION.toml. InputError with the line and key of the first thing that is wrong."""
-    return _described(read_toml(path))
+def read_description(description: object) -> Description:
+    """A description as it is, from the path of a CONDITION.toml or in its keys, checked.
 
-
-def describe(description: object) -> Description:
-    """A description as it is, from the path of a CONDITION.toml or in its keys, checked. InputError with the key."""
-    if isinstance(description, str | Path):
-        return read_description(description)
+    Raises:
+        InputError: the line and key of the first thing that is wrong.
+    """
     if isinstance(description, Description):
         return description
-    if not isinstance(description, Mapping):
+    if isinstance(description, str | Path):
+        table = read_toml(description)
+    elif isinstance(description, Mapping):
+        table = TomlTable(dict(description), (), "description", "")
+    else:
         raise InputError(f"description is a {type(description).__name__}", expected="a Mapping")
-    return _described(TomlTable(dict(description), (), "description", ""))
-
-
-def _described(table: TomlTable) -> Description:
-    description = read_schema(table, Description, _WRITTEN)
-    for keys, message, expected in description.problems():
+    checked = read_schema(table, Description, _WRITTEN)
+    for keys, message, expected in checked.problems():
         raise locate(table, keys, message, expected)
-    return description
+    return checked
 
 
 def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_SIZE) -> pd.DataFrame:
@@ -140,15 +117,11 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
             that is not positive; another amplitude below 0; a phase beyond one turn.
     """
     d = description
-    numbers = d.columns
     labels = [d.raw.sweep] if d.raw.sweep else []
-    text = [*labels, *(name for name in d.raw.keep if name not in numbers)]
-    table = read_table(path, required=[*numbers, *labels], text_columns=text, max_size=max_size)
-    for name in d.raw.keep:
-        if name not in table:
-            hint = describe_nearest(name, map(str, table.columns))
-            raise InputError(f"no column {name!r} to keep", file=path, line=1, expected=f"{hint} or another column")
-    problem = _out_of_range(table, d)
+    text = [*labels, *(name for name in d.raw.keep if name not in d.columns)]
+    table = read_table(path, required=[*d.columns, *labels], text_columns=text, max_size=max_size)
+    _require_kept(table, d.raw.keep, "to keep", path)
+    problem = _find_out_of_range(table, d)
     if problem is not None:
         row, name, expected = problem
         line = _lines(path, max_size)[row]
@@ -164,39 +137,42 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     """
     d = description
     require_numbers(table, d.columns)
-    for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
-        if name not in table.columns:
-            hint = describe_nearest(name, map(str, table.columns))
-            raise InputError(f"no column {name!r}", expected=f"{hint} or another column")
+    _require_kept(table, [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep])
     raw = table.reset_index(drop=True)
-    problem = _out_of_range(raw, d)
+    problem = _find_out_of_range(raw, d)
     if problem is not None:
         row, name, expected = problem
         raise InputError(f"{raw[name].iloc[row]:g} in row {row}", column=name, expected=expected)
     return raw
 
 
-def _out_of_range(table: pd.DataFrame, description: Description) -> tuple[int, str, str] | None:
+def _require_kept(table: pd.DataFrame, names: Sequence[str], why: str = "", file: Path | None = None) -> None:
+    """InputError for a column that is not there."""
+    for name in names:
+        if name not in table.columns:
+            hint = describe_nearest(name, map(str, table.columns))
+            message, line = f"no column {name!r} {why}".rstrip(), None if file is None else 1
+            raise InputError(message, file=file, line=line, expected=f"{hint} or another column")
+
+
+def _find_out_of_range(table: pd.DataFrame, description: Description) -> tuple[int, str, str] | None:
     """Row, column and what was expected of the first row, then column, that holds a number out of range."""
     d = description
-    turn = 2.0 * np.pi / d.units.rad
     divided = {d.node.sensor, *(name for yaw in d.yaw for name in (yaw.tip_pitch, yaw.pitch))}
-    bad: dict[str, tuple[np.ndarray, str]] = {}
-
-    def check(column: str, wrong: Any, expected: str) -> None:
-        bad[column] = (np.asarray(wrong), expected)
-
+    bad: dict[str, tuple[pd.Series, str]] = {}
     for sensor in d.sensors:
+        amplitude = table[sensor.column]
         if sensor.name in divided:
-            check(sensor.column, table[sensor.column] <= 0.0, "an amplitude > 0")
+            bad[sensor.column] = amplitude <= 0.0, "an amplitude > 0"
         else:
-            check(sensor.column, table[sensor.column] < 0.0, "an amplitude >= 0")
+            bad[sensor.column] = amplitude < 0.0, "an amplitude >= 0"
     for column in d.uncertainties.values():
-        check(column, table[column] < 0.0, "a standard uncertainty >= 0")
-    check(d.raw.frequency, table[d.raw.frequency] <= 0.0, "a frequency > 0")
-    check(d.raw.force, table[d.raw.force] <= 0.0, "a force amplitude > 0")
+        bad[column] = table[column] < 0.0, "a standard uncertainty >= 0"
+    bad[d.raw.frequency] = table[d.raw.frequency] <= 0.0, "a frequency > 0"
+    bad[d.raw.force] = table[d.raw.force] <= 0.0, "a force amplitude > 0"
     if d.node.phase:
-        check(d.node.phase, table[d.node.phase].abs() > turn, f"a phase within one turn ({d.units.phase})")
+        turn = 2.0 * np.pi / d.units.rad
+        bad[d.node.phase] = table[d.node.phase].abs() > turn, f"a phase within one turn ({d.units.phase})"
     order = list(table.columns)
     places = [(int(np.argmax(wrong)), order.index(name), name) for name, (wrong, _) in bad.items() if wrong.any()]
     if not places:

@@ -25,26 +25,18 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.signals.windows import Signal, Window, even_times, find_step, flat_window, noise_beside, thinned
+from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
 
-#: Periods of the window: what is further than some 2/periods of the frequency away is rejected.
-PERIODS = 6.0
-#: Levels of amplitude that a decay is cut into, at most.
-LEVELS = 16
-#: A level is kept where the amplitude is so many times the noise.
-ABOVE_NOISE = 10.0
-#: Fall of ln A over a level, least: less says little of the slope.
-LEAST_FALL = 0.05
-#: Fall of ln A over a level, most: more smears the slope.
-MOST_FALL = 0.4
-#: A level is kept where the slope is known so well (standard error over slope) ...
-WORST_SLOPE = 0.3
-#: ... and ln A is so straight (its bend over half a window) that the window does not smear it.
-LARGEST_BEND = 0.15
-#: A loss of the start is said where the motion was so many times larger.
-LARGEST_LOSS = 1.1
+PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
+LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
+ABOVE_NOISE = 10.0  #: a level is kept where the amplitude is so many times the noise
+LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
+MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
+WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
+LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
+LARGEST_LOSS = 1.1  #: a loss of the start is said where the motion was so many times larger
 
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
@@ -75,18 +67,9 @@ class Decay:
 
     def table(self, label: str) -> pd.DataFrame:
         """Rows of a record: each level a sweep of its own, at phase resonance."""
-        return pd.DataFrame(
-            {
-                "sweep": [f"{label} {k + 1:02d}" for k in range(len(self.time))],
-                "force": self.force,
-                "frequency": self.frequency,
-                "amplitude": self.amplitude,
-                "amplitude_sd": self.amplitude_sd,
-                "force_sd": self.force_sd,
-                "time": self.time,
-                "damping_ratio": self.damping_ratio,
-            }
-        )
+        names = ("force", "frequency", "amplitude", "amplitude_sd", "force_sd", "time", "damping_ratio")
+        labels = [f"{label} {k + 1:02d}" for k in range(len(self.time))]
+        return pd.DataFrame({"sweep": labels, **{name: getattr(self, name) for name in names}})
 
 
 @dataclass(frozen=True)
@@ -131,8 +114,8 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
-    t, x, jitter = even_times(t, x, frequency)
-    t, x = thinned(t, x, find_step(t, frequency), frequency)
+    t, x, dt, jitter = even_times(t, x, frequency)
+    t, x = thinned(t, x, dt, frequency)
     dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
@@ -147,21 +130,14 @@ def ring_down(
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
-    lost = _describe_lost(t, x, float(times[first]), float(np.abs(z[first])), window, order)
-    return _decay(kept, mass, noise, [*jitter, *lost, *notes])
-
-
-def _describe_lost(t: FloatArray, x: FloatArray, since: float, size: float, window: Window, order: int) -> list[str]:
-    """A note where the motion is larger before ``since``, when the window first fits, than its ``size`` there."""
-    peak = int(np.argmax(np.abs(x)))
-    largest = float(np.abs(x[peak]))
-    if not (t[peak] < since and largest > LARGEST_LOSS * size):
-        return []
-    derived = window.omega_0**order  # to displacement
-    return [
-        f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
-        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
-    ]
+    since, size, peak = float(times[first]), float(np.abs(z[first])), int(np.argmax(np.abs(x)))
+    largest, derived = float(np.abs(x[peak])), window.omega_0**order  # to displacement
+    if t[peak] < since and largest > LARGEST_LOSS * size:  # larger before the window first fits
+        jitter.append(
+            f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
+            f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
+        )
+    return _decay(kept, mass, noise, [*jitter, *notes])
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +164,7 @@ def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
 
 
 def _levels(
-    t: FloatArray, z: Signal, levels: int, window: Window, noise: float, order: int
+    t: FloatArray, z: ComplexArray, levels: int, window: Window, noise: float, order: int
 ) -> tuple[list[_Level], list[str]]:
     """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them."""
     while True:
@@ -205,7 +181,7 @@ def _levels(
     return kept, notes
 
 
-def _level(t: FloatArray, z: Signal, window: Window, noise: float, order: int) -> _Level:
+def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> _Level:
     """Parabolas through ln |z| and the phase; errors from the noise, or from what they leave if that is more."""
     middle, long = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
     u = (t - middle) / long

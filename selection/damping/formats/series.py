@@ -1,0 +1,280 @@
+"""What a file holds, before it is a record: series, what the file and the user say of them, roles and names of columns.
+
+A header holds a name, a unit and a scaling: ``Accel [g rms]``; ``F [N]`` is a force and ``f [Hz]`` a frequency, told by
+the unit. What was understood of a file: a table of fact and whence, and notes on what was left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import pi
+from typing import Any, TypeAlias
+
+import numpy.typing as npt
+import pandas as pd
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.quantity import unit
+from damping.records.text import describe_shortened
+
+_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
+_SCALING = re.compile(
+    r"(?i)[\s_,]*(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|eff)|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
+)
+_ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
+#: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
+ABSCISSAS: dict[str, dict[str, float]] = {
+    "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
+                  "rad/s": 0.5 / pi},
+    "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
+    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+}  # fmt: skip
+
+#: Names of columns by role, in lower case, without unit; a response of a name is of that type.
+ROLE_NAMES: dict[str, tuple[str, ...]] = {
+    "sweep": ("sweep", "run", "level", "label"),
+    "frequency": ("frequency", "freq", "f", "frequenz"),
+    "omega": ("omega",),
+    "time": ("time", "t", "zeit"),
+    "force": ("force", "f", "kraft", "drive"),
+}
+RESPONSE_NAMES: dict[str, tuple[str, ...]] = {
+    "displacement": ("displacement", "disp", "weg", "auslenkung"),
+    "velocity": ("velocity", "vel", "v", "geschwindigkeit"),
+    "acceleration": ("acceleration", "accel", "acc", "a", "beschleunigung"),
+}
+
+
+@dataclass(frozen=True)
+class ColumnHeader:
+    """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``."""
+
+    text: str
+    name: str
+    unit: str = ""
+    scaling: str | None = None
+
+    @property
+    def angle(self) -> str:
+        """``degrees`` or ``radians`` where the unit is one of these, else ''."""
+        return _ANGLES.get(self.unit.lower(), "")
+
+
+def parse_header(text: str) -> ColumnHeader:
+    """Name, unit and scaling of a header."""
+    match = _UNIT.match(text)
+    name, within = (match[1].strip(), match[2]) if match else (text.strip(), "")
+    scaled = _SCALING.search(within) if within else None
+    if scaled is None:
+        return ColumnHeader(text, name, within)
+    kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
+    return ColumnHeader(text, name, within[: scaled.start()].strip(), kind)
+
+
+def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
+    """Columns by role where the names of a table say it, and the type of response that a name says.
+
+    Where there is a time, ``x`` and ``y`` are no readings of an amplifier, nor where there is a ``z`` beside them.
+    """
+    places: dict[str, int] = {}
+    for place, header in enumerate(headers):
+        for role, names in ROLE_NAMES.items():
+            if role not in places and header.name.lower() in names and _may_be(role, header):
+                places[role] = place
+                break
+    is_time = "time" in places
+    lower = [header.name.lower() for header in headers]
+    response = None
+    for place, header in enumerate(headers):
+        name = header.name.lower()
+        motion = next((kind for kind, names in RESPONSE_NAMES.items() if name in names), None)
+        free = place not in places.values() and not {"response", "amplitude"} & set(places)
+        # a phase whose unit is known, or that of a record
+        is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
+        if motion and free and _may_be(motion, header):
+            places["response" if is_time else "amplitude"], response = place, motion
+        elif is_angle and not is_time and "angle" not in places:
+            places["angle"] = place
+    if not is_time and {"x", "y"} <= set(lower) and "z" not in lower and "amplitude" not in places:
+        places |= {"x": lower.index("x"), "y": lower.index("y")}
+        places.pop("angle", None)
+    return places, response
+
+
+def _may_be(role: str, header: ColumnHeader) -> bool:
+    """Whether the unit of a header, where it has one, is one of the role."""
+    if not header.unit or role == "sweep":
+        return True
+    text = header.unit.lower()
+    if role in ABSCISSAS:
+        return text in ABSCISSAS[role] and (role != "frequency" or not text.startswith("rad"))
+    try:
+        powers = unit(header.unit).powers
+    except InputError:
+        # volts: a scale may be stated
+        return role != "force" and text not in ABSCISSAS["frequency"] and text not in _ANGLES
+    order = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(role, 0)
+    return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))
+
+
+Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What a file says of a series; None where it says nothing.
+
+    ``response`` is a name of ``RESPONSES``, ``per_force`` whether it is a ratio to force, ``scaling`` a name of
+    ``SCALINGS`` (``force_scaling`` of the force where it has its own), ``units`` are texts by ``force``,
+    ``response``, ``energy`` and ``mass``; ``turn``: whether the phase leads or lags is told by its turn alone;
+    ``degrees``: roles whose header says degrees.
+    """
+
+    response: str | None = None
+    per_force: bool | None = None
+    scaling: str | None = None
+    force_scaling: str | None = None
+    turn: bool = False
+    units: Mapping[str, str] = field(default_factory=dict)
+    degrees: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Series:
+    """One sweep (``abscissa`` in Hz) or one time history (``is_time``, in s), as a file has it.
+
+    ``response`` (n,) is complex with the sign of exp(i omega t) where the phase is known (``has_phase``), else the
+    amplitude; ``force`` (n,) likewise, None where the file has none. ``extra`` are further columns of a record by
+    name.
+    """
+
+    label: str
+    abscissa: FloatArray
+    response: Samples
+    force: Samples | None = None
+    is_time: bool = False
+    has_phase: bool = True
+    extra: Mapping[str, FloatArray] = field(default_factory=dict)
+    facts: FileFacts = FileFacts()
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the user says of a file.
+
+    Attributes:
+        format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
+        columns: name of the column or array of each role (``ROLES``).
+        response: a name of ``RESPONSES``, or None.
+        scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
+        units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.
+        scale: factors that turn values of ``force`` and ``response`` into their units (sensitivities).
+        system: ``si`` or ``us``: the units of the record.
+        forces: force amplitude of every sweep, or one for all; in the unit of force.
+        labels: label of every sweep.
+        datasets: numbers (from 1) of the data sets to take; empty: all.
+        band: lowest and highest frequency to take, Hz.
+        reverse: turn the sign of the response (a sensor mounted against the force).
+        delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``, or ``auto``: as its lines show.
+        skip: lines before the header of a CSV file. decimal: ``point``, ``comma`` or ``auto``: mark in its numbers.
+    """
+
+    format: str = "auto"
+    columns: Mapping[str, str] = field(default_factory=dict)
+    response: str | None = None
+    scaling: str | None = None
+    force_scaling: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    consistent: bool = False
+    scale: Mapping[str, float] = field(default_factory=dict)
+    system: str = "si"
+    forces: tuple[float, ...] = ()
+    labels: tuple[str, ...] = ()
+    datasets: tuple[int, ...] = ()
+    band: tuple[float, float] | None = None
+    reverse: bool = False
+    delimiter: str = "auto"
+    skip: int = 0
+    decimal: str = "auto"
+
+
+@dataclass
+class Summary:
+    """Rows (what, understood, whence) in the order they became known, and notes; grows while a file is read."""
+
+    rows: list[tuple[str, str, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, what: str, understood: str, whence: str) -> None:
+        """A fact: ``whence`` is ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
+        if (what, understood, whence) not in self.rows:
+            self.rows.append((what, understood, whence))
+
+    def note(self, text: str) -> None:
+        """A remark, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The rows as a table."""
+        return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
+
+
+#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
+ROLES: dict[str, str] = {
+    "sweep": "label of the sweep of each row",
+    "frequency": "forcing frequency, Hz",
+    "omega": "forcing frequency, rad/s",
+    "time": "time of a time history, s",
+    "response": "complex response, or the signal of a time history",
+    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
+    "y": "imaginary part of the response, or quadrature reading",
+    "amplitude": "amplitude of the response",
+    "phase": "lag of the response behind the force, rad",
+    "lag_deg": "lag of the response behind the force, degrees",
+    "lead": "lead of the response before the force or the reference, rad",
+    "lead_deg": "the same in degrees",
+    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
+    "force": "amplitude of the force, or complex force",
+    "force_x": "real part or in-phase reading of the force",
+    "force_y": "imaginary part or quadrature reading of the force",
+    "force_lead_deg": "lead of the force before the reference, degrees",
+    "energy": "energy per cycle",
+    "mass": "generalized mass",
+    "amplitude_sd": "standard uncertainty of the amplitude",
+    "phase_sd": "standard uncertainty of the phase, rad",
+    "force_sd": "standard uncertainty of the force",
+}
+
+#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
+OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
+    "x": ("x", "real", "re"),
+    "y": ("y", "imag", "im"),
+}
+
+#: Names of a column beside x and y that make them readings of an amplifier.
+_MODULI = {"r", "mag", "magnitude", "theta"}
+_MOTIONS = ("response", "x", "y", "amplitude")
+
+
+def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated) -> None:
+    """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
+    own = {parse_header(name.strip()).name.lower() for name in names}
+    if not set(_MOTIONS) & set(of_role):
+        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
+        unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
+        raise InputError(
+            f"which column is the response? {describe_shortened(', '.join(free), 80)}",
+            expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
+        )
+    halves = {role: of_role.get(role, "") for role in ("x", "y")}
+    guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
+    if guessed and not own & _MODULI:
+        raise InputError(
+            "are x and y the parts of one complex response, or two motions?",
+            expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
+        )
