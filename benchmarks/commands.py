@@ -42,7 +42,10 @@ MOST_RANK_MB = 150.0
 
 @dataclass(frozen=True)
 class Command:
-    """``words`` after ``damping``, the goal in ``times`` of the import if any, and the most memory it may take."""
+    """``words`` after ``damping``, the goal in ``times`` of the import if any, and the most memory it may take.
+
+    ``guarded``: beside the tag too, and measured as in a bare install; the study starts processes of its own.
+    """
 
     work: str
     words: tuple[str, ...]
@@ -74,7 +77,8 @@ def measure() -> list[Row]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for command in list_commands(Path(folder)):
-            line = [*COMMAND, *command.words]
+            start = COMMAND if command.guarded else [sys.executable, "-m", "damping_pipelines.cli"]
+            line = [*start, *command.words]
             runs = [(run_process(line), run_process(STACK)) for _ in range(command.repeats)]
             memory = max(ours.largest_mb for ours, _ in runs)
             goal = 1.0 / command.times if command.times else None
