@@ -92,11 +92,7 @@ def fit_model(
 
 
 def fit_roughly(
-    model: Model,
-    x: FloatArray,
-    z: FloatArray | None = None,
-    weights: FloatArray | None = None,
-    rival: float = -np.inf,
+    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None, rival: float = -np.inf
 ) -> list[ModelFit]:
     """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z

@@ -207,10 +207,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         if abs(stiffness - 1.0) < SAME_STIFFNESS:
             place["added"] = own.added + (mode.mass - base.mass)
         else:
-            place |= {
-                "mass": own.mass * mode.mass / base.mass,
-                "ratio": np.full(n, mode.omega_n / base.omega_n),
-            }
+            place |= {"mass": own.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
         place["own"] = np.full(n, _damping_ratio(mode, base))
         rows.append(own.taken(np.arange(n), **place))
     return _joined(rows)

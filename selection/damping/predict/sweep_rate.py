@@ -61,13 +61,7 @@ class Rate:
 
 
 def envelope(
-    frequency: FloatArray,
-    rate: float,
-    force: float,
-    mass: float,
-    natural: float,
-    ratio: float,
-    growth: float = 0.0,
+    frequency: FloatArray, rate: float, force: float, mass: float, natural: float, ratio: float, growth: float = 0.0
 ) -> Complex:
     """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
 
