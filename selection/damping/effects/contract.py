@@ -59,11 +59,15 @@ def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
     return sum((part(drive) for part in parts), start=0.0)
 
 
-class Reading(NamedTuple):
-    """What an instrument makes of amplitudes; ln in, ln and its slope out. ``unread`` is the inverse, kept finite."""
+#: What something makes of amplitudes: ln in, ln and its slope out.
+Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
-    read: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    unread: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+class Reading(NamedTuple):
+    """What an instrument reads of amplitudes; ``unread`` is the inverse, kept finite."""
+
+    read: Instrument
+    unread: Instrument
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Terms:
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
             are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
-            known one goes. ringing: how what rings is read, see `damping.effects.hurried`.
+            known one goes. ringing: how what rings is read, see `damping.effects.terms.hurried`.
     """
 
     M: Floats

@@ -112,12 +112,11 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
 
 def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
     """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
-    model, place, kept = fit.model, len(fit.model.problem.simulation.names), np.ones(fit.model.size, dtype=bool)
-    for part in model.parts:
-        kept[place : place + part.size] = part.form.effect != name
-        place += part.size
+    model = fit.model
+    places = np.arange(model.size)[np.newaxis]
+    dropped = np.hstack([own[0] for part, own in model.own_variables(places) if part.form.effect == name])
     parts = tuple(part for part in model.parts if part.form.effect != name)
-    x, z = fit.y[: model.size][kept], fit.y[model.size :]
+    x, z = np.delete(fit.y[: model.size], dropped), fit.y[model.size :]
     return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
 
 

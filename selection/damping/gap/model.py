@@ -14,6 +14,7 @@ Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -147,14 +148,19 @@ class Model:
         """Number of sweeps; z has twice as many entries, gains first."""
         return len(self.problem.rows.sweeps)
 
+    def own_variables(self, x: FloatArray) -> Iterator[tuple[Part, FloatArray]]:
+        """Each part with its variables (batch, part.size) among those of the model (batch, size or more)."""
+        start = len(self.problem.simulation.names)
+        for part in self.parts:
+            yield part, x[:, start : start + part.size]
+            start += part.size
+
     def terms(self, x: FloatArray) -> Terms:
         """The terms at variables x (batch, size)."""
         simulation = self.problem.simulation
-        start = len(simulation.names)
-        terms = simulation.terms(x[:, :start])
-        for part in self.parts:
-            terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
-            start += part.size
+        terms = simulation.terms(x[:, : len(simulation.names)])
+        for part, own in self.own_variables(x):
+            terms = part.form.change(terms, *part.values(own))
         return with_effects(terms, simulation.mode.effects)
 
     def residuals(self, y: FloatArray) -> Residuals:

@@ -22,6 +22,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals, steady
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.unknowns import FURTHER_ERROR
+from damping.gap.weighing import Explanation
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -178,30 +179,23 @@ class NextTest:
     command: str
 
 
-@dataclass(frozen=True)
-class Rival:
-    """An explanation that is alive."""
+def rank_tests(hypotheses: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
+    """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
 
-    fit: ModelFit
-    probability: float
-
-
-def rank_tests(leading: ModelFit, rivals: Sequence[Rival], command: str) -> tuple[NextTest, ...]:
-    """Every test worth its time with its expected log odds, the best first; none where nothing rivals the leading one.
-
-    The log odds are those against all rivals together.
+    ``hypotheses`` are in order of probability. The log odds are those against all rivals that are alive together.
     """
+    rivals = [rival for rival in hypotheses[1 : 1 + MOST_RIVALS] if rival.probability > ALIVE]
     if not rivals:
         return ()
+    leading = hypotheses[0].hypothesis.best
     tests = []
     for design in DESIGNS:
         rows = design.plan(leading.model.problem)
-        odds = _against_all([_odds(leading, rival.fit, rows, design.change) for rival in rivals], rivals)
+        odds = _against_all([_odds(leading, rival.hypothesis.best, rows, design.change) for rival in rivals], rivals)
         columns, planned = (*_SWEEP, *design.columns), (_describe_rows(rows),)
         tests.append(NextTest(design.what, design.why, odds, columns, planned, command))
-    return tuple(
-        sorted((test for test in tests if test.expected_log_odds > WORTH), key=lambda test: -test.expected_log_odds)
-    )
+    worth = [test for test in tests if test.expected_log_odds > WORTH]
+    return tuple(sorted(worth, key=lambda test: -test.expected_log_odds))
 
 
 def _describe_rows(rows: Rows) -> dict[str, float]:
@@ -215,7 +209,7 @@ def _describe_rows(rows: Rows) -> dict[str, float]:
     }
 
 
-def _against_all(odds: list[float], rivals: Sequence[Rival]) -> float:
+def _against_all(odds: list[float], rivals: Sequence[Explanation]) -> float:
     """ln of the odds against all rivals together, each as probable as it is now: -ln sum p e^-odds.
 
     A test that settles the case against one rival only leaves the others where they are.
@@ -229,7 +223,8 @@ def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Term
 
     These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
     """
-    seen = _simulate(change(_terms(leading)), rows)
+    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
+    seen = _simulate(change(expected), rows)
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
     terms = change(rival.model.terms(rival.y[:k] + steps))
@@ -254,8 +249,3 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     sd_third = np.hypot(rows.sd_third, FURTHER_ERROR * np.abs(third))
     sd_cross = np.hypot(rows.sd_cross, FURTHER_ERROR * np.abs(cross))
     return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)
-
-
-def _terms(fit: ModelFit) -> Terms:
-    """The terms of a fit without any sweep's own deviation, values (1, 1)."""
-    return fit.model.terms(fit.y[np.newaxis, : fit.model.size])

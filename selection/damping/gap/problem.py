@@ -179,7 +179,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append(
             "one force level: dependence on amplitude is seen only along the sweep; nothing can be held out"
         )
-    few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
+    few = [sweep for sweep, own in zip(rows.sweeps, rows.runs, strict=True) if len(own) < _FEW_ROWS]
     if few and not rows.at_resonance:
         cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
     cautions += _list_resonance_cautions(rows)
@@ -194,15 +194,14 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
     constant, beside = [], []
-    for number, sweep in enumerate(rows.sweeps):
-        own = rows.sweep == number
-        if own.sum() < _FEW_ROWS:
+    for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
+        if len(own) < _FEW_ROWS:
             continue
         if np.ptp(rows.u[own]) < 0.05:
             constant.append(sweep)
         peak = int(np.argmax((rows.u - np.log(rows.F))[own]))
         passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
-        if peak in (0, int(own.sum()) - 1) and not passed:
+        if peak in (0, len(own) - 1) and not passed:
             beside.append(sweep)
     resonance_cautions = []
     if constant:

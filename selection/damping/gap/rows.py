@@ -82,6 +82,11 @@ class Rows:
             values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
         return Drive(**values)
 
+    @cached_property
+    def runs(self) -> list[IntArray]:
+        """Places of the rows of each sweep."""
+        return [np.flatnonzero(self.sweep == number) for number in range(len(self.sweeps))]
+
     @property
     def at_resonance(self) -> bool:
         """Whether every row is at phase resonance: none lies beside it."""
@@ -227,7 +232,7 @@ def _joined(parts: list[Rows]) -> Rows:
     before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
     numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
     names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)
-    forces = np.array([float(np.median(rows.F[rows.sweep == k])) for rows in parts for k in range(len(rows.sweeps))])
+    forces = np.array([float(np.median(rows.F[own])) for rows in parts for own in rows.runs])
     return replace(
         parts[0],
         **{name: np.concatenate([getattr(rows, name) for rows in numbered]) for name in BY_ROW},

@@ -180,23 +180,16 @@ class HeldOutFold:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Held-out shrinkage over all folds.
+class HeldOut(Gap):
+    """The gap on levels held out over all folds, refitted and explained by the others; ``scheme`` in words.
 
-    Attributes:
-        scheme: in words. nominal, before, after: root mean squares of the simulation as given, refitted on the other
-            levels, and with the explanation found there. shrinkage, low, high: with its interval; None where before
-            is within its sampling error.
+    ``low``, ``high``: interval of the shrinkage; None where that is.
     """
 
-    scheme: str
-    folds: tuple[HeldOutFold, ...]
-    nominal: float
-    before: float
-    after: float
-    shrinkage: float | None
     low: float | None
     high: float | None
+    scheme: str
+    folds: tuple[HeldOutFold, ...]
 
 
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
@@ -218,7 +211,7 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
     scheme = f"each of the {len(folds)} highest force levels predicted from all others, the highest first"
     if len(folds) == rows.levels:
         scheme = "each force level predicted from all others, the highest first"
-    return HeldOut(scheme, folds, nominal, before, after, *_interval(before, after, values))
+    return HeldOut(nominal, before, after, *_interval(before, after, values), scheme, folds)
 
 
 def _interval(before: float, after: float, values: int) -> tuple[float | None, float | None, float | None]:

@@ -78,12 +78,11 @@ def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
     a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
     point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
     """
-    runs = [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
-    width = next((w for w in (4, 2) if max(map(len, runs)) >= w), 1)
+    width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
     if rows.at_resonance or width == 1:
         return np.full(len(rows), FIRST_GUESS)
     weights, places = zip(
-        *(_combinations(rows.omega[own], own, width) for own in runs if len(own) >= width), strict=True
+        *(_combinations(rows.omega[own], own, width) for own in rows.runs if len(own) >= width), strict=True
     )
     w, at = np.concatenate(weights), np.concatenate(places)
     combined = np.sum(w * residual[at], axis=1)
